@@ -14,7 +14,8 @@ from zoneinfo import available_timezones
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
+
 READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
 
 
@@ -389,7 +390,6 @@ def sync_folder(folder: Path) -> None:
 def use_one_thread() -> None:
     """One thread a worker process, because the processes are what scales, and two to take a text apart with; to be
     called before numpy is imported."""
-    for name in ONE_THREAD:
-        os.environ.setdefault(name, "1")
+    limit_to_one(OF_LINEAR_ALGEBRA)
     for name, count in READING_THREADS.items():
         os.environ.setdefault(name, count)

@@ -18,8 +18,8 @@ from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.outputs import is_stream, part_of, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
-from app.cli.threads import OF_LINEAR_ALGEBRA, OF_READING, limit_to_one
 from app.errors import DataError, LoopauditError
+from app.threads import OF_LINEAR_ALGEBRA, OF_READING, limit_to_one
 
 if TYPE_CHECKING:
     from app.ingest import IngestOptions, RecordingsRead

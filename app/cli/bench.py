@@ -9,6 +9,7 @@ import typer
 
 from app.cli.messages import ExitCode, say
 from app.cli.outputs import refuse_outputs, written
+from app.threads import OF_LINEAR_ALGEBRA
 
 
 class Section(StrEnum):
@@ -46,7 +47,7 @@ def bench(
 
       loopaudit bench search audit --out bench.json --page PERFORMANCE.md
     """
-    os.environ.update(dict.fromkeys(_one_thread(), "1"))
+    os.environ.update(dict.fromkeys(OF_LINEAR_ALGEBRA, "1"))
     from app.lab.bench import running
     from app.lab.bench.page import performance_page, summary
 
@@ -63,9 +64,3 @@ def bench(
             stream.write(performance_page(figures))
     typer.echo(summary(figures))
     raise typer.Exit(ExitCode.DONE)
-
-
-def _one_thread() -> tuple[str, ...]:
-    from app.settings import ONE_THREAD
-
-    return ONE_THREAD

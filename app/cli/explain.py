@@ -14,8 +14,8 @@ import typer
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
-from app.cli.threads import OF_LINEAR_ALGEBRA, limit_to_one
 from app.errors import LoopauditError, RequestError
+from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
 
 if TYPE_CHECKING:
     from app.engine.mismatch import Comparison, Explanation

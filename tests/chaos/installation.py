@@ -18,12 +18,12 @@ import httpx
 import psycopg
 import redis
 
+from app.threads import OF_LINEAR_ALGEBRA, OF_READING
 from tests.chaos.loss import Clock, compiled, power_cut
 from tests.chaos.processes import Managed, Supervisor
 
 WORKERS = 2
 DATA_DISK_MB = 512
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
 class MissingError(Exception):
@@ -247,7 +247,7 @@ def installed(
         "LOOPAUDIT_DATABASE_URL": f"postgresql+psycopg://loopaudit@127.0.0.1:{ports.postgres}/postgres",
         "LOOPAUDIT_BROKER_URL": f"redis://127.0.0.1:{ports.redis}/0",
         "LOOPAUDIT_DATA_DIR": str(data),
-        **dict.fromkeys(ONE_THREAD, "1"),
+        **dict.fromkeys(OF_LINEAR_ALGEBRA + OF_READING, "1"),
         **settings,
     }
     made = Installation(

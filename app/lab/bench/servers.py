@@ -17,7 +17,8 @@ from app.lab.bench.bench import Bench, SkippedError
 from app.lab.bench.measure import children_of
 from app.services.backend import Backend
 from app.services.upkeep.operations import migrate
-from app.settings import ONE_THREAD, READING_THREADS, Settings
+from app.settings import READING_THREADS, Settings
+from app.threads import OF_LINEAR_ALGEBRA
 
 READY_WITHIN_S = 900.0
 
@@ -82,7 +83,7 @@ def process(backend: Backend, name: str, *arguments: str) -> Iterator["subproces
         "LOOPAUDIT_BROKER_URL": settings.resolved_broker_url,
         "LOOPAUDIT_DATA_DIR": str(settings.data_dir),
         "LOOPAUDIT_PLANT": settings.plant,  # by which the queues are named
-        **dict.fromkeys(ONE_THREAD, "1"),
+        **dict.fromkeys(OF_LINEAR_ALGEBRA, "1"),
         **READING_THREADS,
     }
     log = settings.data_dir / f"{name}-{uuid.uuid4().hex[:6]}.log"
