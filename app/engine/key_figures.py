@@ -193,7 +193,7 @@ def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | tupl
         return None, None
     low, high = np.percentile(op, [5.0, 95.0])
     band, hours, travel, reversals = REVERSAL_SHARE * float(high - low), 0.0, 0.0, 0.0
-    holes = np.flatnonzero(np.diff(time_s) > _AS_CHECKED.max_gap_intervals * typical_interval(recording.time_s)) + 1
+    holes = np.flatnonzero(np.diff(time_s) > _hole_s(recording.time_s)) + 1
     for first, end in pairwise([0, *holes.tolist(), len(op)]):
         moved, turned = _turning(op[first:end], band)
         hours += float(time_s[end - 1] - time_s[first]) / 3600.0
@@ -217,12 +217,16 @@ def _turning(op: FloatArray, band: float) -> tuple[float, int]:
     return travel + (high - anchor if direction > 0 else anchor - low if direction < 0 else 0.0), reversals
 
 
+def _hole_s(time_s: FloatArray) -> float:
+    """What is longer between two samples of a record of times (N,), in s, is a hole."""
+    return _AS_CHECKED.max_gap_intervals * typical_interval(time_s)
+
+
 def _runs(controlled: IntArray, time_s: FloatArray) -> IntArray:
     """(n,) in which run of neighbours without a hole each of these samples of a record of times (N,) is."""
     if len(controlled) < 2:
         return np.zeros(len(controlled), dtype=np.int64)
-    hole_s = _AS_CHECKED.max_gap_intervals * typical_interval(time_s)
-    apart = (np.diff(controlled) > 1) | (np.diff(time_s[controlled]) > hole_s)
+    apart = (np.diff(controlled) > 1) | (np.diff(time_s[controlled]) > _hole_s(time_s))
     return np.concatenate(([0], np.cumsum(apart)))
 
 
