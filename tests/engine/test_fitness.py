@@ -96,7 +96,9 @@ def test_what_stands_before_a_transmitter_died_is_audited():
     fitness = assess(cycling(pv=pv))
     assert fitness.auditable
     assert fitness.record.samples == 150
-    assert "150 samples in a row remain" in next(f.text for f in fitness.findings if f.code == "pv_flat")
+    (finding,) = (f for f in fitness.findings if f.code == "pv_flat")
+    assert "150 samples in a row remain" in finding.text
+    assert (finding.outcome, finding.operator) == ("pass", None)  # for more than 0.5 of the stretch it is dead
 
 
 def test_a_stuck_half_period_does_not_refuse():
@@ -267,6 +269,18 @@ def test_samples_at_random_times_are_put_on_a_grid_that_they_can_fill():
     assert fitness.record.sampling_interval_s == pytest.approx(2.0, rel=0.2)
     times = t[0] + fitness.record.sampling_interval_s * np.arange(fitness.record.samples)
     np.testing.assert_allclose(fitness.record.pv, np.sin(times / 20), atol=0.05)
+
+
+def test_the_least_interval_of_a_stretch_makes_no_endless_grid():
+    """Stamps a microsecond apart, in half of hours of ten seconds: 1.2e10 points."""
+    rng = np.random.default_rng(0)
+    before = np.arange(0.0, 20_000.0, 10.0)
+    after = np.sort(30_000.0 + np.r_[np.arange(0.0, 12_000.0, 10.0), 5.0 + 1e-6 * np.arange(1400)])
+    time_s = np.concatenate((before, after))
+    values = rng.normal(size=len(time_s))
+    fitness = assess(Recording("L", time_s, values, np.cumsum(values)))
+    assert fitness.findings
+    assert fitness.record is None or fitness.record.samples <= 16 * len(time_s)
 
 
 @pytest.mark.parametrize("jump_at", [100, 199])

@@ -146,3 +146,12 @@ def test_what_is_shown_and_what_is_missed(found: OwnCycle, shown: bool, missed: 
 @pytest.mark.parametrize(("period_s", "fine"), [(600.0, True), (590.0, False)])
 def test_sixty_samples_a_cycle_are_fine(period_s: float, fine: bool) -> None:
     assert own_cycle(uniform(cycling(0)), period_s).fine is fine
+
+
+@pytest.mark.parametrize("change", [lambda pv: pv + 70.0, lambda pv: -1.8 * pv + 32.0])
+def test_a_set_point_in_another_unit_than_pv_changes_nothing(change) -> None:
+    for made in (shaken(0), cycling(0)):
+        record = uniform(made)
+        given, other = own_cycle(record, 1500.0), own_cycle(replace(record, pv=change(record.pv)), 1500.0)
+        assert other.nats_a_cycle == pytest.approx(given.nats_a_cycle, rel=0.05)  # SP is where PV mostly is
+        assert (other.shown, other.missed) == (given.shown, given.missed)

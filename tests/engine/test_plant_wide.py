@@ -257,3 +257,22 @@ def test_the_three_interacting_loops_of_a_real_plant(shared_dir: Path):
     assert [[s.tag for s in group.suspects] for group in found] == [["CHEM14", "CHEM13"]]
     assert found[0].source == "CHEM14"
     assert not found[0].in_step  # as recorded, the two do not wander together
+
+
+def test_the_chance_of_a_like_period_is_that_of_how_near_it_was_taken_from():
+    """Of ten loops one is within 3.5 % of another's period in a fifth of all plants: that names no source."""
+
+    def steady(tag: str, period_s: float, stuck: float = 0.2) -> Candidate:
+        made = wave(tag, 300.0, unit="U1")
+        lines = np.zeros(9, dtype=np.complex128)
+        lines[4] = 1.0
+        swing = replace(made.swing, period_s=period_s, length_s=144.0 * period_s, lines=lines, first_line=140)
+        return replace(made, swing=swing, stiction_probability=stuck)
+
+    pair = [steady("A", 300.0, 0.9), steady("BB", 309.9)]
+    others = [steady("C" * (number + 3), 400.0 * 1.3**number) for number in range(8)]
+    (group,) = (one for one in groups([*pair, *others]) if {s.tag for s in one.suspects} == {"A", "BB"})
+    assert not group.in_step
+    others_so_near = 9 * 2 * (0.03 + 0.75 / 144.0) / np.log(20.0)
+    assert group.chance_probability == pytest.approx(1.0 - np.exp(-others_so_near), rel=0.2)
+    assert group.source is None

@@ -152,3 +152,14 @@ def test_on_off_control_is_no_standstill():
     k = np.arange(N)
     loop = replace(alive(), op=np.where((k // 200) % 2 == 0, 0.0, 100.0), pv=np.round(np.abs(k % 400 - 200) / 20.0))
     assert assess(loop).standstill is None
+
+
+@pytest.mark.parametrize("manual", [slice(SINCE, SINCE + 300), slice(SINCE - 50, SINCE + 20), slice(0, 100)])
+def test_who_switched_to_manual_meanwhile_hides_nothing(manual):
+    """As operators do who see a PV that stands: what stood before, and stands on, is not what PV held for usual."""
+    loop = wound_up()
+    automatic = np.ones(N, bool)
+    automatic[manual] = False
+    stands = assess(replace(loop, automatic=automatic)).standstill
+    assert stands is not None
+    assert stands.for_s == (N - 1 - max(SINCE, manual.stop)) * TS

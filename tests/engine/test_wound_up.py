@@ -75,3 +75,12 @@ def test_without_a_set_point_pv_is_away_from_where_it_was():
 )
 def test_an_op_that_stands_may_have_its_reason(reason):
     assert assess(record(**reason)).wound_up_s is None
+
+
+@pytest.mark.parametrize("change", [lambda pv: pv + 70.0, lambda pv: 7.0 - pv, lambda pv: 1.8 * pv + 32.0])
+def test_a_set_point_in_another_unit_than_pv_changes_nothing(change):
+    given = record()
+    other = Recording("loop", given.time_s, change(given.pv), given.op, given.sp)
+    assert assess(other).wound_up_s == assess(given).wound_up_s
+    kept = record(pv_away=0.0)
+    assert assess(Recording("loop", kept.time_s, change(kept.pv), kept.op, kept.sp)).wound_up_s is None

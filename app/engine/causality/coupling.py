@@ -20,9 +20,9 @@ def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
     """Probability that PV and OP which have nothing to do with each other are as alike as these, 0 to 1.
 
     Two signals that swing, or wander, look alike by chance. So each is first foretold from its own past, and only what
-    is new in one is compared with what is new in the other, up to LAGS samples before and after, some half a cycle at
-    most. 1 where the record is too short, or one of the two foretells itself altogether. Source: Haugh 1976, Checking
-    the independence of two covariance-stationary time series, doi 10.1080/01621459.1976.10480353.
+    is new in one is compared with what is new in the other, up to LAGS samples before and after: half a cycle
+    where that has forty. 1 where the record is too short, or one of the two foretells itself altogether. Source: Haugh
+    1976, Checking the independence of two covariance-stationary time series, doi 10.1080/01621459.1976.10480353.
     """
     return _chance(record, _stride(record, oscillation))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.engine.causality.stem_search import PARTS, STRIDES, Asked, asked_of, moving_part
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.sampled import cycle_ranges
+from app.engine.signals.sampled import cycle_ranges, unlike
 from app.engine.signals.turning import relays, stems, usual_range
 
 SHARES, JUMPS = (0.4, 0.55, 0.7, 0.85, 1.0), (0.1, 0.6)
@@ -74,8 +74,7 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     period = max(period_s / moving.sampling_interval_s, 2.0)
     share = _in_a_cycle(moving.op, period) / usual_range(moving.op)
     moved = np.vstack([stems(moving.op, share * np.array(SHARES), jump) for jump in JUMPS])
-    error = moving.pv - (np.median(moving.pv) if moving.sp is None else moving.sp)
-    turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(error, TURNS)
+    turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(_error(moving), TURNS)
     told = [asked.beside(turned).beside(beyond) for asked in asked_of(moving)]
     found = [_on(one, moved, period) for one in told if not one.known.foretells_all]
     best = max(found, key=lambda one: (one.all_the_time, one.lately, one.nats_a_cycle), default=OwnCycle())
@@ -92,6 +91,16 @@ def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:
     cycles = asked.means * asked.lags.stride / period
     pays = PARTS * worth > asked.needed(len(moved))
     return OwnCycle(float(worth.sum()) / cycles, bool(pays.all()), bool(pays[1:].all()), asked.means, cycles)
+
+
+def _error(record: UniformRecord) -> FloatArray:
+    """The control error. Where PV never gets to where SP mostly is, as in two units, or without SP, what PV does beside
+    SP, less where it mostly is.
+    """
+    if record.sp is not None and float(record.pv.min()) <= float(np.median(record.sp)) <= float(record.pv.max()):
+        return record.pv - record.sp
+    left = record.pv if record.sp is None else unlike(record.pv, record.sp)
+    return left - np.median(left)
 
 
 def _in_a_cycle(op: FloatArray, period: float) -> float:

@@ -11,7 +11,7 @@ class Corroboration:
     """One method's answer.
 
     applies: whether the method's own assumptions hold; why_not says which one does not, and is "" where they all do.
-    statistic: None where the method does not apply. threshold: from this value on the method says stiction.
+    statistic: None where the method does not apply. threshold: above it the method says stiction.
     says: None where the method does not apply, and where its source leaves a band in which it does not decide.
     text: a sentence for an engineer. source: where it was published; doi: None where it could not be checked.
     """

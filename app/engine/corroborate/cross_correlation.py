@@ -9,10 +9,11 @@ from app.engine.features import ShapeWindow
 from app.engine.features.window import PER_CYCLE
 from app.engine.recording import FloatArray
 
+_NO_STICTION = 1.0 / 3.0
 METHOD = Method(
     "cross_correlation",
     threshold=2.0 / 3.0,
-    lower=1.0 / 3.0,
+    lower=_NO_STICTION,
     source="Horch 1999, Control Engineering Practice 7, 1221-1231",
 )
 # The values of d_rho at which sines are 60 and 30 degrees off the even case, as 2/3 and 1/3 are those of d_tau.
@@ -43,7 +44,7 @@ def cross_correlation(case: Case) -> Corroboration:
 def _says(d_tau: float, d_rho: float) -> Says | None:
     if d_tau > METHOD.threshold and d_rho > _RHO_STICTION:
         return "stiction"
-    return "no_stiction" if d_tau <= 1.0 / 3.0 and d_rho <= _RHO_NONE else None
+    return "no_stiction" if d_tau <= _NO_STICTION and d_rho <= _RHO_NONE else None
 
 
 def _correlation(window: ShapeWindow) -> FloatArray:

@@ -12,11 +12,10 @@ from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
 from app.engine.fitness.resample import is_regular, to_uniform
 from app.engine.fitness.samples import Samples
-from app.engine.fitness.signals import newest_long_run, run_lengths, still_at_its_end, usable_values
-from app.engine.fitness.standstill import Standstill, standstill
+from app.engine.fitness.signals import at_extremes, newest_long_run, run_lengths, still_at_its_end, usable_values
+from app.engine.fitness.standstill import Standstill, as_far_as_ever, standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
-from app.engine.signals.sampled import blocks
 from app.errors import DataError
 
 LATER_CHECKS: tuple[CheckCode, ...] = (
@@ -116,7 +115,8 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     a hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording
     is refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands
     at a limit, or where too much had to be filled.
-    No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts.
+    No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts; but whether PV stands
+    at its set point is asked in one unit of both.
     """
     config = config or FitnessConfig()
     aligned = align(recording, config)
@@ -224,22 +224,15 @@ def _dead_s(samples: Samples, config: FitnessConfig) -> float | None:
         return None
     if len(np.unique(samples.op[-still:])) < config.fewest_moves:  # a unit that is shut down by hand
         return None
-    return _since_s(samples, len(samples) - still) if _moves_as_ever(samples.op, still, config) else None
-
-
-def _moves_as_ever(op: FloatArray, last: int, config: FitnessConfig) -> bool:
-    """Whether OP goes about as far in its `last` samples as else in so many; not where all is calm."""
-    before = op[:-last]
-    if not len(before):
-        return True
-    usual = float(np.median(np.ptp(blocks(before, min(last, len(before))), axis=1)))
-    return float(np.ptp(op[-last:])) >= config.least_move * usual
+    moves = as_far_as_ever(samples.op[:-still], samples.op[-still:], config.least_move)
+    return _since_s(samples, len(samples) - still) if moves else None
 
 
 def _wound_up_s(samples: Samples, config: FitnessConfig) -> float | None:
     """Since when OP stands mostly at its limits, which it reached by itself, and PV does not come back for it."""
     op = samples.op
-    side = np.where(run_lengths(op) >= config.least_at_limit, (op == op.max()) * 1.0 - (op == op.min()), 0.0)
+    low, high = at_extremes(op)
+    side = np.where(run_lengths(op) >= config.least_at_limit, high * 1.0 - low, 0.0)
     first = int(np.argmax(side != 0.0))
     if len(op) - first < config.least_still or first < config.least_still or np.mean(side[first:] != 0.0) < 0.5:
         return None
@@ -252,10 +245,12 @@ def _wound_up_s(samples: Samples, config: FitnessConfig) -> float | None:
 
 
 def _away(samples: Samples, first: int) -> FloatArray:
-    """(N,) on which side of SP, where it is known, PV is: 1, 0 or -1; without SP, of where PV was before `first`."""
-    if samples.sp is None or np.isnan(samples.sp).all():
-        return np.sign(samples.pv - np.median(samples.pv[:first]))
-    return np.sign(samples.pv - samples.sp)
+    """(N,) on which side of where it mostly was before `first` PV is, of SP where that is known: 1, 0 or -1. What PV
+    and SP differ by all the time, as in two units, does not count.
+    """
+    pv, sp = samples.pv, samples.sp
+    error = pv if sp is None or np.isnan(sp[:first]).all() else pv - sp
+    return np.sign(error - np.nanmedian(error[:first]))
 
 
 def _since_s(samples: Samples, first: int) -> float:

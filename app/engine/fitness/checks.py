@@ -84,7 +84,8 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
     if dead:
         text += f": {meaning}; {kept} samples in a row remain, at least {config.min_samples} are needed"
     usable = not dead or kept >= config.min_samples
-    return _finding(_of(name, "flat"), usable, text, share, config.flat_share, "share", "<")
+    operator: Operator | None = None if dead and usable else "<"  # then what remains decides
+    return _finding(_of(name, "flat"), usable, text, share, config.flat_share, "share", operator)
 
 
 def pv_stands(found: Standstill) -> Finding:

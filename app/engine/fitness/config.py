@@ -5,6 +5,16 @@ from dataclasses import dataclass
 LIMIT_BAND = 0.005
 """How near to an end of OP's known span counts as at the limit, as a share of the span."""
 
+LEAST_STILL = 100
+"""Samples of one value that are a stand."""
+
+FEWEST_VALUES = 10
+"""Of OP while PV stands: a unit that is shut down by hand has fewer."""
+
+LEAST_MOVE = 0.5
+"""Share of what OP goes over in such a time else that it goes over while PV stands, at least: where all is calm PV may
+stand."""
+
 
 @dataclass(frozen=True)
 class FitnessConfig:
@@ -38,10 +48,10 @@ class FitnessConfig:
     jitter_tolerance: float = 0.25
     max_filled_share: float = 0.3
     flat_share: float = 0.5
-    least_still: int = 100
+    least_still: int = LEAST_STILL
     longer_still: float = 5.0
-    fewest_moves: int = 10
-    least_move: float = 0.5
+    fewest_moves: int = FEWEST_VALUES
+    least_move: float = LEAST_MOVE
     least_at_limit: int = 20
     most_jump: float = 0.1
     one_sided: float = 0.8

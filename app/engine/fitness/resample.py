@@ -11,6 +11,9 @@ from app.engine.signals.sampled import held
 # Of an interval: by so much a grid may miss the stamp that it was laid on.
 _ROUNDING = 1e-6
 
+MOST_POINTS = 16
+"""Times as many points as samples that a grid has: most of a finer one would be filled, however much may be."""
+
 
 def typical_interval(time_s: FloatArray) -> float:
     """The median sampling interval of `time_s` (N,), N > 1, in seconds."""
@@ -65,7 +68,12 @@ class _Grid:
 
 def _grid(time_s: FloatArray, config: FitnessConfig) -> _Grid:
     mean = _mean_interval(time_s)
-    grids = [_grid_of(time_s, interval) for interval in (typical_interval(time_s), mean, 2.0 * mean)]
+    most = MOST_POINTS * len(time_s)
+    grids = [
+        _grid_of(time_s, interval)
+        for interval in (typical_interval(time_s), mean, 2.0 * mean)
+        if _points(time_s, interval) <= most
+    ]
     good = [
         grid
         for grid in grids
@@ -74,8 +82,12 @@ def _grid(time_s: FloatArray, config: FitnessConfig) -> _Grid:
     return (good or grids)[0]
 
 
+def _points(time_s: FloatArray, interval_s: float) -> int:
+    return int(np.floor((time_s[-1] - time_s[0]) / interval_s * (1.0 + 1e-12))) + 1
+
+
 def _grid_of(time_s: FloatArray, interval_s: float) -> _Grid:
-    count = int(np.floor((time_s[-1] - time_s[0]) / interval_s * (1.0 + 1e-12))) + 1
+    count = _points(time_s, interval_s)
     times = time_s[0] + interval_s * np.arange(count)
     return _Grid(interval_s, times, _far_from_measured(times, time_s, 0.5 * interval_s))
 

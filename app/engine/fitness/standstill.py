@@ -8,14 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.fitness.config import LIMIT_BAND
+from app.engine.fitness.config import FEWEST_VALUES, LEAST_MOVE, LEAST_STILL, LIMIT_BAND
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import at_extremes, at_limits, resolution
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
 from app.engine.signals.sampled import blocks
-
-LEAST_STILL = 100
-"""Samples of one value that are a stand."""
 
 MOST_BRIEF = 30
 """Samples that may lie between two stands, as while a transmitter is started again."""
@@ -30,12 +27,6 @@ ODD, FEW = 2, 20
 """Of so many values that PV held before those in which OP went furthest are not held for usual: PV may have been dead
 before, and be dead again.
 """
-
-LEAST_MOVE = 0.5
-"""Share of what OP goes over in such a time else, at least: where all is calm PV may stand."""
-
-FEWEST_VALUES = 10
-"""Of OP while PV stands: a unit that is shut down by hand has fewer."""
 
 NEAREST, NEAREST_UNCOMPARED = 0.6, 2.0
 """Of PV's least step: so near to SP it is at its set point, as nearly as it can be stored; the latter where nothing was
@@ -132,8 +123,10 @@ def _first_unanswered(samples: Samples, starts: IntArray, stands: list[slice]) -
     op = samples.op
     ranges = np.maximum.reduceat(op, starts) - np.minimum.reduceat(op, starts)
     for stand in stands:
-        usual, went = _usual(ranges[: int(np.searchsorted(starts, stand.start))]), float(np.ptp(op[stand]))
-        if went <= max(FURTHER * usual, resolution(op)) or not _as_far_as_ever(op, stand, went):
+        # The run that it stands in may have begun earlier, out of automatic: it is none of those before.
+        own = int(np.searchsorted(starts, stand.start, side="right")) - 1
+        usual, went = _usual(ranges[:own]), float(np.ptp(op[stand]))
+        if went <= max(FURTHER * usual, resolution(op)) or not as_far_as_ever(op[: stand.start], op[stand]):
             continue
         if len(np.unique(op[stand])) >= FEWEST_VALUES:
             return stand.start
@@ -147,13 +140,12 @@ def _usual(ranges: FloatArray) -> float:
     return float(np.partition(ranges, -1 - ODD)[-1 - ODD])
 
 
-def _as_far_as_ever(op: FloatArray, stand: slice, went: float) -> bool:
-    """Whether OP goes about as far in a stand as before it in such a time."""
-    before, length = op[: stand.start], stand.stop - stand.start
+def as_far_as_ever(before: FloatArray, since: FloatArray, least: float = LEAST_MOVE) -> bool:
+    """Whether OP goes over at least a share of what it went `before` (M,) in such a time, in what is `since` (N,)."""
     if len(before) < LEAST_STILL:
         return True
-    usual = float(np.median(np.ptp(blocks(before, min(length, len(before))), axis=1)))
-    return went >= LEAST_MOVE * usual
+    usual = float(np.median(np.ptp(blocks(before, min(len(since), len(before))), axis=1)))
+    return float(np.ptp(since)) >= least * usual
 
 
 def _at_work(samples: Samples, starts: IntArray, stands: list[slice]) -> bool:

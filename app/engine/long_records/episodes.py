@@ -107,10 +107,10 @@ def find(
     """The stretches of a long record in which the valve sticks, in order of time.
 
     record: the whole stretch that is audited. oscillation: of the whole; each window finds its own. model: of
-    the shapes, the shipped one where None. Windows overlap by
-    half; edges are then moved to where the movement of the loop changes most. Costs at most `most_windows` detections
-    and extractions of one feature window each. Spells shorter than a window and a half are not seen, and of a spell
-    whose loop moves like the rest the edges are as coarse as half a window.
+    the shapes, the shipped one where None. Windows overlap by half; edges are then moved to where the movement of the
+    loop changes most. Costs at most `most_windows` detections and extractions of one feature window each, and one more
+    for each spell. Spells shorter than a window and a half are not seen, and of a spell whose loop moves like the rest
+    the edges are as coarse as half a window.
     """
     config = config or EpisodeConfig()
     if not is_long(record, oscillation, config):

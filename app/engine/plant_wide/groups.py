@@ -40,6 +40,7 @@ _LARGEST = 4000
 _ONSET_RISE = 0.35
 _ONSET_WEIGHT = 1.5
 _NOTHING_STICKS = 0.5
+_ALIKE_APART = (0.03, 0.75)  # periods of loops that look alike: by a share of them and so many lines
 _LEAST_APART = 1e-4  # of 1 - c^2: no two swings of a plant are one
 _LEAST_SPREAD = float(np.log(20.0))
 
@@ -145,10 +146,12 @@ class _Waves:
 @dataclass(frozen=True, eq=False)
 class _Company:
     """What chance brings to each of the candidates. expected: (M,) how many others within a line and a half of its
-    frequency. lines: (M,) over how many independent lines its power is spread. start_s, end_s: (M,) of its record.
+    frequency; so_near: (M,) within what loops that look alike are gathered from. lines: (M,) over how many independent
+    lines its power is spread. start_s, end_s: (M,) of its record.
     """
 
     expected: FloatArray
+    so_near: FloatArray
     lines: FloatArray
     start_s: FloatArray
     end_s: FloatArray
@@ -156,12 +159,13 @@ class _Company:
     @classmethod
     def of(cls, chosen: Sequence[Candidate]) -> "_Company":
         period, slack = _periods(chosen, 0.0, 1.5)
-        spread = max(float(np.log(period.max() / period.min())), _LEAST_SPREAD)
+        density = (len(chosen) - 1) * 2.0 / max(float(np.log(period.max() / period.min())), _LEAST_SPREAD)
+        _, apart = _periods(chosen, *_ALIKE_APART)
         power = [np.abs(c.swing.lines) ** 2 for c in chosen]
         lines = np.array([HANN_SHARE * np.sum(p) ** 2 / np.sum(p * p) for p in power])
         start = np.array([c.swing.start_s for c in chosen])
         end = start + np.array([c.swing.length_s for c in chosen])
-        return cls((len(chosen) - 1) * 2.0 * slack / spread, lines, start, end)
+        return cls(density * slack, density * apart, lines, start, end)
 
     @cached_property
     def lines_a_second(self) -> FloatArray:
@@ -169,8 +173,8 @@ class _Company:
         return self.lines / (self.end_s - self.start_s)
 
     def of_one_period(self, one: int, count: int) -> float:
-        """Poisson probability of so many others of its period or more."""
-        return float(pdtrc(count - 1, self.expected[one]))
+        """Poisson probability of so many others of its period or more, as near as loops that look alike may be."""
+        return float(pdtrc(count - 1, self.so_near[one]))
 
     def by_chance(self, one: int, rows: IntArray, links: ComplexArray) -> float:
         """The least probability that as many others as coherent with it come by chance, of those linked to it."""
@@ -223,8 +227,8 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
 
     Three passes, the strongest oscillation as the seed each time. First: the same period (within 5 % and the resolution
     of the record) and coherence with the seed of 0.7 or more in the narrow band about it, more than chance brings among
-    so many loops. Then the same whatever chance brings. Then, of what is left: the same unit, the same period (within
-    3 % and resolution) and spectra alike from a third of the frequency upwards.
+    so many loops. Then the same whatever chance brings. Then, of what is left: the same unit (loops without one count
+    as of one), the same period (within 3 % and resolution) and spectra alike from a third of the frequency upwards.
     Cost: M x GRID complex numbers, and M products of that length, up to M^2 where all have one period; of more than
     4,000 candidates the strongest are taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two
     periods that a record cannot tell apart are in step as far as it shows.
@@ -269,7 +273,7 @@ def _gather_in_step(
 
 
 def _gather_alike(chosen: Sequence[Candidate], free: _Free) -> None:
-    period, slack = _periods(chosen, 0.03, 0.75)
+    period, slack = _periods(chosen, *_ALIKE_APART)
     units = np.array([c.unit or "" for c in chosen])
     bands = np.array([c.swing.bands for c in chosen])
     for seed in range(len(chosen)):

@@ -5,7 +5,8 @@ import numpy as np
 from app.engine.causality.stuck_stem import StuckStem
 from app.engine.codes import UNANSWERED
 from app.engine.evidence import Reason
-from app.engine.fitness.standstill import FEWEST_VALUES, Standstill
+from app.engine.fitness.config import FEWEST_VALUES
+from app.engine.fitness.standstill import Standstill
 from app.engine.judgement import ANSWERS_NO_MORE, PV_STANDS, Judgement
 from app.engine.recording import BoolArray, FloatArray, Recording
 
