@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Mapping
 from datetime import time
+from functools import cache
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
@@ -32,6 +33,14 @@ READ_ELSEWHERE = re.compile(r"LOOPAUDIT_(URL|KEY|RECORDINGS|TEST_\w+)")
 OF_KUBERNETES = re.compile(r"\w+_(SERVICE_HOST|SERVICE_PORT(_\w+)?|PORT_\d+_(TCP|UDP)(_\w+)?)")
 """What it tells each container of a service whose name begins with loopaudit."""
 CLOSE = 0.75
+
+
+@cache
+def _zones_of_everybody() -> frozenset[str]:
+    """IANA names. Browsers draw charts by them: what this machine calls localtime is none of theirs. To list them reads
+    some hundreds of files."""
+    return frozenset(available_timezones() - {"localtime"})
+
 
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
@@ -228,8 +237,7 @@ class Settings(BaseSettings):
     @field_validator("time_zone")
     @classmethod
     def _known_zone(cls, name: str) -> str:
-        # Browsers draw charts by it: what this machine calls localtime is none of theirs.
-        if name not in available_timezones() - {"localtime"}:
+        if name not in _zones_of_everybody():
             raise ValueError(f"{name!r} is no time zone; an IANA name is needed, such as Europe/Berlin")
         return name
 
