@@ -58,7 +58,10 @@ class FreeRun:
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over the two halves of a window. yy: (2,). xy, xx: (M, lags, dead times, 2), row 0 the linear valve."""
+    """Sums over the two halves of a window, without the samples before a dead time, of which OP tells nothing.
+
+    yy: (dead times, 2). xy, xx: (M, lags, dead times, 2), row 0 the linear valve.
+    """
 
     yy: FloatArray
     xy: FloatArray
@@ -140,7 +143,7 @@ def _log_gain(misfit: FloatArray) -> float:
 
 def _misfit(sums: _Sums, sign: float) -> FloatArray:
     """(M, lags, dead times) share of the variance of PV left over; process gains of the other sign count as zero."""
-    xy, xx, yy = sums.xy.sum(axis=-1), sums.xx.sum(axis=-1), float(sums.yy.sum())
+    xy, xx, yy = sums.xy.sum(axis=-1), sums.xx.sum(axis=-1), sums.yy.sum(axis=-1)
     return 1.0 - _usable(xy, sign) ** 2 / (xx + 1e-12) / (yy + 1e-300)
 
 
@@ -152,12 +155,11 @@ def _held_out(sums: _Sums, sign: float) -> tuple[float, float]:
     """Mean misfit on the half that was not fitted: linear valve, sticky valve."""
     linear, sticky = 0.0, 0.0
     for fitted, other in ((0, 1), (1, 0)):
-        xy, xx, yy = sums.xy[..., fitted], sums.xx[..., fitted], float(sums.yy[fitted])
+        xy, xx, yy = sums.xy[..., fitted], sums.xx[..., fitted], sums.yy[:, fitted]
         gain = _usable(xy, sign) / (xx + 1e-12)
         inside = (yy - gain * xy) / (yy + 1e-300)
-        outside = (sums.yy[other] - 2 * gain * sums.xy[..., other] + gain**2 * sums.xx[..., other]) / (
-            sums.yy[other] + 1e-300
-        )
+        there = sums.yy[:, other]
+        outside = (there - 2 * gain * sums.xy[..., other] + gain**2 * sums.xx[..., other]) / (there + 1e-300)
         outside = np.minimum(outside, _WORST_MISFIT)
         linear += float(outside[0].flat[np.argmin(inside[0])]) / 2
         sticky += float(outside[1:].flat[np.argmin(inside[1:])]) / 2
@@ -216,7 +218,9 @@ def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     half = len(y) // 2
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))
-    yy = np.array([dot(y[:half], y[:half]), dot(y[half:], y[half:])])
+    yy = np.empty((len(dead_times), 2))
+    for k in range(len(dead_times)):
+        yy[k, 0], yy[k, 1] = dot(y[dead_times[k] : half], y[dead_times[k] : half]), dot(y[half:], y[half:])
     for m in range(len(S)):
         fill_sums(y, valve_position(op, S[m], J[m]), (lags, dead_times), drift, xy[m], xx[m])
     return yy, xy, xx

@@ -33,6 +33,16 @@ def test_a_linear_loop_shaken_from_outside_gains_nothing():
     assert free_run(linear.pv, linear.op, 75).gain < 0.1
 
 
+def test_what_pv_did_before_the_dead_time_is_asked_of_no_model():
+    """OP tells nothing of it: PV that is OP nine samples later is explained whole, whatever it was until then."""
+    rng = np.random.default_rng(1)
+    op = np.sin(2 * np.pi * np.arange(120) / 40.0) + 0.3 * np.sin(2 * np.pi * np.arange(120) / 13.0)
+    pv = np.concatenate((rng.choice([-1.0, 1.0], 9), op[:-9]))
+    found = free_run(pv, op, 40)
+    assert found.fit_linear > 0.97
+    assert found.held_linear > 0.95
+
+
 def test_sign_scale_and_offset_change_nothing():
     sticky = loop(2.0, 2.0, upset=Signal(value=3.0))
     one = free_run(sticky.pv, sticky.op, 75)
