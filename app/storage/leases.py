@@ -27,12 +27,15 @@ def take_back(
 ) -> Reopened:
     """Rows of `work` whose lease has ended: those tried `max_attempts` times become `failed`, the others open again.
 
-    claimed: of a row, in the words of the index that finds it.
+    claimed: of a row, in the words of the index that finds it. A lease that ends between the two statements is left to
+    the next call, where it was the row's last.
     """
     expired = update(work).where(claimed, run_out(work.c.lease_until_s, lease_s))
     nobody = {"owner": None, "lease_until_s": None}
     given_up = connection.execute(
         expired.where(work.c.attempts >= max_attempts).values(state="failed", **nobody, **failed)
     )
-    given_out = connection.execute(expired.values(state="open", **nobody, **(opened or {})))
+    given_out = connection.execute(
+        expired.where(work.c.attempts < max_attempts).values(state="open", **nobody, **(opened or {}))
+    )
     return Reopened(given_out.rowcount, given_up.rowcount)
