@@ -139,6 +139,16 @@ def test_a_backup_is_made_while_others_write(plant, tmp_path):
         again.close()
 
 
+def test_a_backup_has_the_exports_and_nothing_else_of_their_folder(plant, tmp_path):
+    folder = plant.settings.uploads_dir
+    (export,) = folder.iterdir()
+    (folder / "lost+found").mkdir()
+    (folder / "old").mkdir()
+    (folder / "old" / "export.csv").write_bytes(EXPORT)
+    backups.backup(plant.settings, tmp_path / "kept")
+    assert [file.name for file in (tmp_path / "kept" / "uploads").iterdir()] == [export.name]
+
+
 def test_a_plant_in_use_is_replaced_only_on_purpose(plant, tmp_path):
     backups.backup(plant.settings, tmp_path / "kept")
     with pytest.raises(RequestError, match="--force"):

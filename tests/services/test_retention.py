@@ -291,6 +291,16 @@ def test_of_two_at_once_none_takes_what_the_other_is_dropping_for_the_end(plant,
     assert not trail.list_trail(plant, action="old").rows
 
 
+def test_what_is_no_export_among_them_is_left_alone(plant):
+    folder = plant.settings.uploads_dir
+    for name in ("lost+found", "old", "f" * 64):
+        (folder / name).mkdir()
+    (folder / "notes.txt").write_text("of an administrator")
+    aged(plant, 400)
+    assert retention.retain(plant)["files"] == 1
+    assert {file.name for file in folder.iterdir()} == {"lost+found", "old", "f" * 64, "notes.txt"}
+
+
 def test_the_sweeper_does_it(plant):
     aged(plant, 100_000)
     sweep(plant)

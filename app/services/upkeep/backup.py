@@ -18,6 +18,7 @@ from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
 from app.services.backend import away_in_words
+from app.services.intake.uploads import stored_files
 from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import refuse_missing
@@ -195,7 +196,7 @@ def _settle(file: Path) -> None:
 
 def _copy_uploads(settings: Settings, target: Path) -> None:
     target.mkdir(mode=0o700)
-    for file in sorted(settings.uploads_dir.glob("[!.]*")):
+    for file in stored_files(settings):
         try:
             _put(file, target / file.name)
         except FileNotFoundError:

@@ -13,6 +13,7 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.auditing.nightly import latest_hour
 from app.services.backend import Backend
+from app.services.intake.uploads import stored_files
 from app.settings import Settings
 from app.storage import retention, uploads
 from app.storage.types import now
@@ -95,8 +96,7 @@ def _drop_files(backend: Backend) -> int:
     oldest = oldest_export(backend.settings)
     with backend.database.read() as connection:
         kept = retention.fingerprints_to_keep(connection, oldest)
-    unknown = (file for file in backend.settings.uploads_dir.iterdir() if not file.name.startswith("."))
-    return sum(_drop_file(backend, file, oldest) for file in unknown if file.name not in kept)
+    return sum(_drop_file(backend, file, oldest) for file in stored_files(backend.settings) if file.name not in kept)
 
 
 def oldest_export(settings: Settings) -> datetime | None:
