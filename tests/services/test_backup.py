@@ -213,6 +213,25 @@ def given_as(plant: Backend, version: str) -> None:
         connection.execute(update(table("alembic_version", column("version_num"))).values(version_num=version))
 
 
+def test_tables_of_a_newer_version_are_replaced_with_their_file_and_refused_on_a_server(plant, tmp_path):
+    before, version = contents(plant), schema.newest_revision()
+    backups.backup(plant.settings, tmp_path / "kept")
+    given_as(plant, "9999")
+    plant.database.close()
+    try:
+        if plant.database.is_sqlite:
+            backups.restore(plant.settings, tmp_path / "kept", force=True)
+            assert schema.current_revision(plant.database) == version
+        else:
+            with pytest.raises(RequestError, match="into an empty data base") as refused:
+                backups.restore(plant.settings, tmp_path / "kept", force=True)
+            assert refused.value.code == "newer_tables"
+            assert schema.current_revision(plant.database) == "9999"
+    finally:
+        given_as(plant, version)
+    assert contents(plant) == before
+
+
 def test_a_backup_of_a_newer_version_is_refused_before_anything_is_touched(plant, tmp_path):
     before = contents(plant)
     backups.backup(plant.settings, tmp_path / "kept")
