@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Connection, and_, case, exists, func, inse
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import UNFINISHED, audit_items, audits, loops
+from app.storage.tables import GOING_ON, audit_items, audits, loops
 from app.storage.types import clock_s, long_ago, now
 
 WITH_RESULTS = ("done", "partial")
@@ -23,7 +23,7 @@ MANY = 1000
 
 
 _MINE = audit_items.c.audit_id == audits.c.id
-_COMPLETE = (audits.c.state.in_(UNFINISHED), ~exists().where(_MINE, audit_items.c.state.in_(TO_DO)))
+_COMPLETE = (GOING_ON, ~exists().where(_MINE, audit_items.c.state.in_(TO_DO)))
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def end_if_complete(connection: Connection, audit_id: int) -> bool:
 def cancel(connection: Connection, audit_id: int) -> int:
     """How many loops of a run that has not ended are called off: they become failed(cancelled), whoever has claimed
     them, and the run has nothing left to do."""
-    going_on = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(UNFINISHED))
+    going_on = select(audits.c.id).where(audits.c.id == audit_id, GOING_ON)
     called_off = (
         update(audit_items)
         .where(audit_items.c.audit_id.in_(going_on), audit_items.c.state.in_(TO_DO))
@@ -176,10 +176,7 @@ def to_announce(connection: Connection, stalled_s: float) -> list[int]:
     very_quiet = long_ago(audits.c.announced_s, 3 * stalled_s)
     stalled = or_(and_(~worked_on, quiet), very_quiet)
     found = connection.scalars(
-        update(audits)
-        .where(audits.c.state.in_(UNFINISHED), waiting, stalled)
-        .values(announced_s=clock_s())
-        .returning(audits.c.id)
+        update(audits).where(GOING_ON, waiting, stalled).values(announced_s=clock_s()).returning(audits.c.id)
     )
     return sorted(found)
 

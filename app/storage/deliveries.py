@@ -8,7 +8,7 @@ from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, upd
 
 from app.storage.bulk import insert_new
 from app.storage.leases import Reopened, take_back
-from app.storage.tables import deliveries
+from app.storage.tables import UNDELIVERED, deliveries
 from app.storage.types import clock_s, now
 
 
@@ -116,7 +116,8 @@ def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) ->
     """Takes deliveries back whose lease has ended: they may have been sent, and are sent again with the same id."""
     lost = f"the worker was lost {max_attempts} times while it sent this digest"
     failed = {"ended_at": now(), "error_text": lost, "next_try_s": None}
-    return take_back(connection, deliveries, max_attempts, lease_s, failed, {"next_try_s": None})
+    claimed = UNDELIVERED & (deliveries.c.state == "claimed")
+    return take_back(connection, deliveries, claimed, max_attempts, lease_s, failed, {"next_try_s": None})
 
 
 def due(connection: Connection) -> int:
@@ -125,9 +126,8 @@ def due(connection: Connection) -> int:
 
 
 def _due() -> ColumnElement[bool]:
-    return and_(
-        deliveries.c.state == "open", or_(deliveries.c.next_try_s.is_(None), deliveries.c.next_try_s <= clock_s())
-    )
+    its_turn = or_(deliveries.c.next_try_s.is_(None), deliveries.c.next_try_s <= clock_s())
+    return and_(UNDELIVERED, deliveries.c.state == "open", its_turn)
 
 
 def _held(claim: DeliveryClaim) -> Update:

@@ -24,7 +24,7 @@ from sqlalchemy import (
 from app.storage.bulk import among_many, insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import audit_items, explanations, loops, verdicts
+from app.storage.tables import UNEXPLAINED, audit_items, explanations, loops, verdicts
 from app.storage.types import clock_s, long_ago, now
 from app.storage.verdicts import SORTABLE
 
@@ -165,7 +165,7 @@ def claim_next(connection: Connection, owner: str, lease_s: float) -> Explanatio
     """
     picked = (
         select(explanations.c.id)
-        .where(explanations.c.state == "open", _its_turn())
+        .where(UNEXPLAINED, explanations.c.state == "open", _its_turn())
         .order_by(explanations.c.attempts, explanations.c.audit_id.is_not(None), explanations.c.id)
         .limit(1)
         .with_for_update(skip_locked=True)
@@ -205,7 +205,8 @@ def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) ->
     """Takes explanations back whose lease has ended; those that were tried too often are failed(worker_lost)."""
     lost = f"the worker was lost {max_attempts} times while it worked on this explanation"
     failed = {"ended_at": now(), "error_code": "worker_lost", "error_text": lost}
-    return take_back(connection, explanations, max_attempts, lease_s, failed, {"announced_s": None})
+    claimed = UNEXPLAINED & (explanations.c.state == "claimed")
+    return take_back(connection, explanations, claimed, max_attempts, lease_s, failed, {"announced_s": None})
 
 
 def to_announce(connection: Connection, stalled_s: float) -> list[int]:
@@ -213,7 +214,7 @@ def to_announce(connection: Connection, stalled_s: float) -> list[int]:
     quiet = long_ago(explanations.c.announced_s, stalled_s)
     found = connection.scalars(
         update(explanations)
-        .where(explanations.c.state == "open", _its_turn(), quiet)
+        .where(UNEXPLAINED, explanations.c.state == "open", _its_turn(), quiet)
         .values(announced_s=clock_s())
         .returning(explanations.c.id)
     )
@@ -222,7 +223,7 @@ def to_announce(connection: Connection, stalled_s: float) -> list[int]:
 
 def any_waiting(connection: Connection) -> bool:
     """Whether one could be claimed now."""
-    query = select(explanations.c.id).where(explanations.c.state == "open", _its_turn()).limit(1)
+    query = select(explanations.c.id).where(UNEXPLAINED, explanations.c.state == "open", _its_turn()).limit(1)
     return connection.scalar(query) is not None
 
 

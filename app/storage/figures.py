@@ -8,10 +8,9 @@ from sqlalchemy import ColumnElement, Connection, func, select
 from app.storage.audits import of_a_night
 from app.storage.loops import IN_SERVICE, count, count_retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS
-from app.storage.tables import UNFINISHED, audit_items, audits, explanations, keys, newest_rows, uploads, verdicts
+from app.storage.tables import GOING_ON, UNREAD, audit_items, audits, explanations, keys, newest_rows, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
 from app.storage.types import now
-from app.storage.uploads import UNREAD_STATES
 
 DAY = timedelta(days=1)
 
@@ -65,9 +64,9 @@ class Figures:
 
 def waiting(connection: Connection) -> Waiting:
     """From what is unfinished alone, however much has been done: cheap enough for a probe every few seconds."""
-    unfinished = select(audits.c.id).where(audits.c.state.in_(UNFINISHED))
+    unfinished = select(audits.c.id).where(GOING_ON)
     by_state = select(audit_items.c.state, func.count()).where(audit_items.c.audit_id.in_(unfinished))
-    unread = select(func.min(uploads.c.received_at)).where(uploads.c.state.in_(UNREAD_STATES))
+    unread = select(func.min(uploads.c.received_at)).where(UNREAD)
     oldest = select(func.min(audits.c.created_at)).where(audits.c.id.in_(unfinished))
     return Waiting(
         items=_counts(connection, by_state.group_by(audit_items.c.state)),
@@ -110,8 +109,9 @@ def _newest_ended(connection: Connection, *such: ColumnElement[bool]) -> EndedRu
 
 
 def _failures(connection: Connection, of_runs: ColumnElement[bool]) -> dict[str, int]:
-    failed = select(audit_items.c.code, func.count()).join(audits, audits.c.id == audit_items.c.audit_id)
-    return _counts(connection, failed.where(of_runs, audit_items.c.state == "failed").group_by(audit_items.c.code))
+    failed = (audit_items.c.audit_id.in_(select(audits.c.id).where(of_runs)), audit_items.c.state == "failed")
+    by_code = select(audit_items.c.code, func.count()).where(*failed).group_by(audit_items.c.code)
+    return _counts(connection, by_code)
 
 
 def _age_s(moment: datetime | None) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, Select, Update, bindparam, select, tuple_, update
 
 from app.storage.leases import Reopened, take_back
-from app.storage.tables import UNFINISHED, audit_items, audits, loops
+from app.storage.tables import GOING_ON, audit_items, audits, loops
 from app.storage.types import clock_s
 
 CANCELLED = "cancelled"
@@ -44,7 +44,7 @@ def claim(connection: Connection, audit_id: int, owner: str, count: int, lease_s
 
     A loop that was tried before is claimed alone: if it takes its worker down, it takes no other loop with it.
     """
-    going_on = select(audits.c.id).where(audits.c.id == audit_id, audits.c.state.in_(UNFINISHED))
+    going_on = select(audits.c.id).where(audits.c.id == audit_id, GOING_ON)
     open_items = (
         select(audit_items.c.loop_id)
         .where(audit_items.c.audit_id == going_on.scalar_subquery(), audit_items.c.state == "open")
@@ -91,7 +91,8 @@ def fail(connection: Connection, failures: Sequence[Failure]) -> None:
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost)."""
     lost = f"the worker was lost {max_attempts} times while it audited this loop"
-    return take_back(connection, audit_items, max_attempts, lease_s, {"code": "worker_lost", "text": lost})
+    claimed = audit_items.c.state == "claimed"
+    return take_back(connection, audit_items, claimed, max_attempts, lease_s, {"code": "worker_lost", "text": lost})
 
 
 def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureRow]:

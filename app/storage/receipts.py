@@ -1,12 +1,11 @@
 """The order in which uploads were received, which decides between them: not that in which they are read."""
 
-from sqlalchemy import Connection, func, select, text
+from sqlalchemy import Connection, func, select
 
 from app.storage.bulk import insert_for
-from app.storage.tables import numbers, uploads
+from app.storage.tables import UNREAD, numbers, uploads
 
 UPLOADS = "uploads"
-UNREAD_SQL = text("uploads.state IN ('received', 'reading')")  # in the words of its index
 
 
 def next_number(connection: Connection) -> int:
@@ -19,5 +18,5 @@ def next_number(connection: Connection) -> int:
 
 def unread_before(connection: Connection, number: int) -> int:
     """The number of the newest upload that was received before this one and is not read yet; 0: none."""
-    query = select(func.max(uploads.c.receipt_number)).where(UNREAD_SQL, uploads.c.receipt_number < number)
+    query = select(func.max(uploads.c.receipt_number)).where(UNREAD, uploads.c.receipt_number < number)
     return connection.scalar(query) or 0

@@ -11,6 +11,7 @@ from app.storage.audits import ENDED
 from app.storage.steps import HOLDING
 from app.storage.tables import (
     AS_RECEIVED,
+    UNREAD,
     audits,
     explanations,
     loops,
@@ -25,9 +26,17 @@ from app.storage.tables import (
 )
 from app.storage.tallies import UPLOAD_BYTES, tally
 from app.storage.types import now
-from app.storage.uploads import UNREAD_STATES, going, let_go, lock_bytes
+from app.storage.uploads import going, let_go, lock_bytes
 
 UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
+KEY = int.from_bytes(b"retained")  # of whoever drops what is old
+
+
+def one_at_a_time(connection: Connection) -> None:
+    """Until the transaction ends nobody else drops what is old: who waits for rows that somebody else is dropping finds
+    none, and would take that for the end. On SQLite every transaction that writes waits already."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(select(func.pg_advisory_xact_lock(KEY)))
 
 
 def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
@@ -38,7 +47,8 @@ def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
     since = loops.c.newest_ns - int(kept_h * 3600) * NS_PER_S
     old = (
         select(series.c.id)
-        .join(loops, loops.c.id == series.c.loop_id)
+        # + 0: else both data bases walk all stretches there are and look up the loop of each; so they walk the loops.
+        .join(loops, loops.c.id + 0 == series.c.loop_id)
         .where(series.c.end_ns < since, *(_held_no_more(f"{begin}_ns", since) for begin in HOLDING.values()))
         .limit(batch)
     )
@@ -164,11 +174,11 @@ def last_done(connection: Connection, action: str) -> datetime | None:
 
 
 def _drop_of_runs(connection: Connection, table: Any, before: datetime, batch: int) -> int:
+    runs = select(audits.c.id).where(_ended_before(before))
     old = (
         select(table.c.loop_id, table.c.audit_id)
-        .join(audits, audits.c.id == table.c.audit_id)
         .join(loops, loops.c.id == table.c.loop_id)
-        .where(_ended_before(before), loops.c.newest_audit_id.is_distinct_from(table.c.audit_id))
+        .where(table.c.audit_id.in_(runs), loops.c.newest_audit_id.is_distinct_from(table.c.audit_id))
         .limit(batch)
     )
     result = connection.execute(delete(table).where(tuple_(table.c.loop_id, table.c.audit_id).in_(old)))
@@ -183,4 +193,4 @@ def _bytes_needed(before: datetime | None) -> ColumnElement[bool]:
     if before is None:
         return true()
     last_sent = func.coalesce(uploads.c.sent_again_at, uploads.c.received_at)
-    return uploads.c.state.in_(UNREAD_STATES) | (last_sent >= before)
+    return UNREAD | (last_sent >= before)

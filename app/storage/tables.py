@@ -5,6 +5,7 @@ from sqlalchemy import (
     Boolean,
     CheckConstraint,
     Column,
+    ColumnElement,
     Float,
     ForeignKey,
     Index,
@@ -14,6 +15,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    bindparam,
     false,
     text,
 )
@@ -37,6 +39,12 @@ Id = BigInteger().with_variant(Integer(), "sqlite")
 def _partial(name: str, *columns: str, where: str) -> Index:
     """An index over few of the rows: those that are still to do, or that have what is asked for."""
     return Index(name, *columns, postgresql_where=text(where), sqlite_where=text(where))
+
+
+def _in_words(column: Column[str], *states: str) -> ColumnElement[bool]:
+    """Whether a row is in one of these states, which stand in the statement: to SQLite values that are sent beside it
+    are not those of a partial index, and it reads the table."""
+    return column.in_(bindparam(None, states, Text(), expanding=True, literal_execute=True, unique=True))
 
 
 uploads = Table(
@@ -67,7 +75,11 @@ uploads = Table(
     Column("tags_json", Text),  # which tag became what: megabytes of a plant's export, read for one upload alone
     CheckConstraint("state IN ('received', 'reading', 'done', 'failed')", name="state"),
     _partial("ix_uploads_unread", "receipt_number", where="state IN ('received', 'reading')"),
+    Index("ix_uploads_fingerprint", "fingerprint"),
 )
+
+UNREAD = _in_words(uploads.c.state, "received", "reading")
+"""Of an upload: it is still to be read."""
 
 rejects = Table(
     "rejects",
@@ -187,6 +199,8 @@ audits = Table(
 
 UNFINISHED = ("planned", "running")
 """States of a run that is still to be worked on."""
+GOING_ON = _in_words(audits.c.state, *UNFINISHED)
+"""Of a run: it is still to be worked on."""
 
 audit_items = Table(
     "audit_items",
@@ -317,6 +331,9 @@ explanations = Table(
     _partial("ix_explanations_unfinished", "id", where="state IN ('open', 'claimed')"),
 )
 
+UNEXPLAINED = _in_words(explanations.c.state, "open", "claimed")
+"""Of an explanation: it has not ended."""
+
 keys = Table(
     "keys",
     metadata,
@@ -406,3 +423,6 @@ deliveries = Table(
     CheckConstraint("state IN ('open', 'claimed', 'done', 'failed')", name="state"),
     _partial("ix_deliveries_unfinished", "next_try_s", where="state IN ('open', 'claimed')"),
 )
+
+UNDELIVERED = _in_words(deliveries.c.state, "open", "claimed")
+"""Of a digest to one receiver: it is still to be sent."""

@@ -10,10 +10,9 @@ from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func
 
 from app.storage.bulk import insert_new, insert_new_rows
 from app.storage.receipts import next_number
-from app.storage.tables import loops, rejects, upload_loops, uploads
+from app.storage.tables import UNREAD, loops, rejects, upload_loops, uploads
 from app.storage.types import clock_s, long_ago, now, run_out
 
-UNREAD_STATES = ("received", "reading")
 OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
 """Attempts after which the pause to the next one doubles; after more of them it stays."""
@@ -149,12 +148,12 @@ def count_loops(connection: Connection, upload_ids: Sequence[int]) -> dict[int, 
 
 
 def unread_fingerprints(connection: Connection) -> set[str]:
-    return set(connection.scalars(select(uploads.c.fingerprint).where(uploads.c.state.in_(UNREAD_STATES))))
+    return set(connection.scalars(select(uploads.c.fingerprint).where(UNREAD)))
 
 
 def waiting_for_room(connection: Connection) -> tuple[int, UploadRow | None]:
     """How many uploads wait for room on the disk, and the one that has waited longest."""
-    waits = (uploads.c.state == "received", uploads.c.waits_since.is_not(None))
+    waits = (UNREAD, uploads.c.state == "received", uploads.c.waits_since.is_not(None))
     count = connection.scalar(select(func.count()).select_from(uploads).where(*waits)) or 0
     longest = select(*COLUMNS).where(*waits).order_by(uploads.c.waits_since, uploads.c.id).limit(1)
     row = connection.execute(longest).one_or_none() if count else None
@@ -173,7 +172,7 @@ def claim(connection: Connection, upload_id: int, owner: str, lease_s: float, ma
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     claimed = connection.execute(
         update(uploads)
-        .where(uploads.c.id == upload_id, uploads.c.state.in_(UNREAD_STATES), free, uploads.c.attempts < max_attempts)
+        .where(uploads.c.id == upload_id, UNREAD, free, uploads.c.attempts < max_attempts)
         .values(state="reading", owner=owner, lease_until_s=clock_s() + lease_s, attempts=uploads.c.attempts + 1)
         .returning(uploads.c.attempts, uploads.c.receipt_number)
     ).one_or_none()
@@ -212,7 +211,7 @@ def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     result = connection.execute(
         update(uploads)
-        .where(uploads.c.state.in_(UNREAD_STATES), free, uploads.c.attempts >= max_attempts)
+        .where(UNREAD, free, uploads.c.attempts >= max_attempts)
         .values(
             state="failed",
             ended_at=now(),
@@ -240,10 +239,7 @@ def to_announce(connection: Connection, stalled_s: float, lease_s: float) -> lis
     quiet = case(no_room, *longer, else_=long_ago(since, stalled_s))
     free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     found = connection.scalars(
-        update(uploads)
-        .where(uploads.c.state.in_(UNREAD_STATES), free, quiet)
-        .values(announced_s=clock_s())
-        .returning(uploads.c.id)
+        update(uploads).where(UNREAD, free, quiet).values(announced_s=clock_s()).returning(uploads.c.id)
     )
     return sorted(found)
 

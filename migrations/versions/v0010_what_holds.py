@@ -1,13 +1,12 @@
 """Stretches name their last set point and mode: what holds is found however long ago it changed."""
 
-import struct
+from typing import Any
 
+import numpy as np
 import sqlalchemy as sa
-import zstandard
 from alembic import op
 
-from app.storage.samples import unpack
-from app.storage.steps import last_known
+from app.storage.samples import DAMAGED, Samples, unpack  # which knows every format that was ever stored
 
 revision = "0010"
 down_revision = "0009"
@@ -48,9 +47,19 @@ def _look_back() -> None:
         told = []
         for row in rows:
             try:
-                told.append({"id": row.id, **last_known(unpack(bytes(row.packed)))})
-            except (ValueError, struct.error, zstandard.ZstdError):
+                told.append({"id": row.id, **_last_known(unpack(bytes(row.packed)))})
+            except DAMAGED:
                 continue
         told = [one for one in told if one["sp_ns"] is not None or one["mode_ns"] is not None]
         if told:
             connection.execute(TELL, told)
+
+
+def _last_known(samples: Samples) -> dict[str, Any]:
+    columns: dict[str, Any] = {}
+    for name, begin in (("sp", "sp"), ("automatic", "mode")):
+        values = samples.signals.get(name, np.array([]))
+        known = np.flatnonzero(np.isfinite(values))
+        columns[f"{begin}_ns"] = int(samples.time_ns[known[-1]]) if len(known) else None
+        columns[f"{begin}_last"] = float(values[known[-1]]) if len(known) else None
+    return columns

@@ -139,6 +139,16 @@ def test_a_backup_is_made_while_others_write(plant, tmp_path):
         again.close()
 
 
+def test_a_backup_has_the_exports_and_nothing_else_of_their_folder(plant, tmp_path):
+    folder = plant.settings.uploads_dir
+    (export,) = folder.iterdir()
+    (folder / "lost+found").mkdir()
+    (folder / "old").mkdir()
+    (folder / "old" / "export.csv").write_bytes(EXPORT)
+    backups.backup(plant.settings, tmp_path / "kept")
+    assert [file.name for file in (tmp_path / "kept" / "uploads").iterdir()] == [export.name]
+
+
 def test_a_plant_in_use_is_replaced_only_on_purpose(plant, tmp_path):
     backups.backup(plant.settings, tmp_path / "kept")
     with pytest.raises(RequestError, match="--force"):
@@ -201,6 +211,25 @@ def test_tables_of_a_newer_version_are_refused_and_left_alone(plant):
 def given_as(plant: Backend, version: str) -> None:
     with plant.database.write() as connection:
         connection.execute(update(table("alembic_version", column("version_num"))).values(version_num=version))
+
+
+def test_tables_of_a_newer_version_are_replaced_with_their_file_and_refused_on_a_server(plant, tmp_path):
+    before, version = contents(plant), schema.newest_revision()
+    backups.backup(plant.settings, tmp_path / "kept")
+    given_as(plant, "9999")
+    plant.database.close()
+    try:
+        if plant.database.is_sqlite:
+            backups.restore(plant.settings, tmp_path / "kept", force=True)
+            assert schema.current_revision(plant.database) == version
+        else:
+            with pytest.raises(RequestError, match="into an empty data base") as refused:
+                backups.restore(plant.settings, tmp_path / "kept", force=True)
+            assert refused.value.code == "newer_tables"
+            assert schema.current_revision(plant.database) == "9999"
+    finally:
+        given_as(plant, version)
+    assert contents(plant) == before
 
 
 def test_a_backup_of_a_newer_version_is_refused_before_anything_is_touched(plant, tmp_path):

@@ -256,6 +256,51 @@ def test_without_time_left_the_rest_waits_for_the_next_sweep(plant):
     assert not trail.list_trail(plant, action=retention.ACTION).rows
 
 
+def test_what_takes_all_the_time_keeps_nothing_else_from_being_dropped(plant, monkeypatch):
+    """The time of a sweep is up as soon as the series were looked at, at each sweep anew."""
+    aged(plant, 100_000)
+    monkeypatch.setattr(retention, "BUDGET_S", -1)
+    rounds = [retention.retain_if_due(plant) for _ in range(9)]
+    assert [dropped for dropped in rounds if dropped and "files" in dropped]
+    assert rounds[-1] is None
+    assert [count(plant, name) for name in ("verdict_details", "audits", "uploads")] == [1, 1, 0]
+    assert not list(plant.settings.uploads_dir.iterdir())
+    assert [row.outcome for row in trail.list_trail(plant, action=retention.ACTION).rows] == ["done"]
+
+
+def test_of_two_at_once_none_takes_what_the_other_is_dropping_for_the_end(plant, monkeypatch):
+    """The first drops one row and has no time for more; the second comes while that is not committed yet."""
+    ago = datetime.now(UTC) - timedelta(days=plant.settings.keep_trail_days + 1)
+    rows = [{"at": ago, "who": "me", "action": "old", "outcome": "done"}] * 3
+    with plant.database.write() as connection:
+        connection.execute(insert(tables.trail), rows)
+    drop_trail, comes = stored_retention.drop_trail, iter([True])
+    with ThreadPoolExecutor(1) as pool:
+        second: list[Future[dict[str, int]]] = []
+
+        def drop_then_another_comes(*arguments):
+            dropped = drop_trail(*arguments)
+            if next(comes, False):
+                second.append(pool.submit(retention.retain, plant, batch=1))
+                wait(second, timeout=1)
+            return dropped
+
+        monkeypatch.setattr(stored_retention, "drop_trail", drop_then_another_comes)
+        assert retention.retain(plant, budget_s=-1, batch=1)["trail"] == 1
+        assert second[0].result()["trail"] == 2
+    assert not trail.list_trail(plant, action="old").rows
+
+
+def test_what_is_no_export_among_them_is_left_alone(plant):
+    folder = plant.settings.uploads_dir
+    for name in ("lost+found", "old", "f" * 64):
+        (folder / name).mkdir()
+    (folder / "notes.txt").write_text("of an administrator")
+    aged(plant, 400)
+    assert retention.retain(plant)["files"] == 1
+    assert {file.name for file in folder.iterdir()} == {"lost+found", "old", "f" * 64, "notes.txt"}
+
+
 def test_the_sweeper_does_it(plant):
     aged(plant, 100_000)
     sweep(plant)

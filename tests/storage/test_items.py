@@ -3,7 +3,7 @@
 import threading
 
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import Connection, event, select, update
 
 from app.engine.audit_config import AuditConfig
 from app.storage import Database, audits, items, loops
@@ -126,6 +126,24 @@ def test_a_loop_that_takes_its_worker_down_is_set_aside(database: Database, run:
     with database.write() as connection:
         assert audits.end_if_complete(connection, run) == 1
         assert {f.code for f in items.failures(connection, run, 20)} == {"worker_lost"}
+
+
+def test_a_lease_that_ends_while_others_are_taken_back_gives_no_loop_a_try_too_many(
+    database: Database, run: int
+) -> None:
+    claim(database, run, "slow", 20)
+    looked: list[str] = []
+
+    def time_passes(connection: Connection, _: object, statement: str, *__: object) -> None:
+        looked.append(statement)
+        if len(looked) == 1:  # for those that were tried too often: none yet
+            connection.execute(update(audit_items).values(lease_until_s=0.0))
+
+    with database.write() as connection:
+        event.listen(connection, "after_cursor_execute", time_passes)
+        assert items.reopen_expired(connection, max_attempts=1, lease_s=60.0) == Reopened(0, 0)
+        assert items.reopen_expired(connection, max_attempts=1, lease_s=60.0) == Reopened(0, 20)
+    assert progress(database, run) == Progress(failed=20)
 
 
 def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None:

@@ -1,8 +1,10 @@
-"""PostgreSQL answers what is asked most by index, at a size at which reading whole tables would be felt."""
+"""What is asked most is answered by index: on PostgreSQL at a size at which reading whole tables would be felt; SQLite
+plans the same whatever the tables hold."""
 
 import json
 import re
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,20 @@ import pytest
 from sqlalchemy import Connection, event
 from zstandard import ZstdError
 
-from app.storage import Database, audits, figures, items, loops, series, verdicts
+from app.storage import (
+    Database,
+    audits,
+    deliveries,
+    explanations,
+    figures,
+    items,
+    loops,
+    receipts,
+    retention,
+    series,
+    uploads,
+    verdicts,
+)
 from app.storage import plant as plants
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
@@ -28,10 +43,12 @@ RUN = {
 PACKED = pack(Samples(np.array([150]), {"pv": np.array([1.0])})).hex()
 
 FILL = (
+    "TRUNCATE loops, audits, uploads CASCADE",  # what tests before left room for is not filled in the order of the rows
     "INSERT INTO loops (tag, created_at, newest_ns) SELECT 'L' || n, now(), 1000 FROM generate_series(1, 1500) n",
     "INSERT INTO audits (trigger, plant, nightly_for, state, config_json, config_fingerprint, window_h, window_samples,"
     " created_at, total)"
-    " SELECT 'nightly', 'p', n::text, 'running', '', '', 1, 1, now(), 1 FROM generate_series(1, 20) n",
+    " SELECT 'nightly', 'p', n::text, CASE n WHEN 20 THEN 'running' ELSE 'done' END, '', '', 1, 1, now(), 1"
+    " FROM generate_series(1, 20) n",
     "INSERT INTO verdicts (loop_id, audit_id, audited_at, samples, verdict, reliability, engine_version, elapsed_s,"
     " input_fingerprint, config_fingerprint, reasons, reasons_text)"
     " SELECT l.id, a.id, now(), 1, 'stiction', 'reliable', '', 0, '', '', repeat('r', 200), repeat('t', 600)"
@@ -40,10 +57,19 @@ FILL = (
     "INSERT INTO newest_rows (loop_id, audit_id, form, row_json) SELECT id, 20, 'f', repeat('x', 1500) FROM loops",
     "UPDATE loops SET newest_audit_id = (SELECT max(id) FROM audits)",
     "INSERT INTO audit_items (audit_id, loop_id, state) SELECT a.id, l.id, CASE WHEN a.id = "
-    "(SELECT max(id) FROM audits) AND mod(l.id, 10) = 0 THEN 'open' ELSE 'done' END FROM audits a CROSS JOIN loops l",
+    "(SELECT max(id) FROM audits) AND mod(l.id, 10) = 0 THEN 'open' ELSE 'done' END FROM audits a CROSS JOIN loops l"
+    " ORDER BY a.id, l.id",
     "INSERT INTO series (loop_id, start_ns, end_ns, samples, fingerprint, packed)"
     " SELECT l.id, n * 100, n * 100 + 99, 1, n::text, decode('PACKED', 'hex')"
     " FROM loops l CROSS JOIN generate_series(1, 10) n",
+    "INSERT INTO audits (trigger, plant, state, config_json, config_fingerprint, window_h, window_samples, created_at,"
+    " ended_at, total) SELECT 'request', 'p', 'done', '', '', 1, 1, now(), now(), 1 FROM generate_series(1, 3000) n",
+    "INSERT INTO uploads (content_key, fingerprint, filename, size_bytes, received_at, ended_at, state)"
+    " SELECT n::text, md5(n::text), 'f', 1, now(), now(), 'done' FROM generate_series(1, 3000) n",
+    "INSERT INTO explanations (loop_id, state, asked_at, ended_at)"
+    " SELECT 1 + mod(n, 1500), 'done', now(), now() FROM generate_series(1, 3000) n",
+    "INSERT INTO deliveries (audit_id, receiver, state, ended_at)"
+    " SELECT id, 'mailto:me@example.org', 'done', now() FROM audits WHERE state = 'done'",
 )
 
 
@@ -124,14 +150,8 @@ def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None
     """SQLite begins where a condition tempts it to: of the loops, it would read the text of each one's row."""
     if not database.is_sqlite:
         pytest.skip("plans of SQLite")
-    told: list[str] = []
-
-    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
-        told.extend(row[3] for row in connection.connection.execute(f"EXPLAIN QUERY PLAN {statement}", parameters))
-
     with database.write() as connection:
-        event.listen(connection, "before_cursor_execute", note)
-        plants.changes(connection, 1, 10)
+        told = _steps(connection, lambda c: plants.changes(c, 1, 10))
     assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
 
 
@@ -143,6 +163,89 @@ def test_tags_are_found_without_comparing_each_with_each(plant: Database) -> Non
         assert loops.ids_of(connection, [*tags, "none"]).keys() == set(tags)
     assert plans
     assert not any("ANY" in node.get("Filter", "") for plan in plans for node in _nodes(plan))
+
+
+LEASE_S = 40.0
+LONG_AGO = datetime(2020, 1, 1, tzinfo=UTC)
+FINGERPRINT = "c4ca4238a0b923820dcc509a6f75849b"
+ALWAYS = {
+    "loops of lost workers": lambda c: items.reopen_expired(c, 3, LEASE_S),
+    "explanations of lost workers": lambda c: explanations.reopen_expired(c, 3, LEASE_S),
+    "digests of lost workers": lambda c: deliveries.reopen_expired(c, 8, LEASE_S),
+    "runs that are complete": audits.complete,
+    "runs to announce": lambda c: audits.to_announce(c, 20.0),
+    "uploads of lost readers": lambda c: uploads.give_up(c, 10, LEASE_S),
+    "uploads to announce": lambda c: uploads.to_announce(c, 20.0, LEASE_S),
+    "uploads that wait for room": uploads.waiting_for_room,
+    "uploads that are unread": uploads.unread_fingerprints,
+    "an unread upload before another": lambda c: receipts.unread_before(c, 5),
+    "uploads of the same bytes": lambda c: uploads.keys_of(c, FINGERPRINT, "{}"),
+    "whether bytes are needed": lambda c: retention.must_keep(c, FINGERPRINT, LONG_AGO),
+    "explanations to announce": lambda c: explanations.to_announce(c, 20.0),
+    "whether an explanation waits": explanations.any_waiting,
+    "an explanation to work on": lambda c: explanations.claim_next(c, "w", LEASE_S),
+    "digests that are due": deliveries.due,
+    "a digest to send": lambda c: deliveries.claim_next(c, "w", LEASE_S),
+    "what waits": figures.waiting,
+}
+GROWING = {"uploads", "explanations", "deliveries", "audits", *LARGE}
+WALK = re.compile(r"(?:SCAN|SEARCH) (\w+)(?: USING (?:COVERING )?INDEX (\w+))?")  # of an index too, without a condition
+OF_WHAT_IS_TO_DO = {
+    *("ix_uploads_unread", "ix_audits_unfinished", "ix_explanations_unfinished", "ix_deliveries_unfinished"),
+    *("ix_audit_items_open", "ix_audit_items_claimed"),
+}
+"""Indexes that stay small."""
+
+
+@pytest.fixture
+def filled(database: Database, request: pytest.FixtureRequest) -> Database:
+    return database if database.is_sqlite else request.getfixturevalue("plant")
+
+
+def test_what_is_asked_all_the_time_reads_what_is_to_do_however_much_was_done(filled: Database) -> None:
+    read = {name: _read_whole(filled, ask) & GROWING for name, ask in ALWAYS.items()}
+    assert not any(read.values()), read
+
+
+def test_failures_are_counted_without_those_of_all_runs(filled: Database) -> None:
+    assert "audit_items" not in _read_whole(filled, figures.collect)
+
+
+def test_what_is_old_is_found_loop_by_loop_and_run_by_run(filled: Database) -> None:
+    """At the end of each night a statement finds that nothing is left: it must not walk all there is."""
+    asked: list[Callable[[Connection], Any]] = [
+        lambda c: retention.drop_details(c, LONG_AGO, 500),
+        lambda c: retention.drop_verdicts(c, LONG_AGO, 500),
+    ]
+    if filled.is_sqlite:  # PostgreSQL would rather read so few stretches as there are here
+        asked.append(lambda c: retention.drop_series(c, 24.0, 500))
+    assert not [found for ask in asked if (found := _read_whole(filled, ask) & LARGE)]
+
+
+def _read_whole(database: Database, ask: Callable[[Connection], Any]) -> set[str]:
+    """The tables that are read from one end to the other."""
+    with database.write() as connection:
+        if database.is_sqlite:
+            steps = _steps(connection, ask)
+            assert steps
+            walked = [found for step in steps if (found := WALK.fullmatch(step))]
+            return {table for table, index in map(re.Match.groups, walked) if index not in OF_WHAT_IS_TO_DO}
+        nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
+        assert nodes
+        return {node["Relation Name"] for node in nodes if node["Node Type"] == "Seq Scan"}
+
+
+def _steps(connection: Connection, ask: Callable[[Connection], Any]) -> list[str]:
+    """Of SQLite's plans of the statements that `ask` sends."""
+    told: list[str] = []
+
+    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
+        told.extend(row[3] for row in connection.connection.execute(f"EXPLAIN QUERY PLAN {statement}", parameters))
+
+    event.listen(connection, "before_cursor_execute", note)
+    ask(connection)
+    event.remove(connection, "before_cursor_execute", note)
+    return told
 
 
 def _plans(connection: Connection, ask: Any, how: str = "") -> Iterator[dict[str, Any]]:

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zstandard
 from alembic.script import ScriptDirectory
 from sqlalchemy import Boolean, DateTime, Float, Integer, LargeBinary, MetaData, Table, insert, inspect, select, text
 from sqlalchemy.schema import Column
 
 from app.storage import Database, receipts, schema
-from app.storage.samples import Samples, pack
+from app.storage.samples import HEADER, Samples, pack
 
 RELEASED = ["0001"]
 ROWS = 3
@@ -122,17 +123,31 @@ def test_a_filled_data_base_goes_down_to_nothing_and_up(empty: Database) -> None
     fill(empty)
 
 
+DAMAGED = {
+    "no bytes": b"",
+    "no head": HEADER.pack(2, 1, 1) + b"5" + zstandard.compress(bytes(12)),
+    "no coding": HEADER.pack(2, 1, 12) + b'{"sp": null}' + zstandard.compress(bytes(12)),
+}
+
+
 def test_what_held_is_taken_from_stretches_that_an_older_version_stored(empty: Database) -> None:
+    """Those that are damaged are passed by."""
     samples = Samples(np.array([10, 20, 30]), {"sp": np.array([1.0, 2.0, np.nan]), "pv": np.array([1.0, 2.0, 3.0])})
     schema.migrate(empty, "0009")
     at = {"moment": "2026-01-01 00:00:00+00:00"}
     with empty.write() as connection:
         connection.execute(text("INSERT INTO loops (id, tag, created_at) VALUES (1, 'FIC1', :moment)"), at)
-        connection.execute(insert(found(empty)["series"]), [{**STRETCH, "packed": pack(samples)}])
+        for number, (name, packed) in enumerate({**DAMAGED, "whole": pack(samples)}.items()):
+            connection.execute(
+                insert(found(empty)["series"]), [{**STRETCH, "id": number, "fingerprint": name, "packed": packed}]
+            )
     schema.migrate(empty)
     with empty.read() as connection:
-        told = connection.execute(text("SELECT sp_ns, sp_last, mode_ns, mode_last FROM series")).one()
-    assert tuple(told) == (20, 2.0, None, None)
+        told = connection.execute(text("SELECT fingerprint, sp_ns, sp_last, mode_ns, mode_last FROM series")).all()
+    assert {tuple(row) for row in told} == {
+        ("whole", 20, 2.0, None, None),
+        *((name, None, None, None, None) for name in DAMAGED),
+    }
 
 
 TAGS = [

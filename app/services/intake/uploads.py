@@ -3,7 +3,9 @@ says what the content does not."""
 
 import hashlib
 import json
+import re
 import uuid
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -20,7 +22,7 @@ from app.services.intake import places
 from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
-from app.settings import sync_folder
+from app.settings import Settings, sync_folder
 from app.storage import uploads
 from app.storage.types import storable
 from app.storage.uploads import UploadRow
@@ -28,6 +30,7 @@ from app.storage.uploads import UploadRow
 COPY_BYTES = 1 << 20
 LONGEST_NAME = 255
 NAMELESS_DIGITS = 12
+STORED = re.compile("[0-9a-f]{64}")
 
 
 @dataclass(frozen=True)
@@ -230,6 +233,13 @@ def _whole(connection: Connection, upload_id: str) -> UploadView:
 
 def path_of(backend: Backend, fingerprint: str) -> Path:
     return backend.settings.uploads_dir / fingerprint
+
+
+def stored_files(settings: Settings) -> Iterator[Path]:
+    """The exports that are kept, by name. What else lies in their folder (lost+found, somebody's old ones) is no
+    upload's, and is left alone."""
+    named = (file for file in sorted(settings.uploads_dir.glob("*")) if STORED.fullmatch(file.name))
+    return (file for file in named if file.is_file())
 
 
 def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:

@@ -18,9 +18,10 @@ from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
 from app.services.backend import away_in_words
+from app.services.intake.uploads import stored_files
 from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone
-from app.services.upkeep.tables import refuse_missing
+from app.services.upkeep.tables import refuse_missing, refuse_newer
 from app.settings import Settings, sync_folder
 from app.storage import Database, copying, health, schema
 from app.storage.database import ProgramAddress, program_address
@@ -79,8 +80,8 @@ def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupR
     """Brings a backup back, then to this version's tables.
 
     One of SQLite goes into PostgreSQL too. Raises RequestError where the service is running, where a file is missing,
-    changed or not of the backup, where it is of PostgreSQL and goes into SQLite, where it is of a newer version, or,
-    unless `force`, where there are loops, uploads or keys already.
+    changed or not of the backup, where it is of PostgreSQL and goes into SQLite, where it is of a newer version, where
+    PostgreSQL has tables of a newer version, or, unless `force`, where there are loops, uploads or keys already.
     """
     told = _checked_manifest(folder)
     with away_in_words(*UNUSABLE), alone(settings):
@@ -102,6 +103,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
             raise RequestError("not_empty", "the data base is not empty; --force replaces what is in it")
         if not is_sqlite and told["database"] == POSTGRESQL:
             # What is restored replaces tables of its own version only: newer ones would stay, and hold on to it.
+            refuse_newer(schema.current_revision(database))
             schema.bring_to(database, told["schema"])
     finally:
         database.close()
@@ -195,7 +197,7 @@ def _settle(file: Path) -> None:
 
 def _copy_uploads(settings: Settings, target: Path) -> None:
     target.mkdir(mode=0o700)
-    for file in sorted(settings.uploads_dir.glob("[!.]*")):
+    for file in stored_files(settings):
         try:
             _put(file, target / file.name)
         except FileNotFoundError:

@@ -2,7 +2,6 @@
 
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -14,6 +13,7 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.auditing.nightly import latest_hour
 from app.services.backend import Backend
+from app.services.intake.uploads import stored_files
 from app.settings import Settings
 from app.storage import retention, uploads
 from app.storage.types import now
@@ -38,22 +38,32 @@ def retain_if_due(backend: Backend, moment: datetime | None = None) -> dict[str,
 
 
 def retain(backend: Backend, budget_s: float = float("inf"), batch: int = BATCH) -> dict[str, int]:
-    """Drops what is old until nothing is left or the time is up; how many rows of each kind."""
+    """Drops what is old until nothing is left or the time is up, of each kind a batch at least: one that takes long
+    keeps no other from being dropped. How many rows of each kind."""
     until = time.monotonic() + budget_s
-    dropped: Counter[str] = Counter()
+    dropped: dict[str, int] = {}
+    rest = False
     for kind, drop in _drops(backend, batch):
-        while time.monotonic() < until:
-            with backend.database.write() as connection:
-                count = drop(connection)
-            dropped[kind] += count
-            if not count:
-                break
-        else:
-            return dict(dropped)
+        dropped[kind], more = _drop_kind(backend, drop, until)
+        rest = rest or more
+    if rest:
+        return dropped
     dropped["files"] = _drop_files(backend)
     trail.record(backend, SCHEDULE, ACTION, "", "done", **dropped)
     log.info("what was old is dropped", extra=dict(dropped))
-    return dict(dropped)
+    return dropped
+
+
+def _drop_kind(backend: Backend, drop: Drop, until: float) -> tuple[int, bool]:
+    """How many rows, and whether there may be more of them."""
+    dropped = 0
+    while True:
+        with backend.database.write() as connection:
+            retention.one_at_a_time(connection)
+            count = drop(connection)
+        dropped += count
+        if not count or time.monotonic() >= until:
+            return dropped, count > 0
 
 
 def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
@@ -86,8 +96,7 @@ def _drop_files(backend: Backend) -> int:
     oldest = oldest_export(backend.settings)
     with backend.database.read() as connection:
         kept = retention.fingerprints_to_keep(connection, oldest)
-    unknown = (file for file in backend.settings.uploads_dir.iterdir() if not file.name.startswith("."))
-    return sum(_drop_file(backend, file, oldest) for file in unknown if file.name not in kept)
+    return sum(_drop_file(backend, file, oldest) for file in stored_files(backend.settings) if file.name not in kept)
 
 
 def oldest_export(settings: Settings) -> datetime | None:
