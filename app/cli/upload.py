@@ -51,7 +51,7 @@ def upload(
         DateOrder,
         typer.Option(
             "--date-order",
-            help="What stands first in dates such as 03/04/2026, where the file does not tell; auto: as it is set there.",
+            help="What stands first in dates such as 03/04/2026, where the file does not tell; auto: the service's.",
         ),
     ] = DateOrder.auto,
 ) -> None:
