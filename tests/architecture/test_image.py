@@ -28,9 +28,9 @@ def test_what_a_plant_sets_reaches_every_process_and_nothing_goes_before_it():
 
 
 def test_one_variable_sets_the_password_of_the_server_and_of_who_asks_it():
-    password = COMPOSE["services"]["postgres"]["environment"]["POSTGRES_PASSWORD"]
-    assert password == "${POSTGRES_PASSWORD:-loopaudit}"
-    assert f"://loopaudit:{password}@" in COMPOSE["services"]["api"]["environment"]["LOOPAUDIT_DATABASE_URL"]
+    told = COMPOSE["services"]["postgres"]["environment"]["POSTGRES_PASSWORD"]
+    assert told == "${POSTGRES_PASSWORD:-loopaudit}"
+    assert f"://loopaudit:{told}@" in COMPOSE["services"]["api"]["environment"]["LOOPAUDIT_DATABASE_URL"]
 
 
 def test_the_distribution_of_the_image_is_named_and_has_that_client():
