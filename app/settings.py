@@ -76,7 +76,9 @@ class Settings(BaseSettings):
     )
     database_url: str = Field("", description="SQLAlchemy address of the data base; empty: SQLite in the data folder.")
     broker_url: str = Field(
-        "", description="Address of Celery's broker: redis://... ; empty: a folder in the data folder."
+        "",
+        description="Address of Celery's broker (redis://, rediss://, amqp://, amqps://): worker and schedule then are "
+        "`loopaudit worker` and `beat`; empty: a folder in the data folder, and `serve` runs both itself.",
     )
     plant: str = Field(
         "plant", description="Name of the plant; there is one nightly audit a plant and date.", max_length=100
@@ -95,15 +97,18 @@ class Settings(BaseSettings):
     allowed_hosts: str = Field(
         "", description="Names by which the service may be called, with commas between; empty: see docs/SECURITY.md."
     )
-    session_h: float = Field(12.0, gt=0, le=720, description="A login lasts at most this long, in hours.")
+    session_h: float = Field(12.0, gt=0, le=720, description="A login lasts at most this long, in hours; 720 at most.")
     session_idle_min: float = Field(
-        120.0, ge=10, le=43_200, description="A login that is not used for this long ends before that, in minutes."
+        120.0,
+        ge=10,
+        le=43_200,
+        description="A login that is not used for this long ends before that, in minutes; 10 at least.",
     )
     key_recheck_s: float = Field(
         5.0,
         ge=0,
         le=300,
-        description="A key that was good is believed this long: the delay of a revocation, in seconds.",
+        description="A key that was good is believed this long: the delay of a revocation, in seconds; 300 at most.",
     )
     rate_limit_url: str = Field(
         "", description="redis://... where several API processes count a key's requests together; empty: each alone."
@@ -116,38 +121,57 @@ class Settings(BaseSettings):
         "info", description="Least weight of what is logged."
     )
 
-    window_h: float = Field(168.0, gt=0, description="An audit takes at most the newest hours of a loop's samples.")
-    window_samples: int = Field(30_000, ge=100, description="An audit takes at most the newest samples of a loop.")
+    window_h: float = Field(
+        168.0, gt=0, description="An audit takes a loop's samples of at most so many hours, the newest."
+    )
+    window_samples: int = Field(
+        30_000, ge=100, description="An audit takes at most this many samples of a loop, the newest; 100 at least."
+    )
     hold_days: float = Field(
         35.0,
         ge=0,
-        description="A set point or mode stated before a window holds in it, unless that was more days before.",
+        description="A set point or a mode that was recorded before the window of an audit holds for at most so many "
+        "days.",
     )
-    chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time.")
-    chunk_budget_s: float = Field(10.0, gt=0, description="A task goes on claiming for this time, in seconds.")
+    chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time; 1000 at most.")
+    chunk_budget_s: float = Field(
+        10.0,
+        gt=0,
+        description="A task goes on claiming for this time, in seconds; with LOOPAUDIT_LOOP_LIMIT_S at most 560.",
+    )
     fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")
-    loop_limit_s: float = Field(20.0, gt=0, description="Time limit of one loop's audit, in seconds.")
+    loop_limit_s: float = Field(
+        20.0,
+        gt=0,
+        description="Time limit of one loop's audit, in seconds; at most half of LOOPAUDIT_LEASE_S, and with "
+        "LOOPAUDIT_CHUNK_BUDGET_S at most 560.",
+    )
     explanation_samples: int = Field(
-        20_000, ge=100, description="An explanation takes at most this many samples of a loop."
+        20_000, ge=100, description="An explanation takes at most this many samples of a loop; 100 at least."
     )
     explanation_limit_s: float = Field(
         180.0,
         gt=0,
         le=(TASK_LIMIT_S - TASK_ROOM_S) / PARTS_OF_EXPLAINING,
-        description="Time limit of one explanation, in seconds.",
+        description="Time limit of each of the two parts of an explanation, in seconds; 280 at most.",
     )
     nightly_explanations: int = Field(
-        5, ge=0, le=1000, description="How many of a night's worst loops are explained; 0: none."
+        5, ge=0, le=1000, description="How many of a night's worst loops are explained; 0: none; 1000 at most."
     )
     lease_s: float = Field(
-        40.0, gt=0, description="A claim that is not renewed is given to another worker after this time."
+        40.0,
+        gt=0,
+        description="A claim that is not renewed is given to another worker after this time, in seconds; at least "
+        "twice LOOPAUDIT_LOOP_LIMIT_S.",
     )
     max_attempts: int = Field(3, ge=1, description="How often a loop is tried that takes its worker down.")
     max_reading_attempts: int = Field(10, ge=1, description="How often an upload is tried that takes its worker down.")
     sweep_s: float = Field(
         5.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds."
     )
-    stalled_s: float = Field(20.0, gt=0, description="Open work that nobody claims for this time is announced again.")
+    stalled_s: float = Field(
+        20.0, gt=0, description="Open work that nobody claims for this time, in seconds, is announced again."
+    )
 
     keep_series_days: int = Field(
         400, ge=0, description="Samples are kept for this long before the newest one of their loop; 0: for ever."
@@ -185,10 +209,14 @@ class Settings(BaseSettings):
     digest_smtp_port: int = Field(587, ge=1, le=65535, description="Port of the mail server.")
     digest_smtp_user: str = Field("", description="User at the mail server; empty: no login.")
     digest_smtp_password: SecretStr = Field(SecretStr(""), description="Password at the mail server.")
-    digest_smtp_starttls: bool = Field(True, description="Encrypt the way to the mail server (STARTTLS).")
+    digest_smtp_starttls: bool = Field(
+        True,
+        description="Encrypt the way to the mail server by STARTTLS; false: in clear. TLS from the start (port 465) is "
+        "not there.",
+    )
     digest_mail_from: str = Field("", description="Address that the digest's mail comes from; needed for mail.")
     digest_attempts: int = Field(
-        8, ge=1, le=20, description="How often a digest is tried, later and later, before it is given up."
+        8, ge=1, le=20, description="How often a digest is tried, later and later, before it is given up; 20 at most."
     )
 
     max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
@@ -202,17 +230,29 @@ class Settings(BaseSettings):
     max_uploads: int = Field(64, ge=1, description="Uploads that an API process receives at once.")
     max_streams: int = Field(200, ge=1, description="Event streams that an API process serves at once.")
     max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
-    buffered_samples: int = Field(6_000_000, ge=1000, description="Values that reading an upload keeps in memory.")
-    statement_timeout_s: float = Field(15.0, gt=0, description="Limit of a statement of the API on PostgreSQL.")
-    worker_statement_timeout_s: float = Field(
-        600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL."
+    buffered_samples: int = Field(
+        6_000_000, ge=1000, description="Values that reading an upload keeps in memory; 1000 at least."
     )
-    pool_size: int = Field(5, ge=1, description="Connections that a process keeps to PostgreSQL.")
+    statement_timeout_s: float = Field(
+        15.0, gt=0, description="Limit of a statement of the API on PostgreSQL, in seconds."
+    )
+    worker_statement_timeout_s: float = Field(
+        600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL, in seconds."
+    )
+    pool_size: int = Field(
+        5,
+        ge=1,
+        description="Connections to PostgreSQL that each of a process's two pools (to read, to write) keeps; each "
+        "opens as many again where these are not enough: four times as many a process at most.",
+    )
     worker_memory_mb: int = Field(
-        400, ge=100, description="A worker process above this size is replaced between tasks."
+        400, ge=100, description="A worker process above this size, in MB, is replaced between tasks; 100 at least."
     )
     worker_nice: int = Field(
-        10, ge=0, le=19, description="Workers yield the processor to the API and the data base by this much (nice)."
+        10,
+        ge=0,
+        le=19,
+        description="Workers yield the processor to the API and the data base by this much (nice, 0 to 19).",
     )
     worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
 

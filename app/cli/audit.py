@@ -17,7 +17,7 @@ from app.cli import interrupts
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.outputs import is_stream, part_of, written
-from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
+from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 from app.threads import OF_LINEAR_ALGEBRA, OF_READING, limit_to_one
 
@@ -66,7 +66,7 @@ def audit(
     out: Annotated[Path | None, typer.Option("--out", help="Write the results here instead of stdout.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=0, help="Processes, one thread each; 0: one a core.")] = 0,
     time_zone: TimeZoneOption = "UTC",
-    date_order: DateOrderOption = None,
+    date_order: DateOrderOption = DateOrder.auto,
     mapping: MappingOption = None,
 ) -> None:
     """Audit files or folders of recordings without a service: one line a recording.

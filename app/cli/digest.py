@@ -30,8 +30,8 @@ def digest(
         str | None,
         typer.Option(
             "--audit",
-            help="The run; without it the newest night's, or that of a run of the plant which somebody asked for, "
-            "where no night began within the day before it.",
+            help="The run; without it the newest nightly run or, if no night began in the 24 hours before the newest "
+            "run of the whole plant, that run.",
         ),
     ] = None,
     send: Annotated[

@@ -13,7 +13,7 @@ import typer
 
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
-from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
+from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
 from app.errors import LoopauditError, RequestError
 from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
 
@@ -63,7 +63,7 @@ def explain(
     ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Only where they differ, in a second, no names.")] = False,
     time_zone: TimeZoneOption = "UTC",
-    date_order: DateOrderOption = None,
+    date_order: DateOrderOption = DateOrder.auto,
 ) -> None:
     """Compare a recording with a simulation: where they differ, which physics was left out, and the fit with it.
 

@@ -10,7 +10,7 @@ import typer
 from app.cli.audit import FORMS, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, say
-from app.cli.stamps import DateOrderOption, TimeZoneOption, read_in
+from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 from app.services.moments import moment_of
 
@@ -26,7 +26,7 @@ MOSTLY = 0.5
 def inspect(
     paths: Annotated[list[Path], typer.Argument(help=f"Exports or recordings, or folders of them: {FORMS}.")],
     time_zone: TimeZoneOption = "UTC",
-    date_order: DateOrderOption = None,
+    date_order: DateOrderOption = DateOrder.auto,
     mapping: MappingOption = None,
 ) -> None:
     """Say what files hold, before anything is sent: layout, loops, times, and what would be refused and why.

@@ -38,7 +38,8 @@ from app.errors import LoopauditError, RequestError
 
 EPILOG = (
     "Results go to stdout, messages to stderr. "
-    "Exit codes: 0 done, 1 some inputs failed, 2 wrong usage, nothing usable or no room for the results."
+    "Exit codes: 0 done, 1 some inputs failed, 2 wrong usage, nothing usable, too long a wait or no room for the "
+    "results, 130 interrupted."
 )
 INTERRUPTED = 128 + signal.SIGINT
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)

@@ -25,19 +25,23 @@ def nightly(
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the end, or only start the audit.")] = True,
     timeout_s: Annotated[float, typer.Option("--timeout", min=1, help="Seconds to wait.")] = 6 * 3600.0,
 ) -> None:
-    """Audit the whole plant once, now: for cron, where the schedule of `beat` is not wanted.
+    """Audit the whole plant once, now.
 
     It is the night of today's date, also before LOOPAUDIT_NIGHTLY_AT: the schedule then begins none on that date. A
     night that is under way is waited for; once it has ended, this makes one more run beside it.
 
-    The run and how it ended are printed as JSON. Exit code 1: some loops failed; 2: there are no loops. On the embedded
-    default this command does the work together with the worker of `serve`, or alone where none runs.
+    Where `serve` (without LOOPAUDIT_BROKER_URL) or `beat` runs, no cron is needed: they start the night at
+    LOOPAUDIT_NIGHTLY_AT. Cron is for where neither runs.
+
+    The run and how it ended are printed as JSON. Exit code 1: some loops failed; 2: there are no loops, the service is
+    not ready, or the run has not ended after --timeout (it goes on). On the embedded default this command does the work
+    together with the worker of `serve`, or alone where none runs.
 
     [bold]Examples[/bold]
 
       loopaudit nightly
 
-      15 2 * * *  LOOPAUDIT_DATA_DIR=/srv/loopaudit loopaudit nightly
+      LOOPAUDIT_DATA_DIR=/srv/loopaudit loopaudit nightly --no-wait
     """
     from dataclasses import asdict
 

@@ -29,9 +29,9 @@ def serve(
 ) -> None:
     """Serve API and pages; on the embedded default (SQLite, no broker server) worker and schedule run beside it.
 
-    With LOOPAUDIT_DATABASE_URL and LOOPAUDIT_BROKER_URL set, only API and pages: start `loopaudit worker` and
-    `loopaudit beat` for themselves. SIGTERM or Ctrl-C stops everything that was started. On the embedded default a data
-    folder has one server: a second one is refused, and further `loopaudit worker` may run beside it.
+    With LOOPAUDIT_BROKER_URL set, only API and pages: start `loopaudit worker` and `loopaudit beat` for themselves.
+    Otherwise it starts one worker of one process. SIGTERM or Ctrl-C stops everything that was started. On the embedded
+    default a data folder has one server: a second one is refused, and further `loopaudit worker` may run beside it.
 
     [bold]Examples[/bold]
 

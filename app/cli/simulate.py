@@ -10,10 +10,11 @@ import typer
 
 from app.cli.messages import ExitCode, say
 from app.cli.outputs import written
-from app.cli.stamps import read_in
+from app.cli.stamps import DateOrder, read_in
 
 if TYPE_CHECKING:
     from app.engine.simulate import Plant, Signal, SimulatedLoop, Valve
+    from app.ingest import IngestOptions
 
 PROCESS, CONTROLLER, VALVE, UPSETS = "Process", "Controller", "Valve", "What happens to the loop"
 EXPLAINED = "An explained model"
@@ -90,8 +91,22 @@ def simulate(
     pv: Annotated[str | None, typer.Option("--pv", help="Its column of PV.", rich_help_panel=EXPLAINED)] = None,
     time_zone: Annotated[
         str,
-        typer.Option("--time-zone", help="Zone of its time stamps that name none (IANA).", rich_help_panel=EXPLAINED),
+        typer.Option(
+            "--time-zone",
+            envvar="LOOPAUDIT_TIME_ZONE",
+            help="Zone of its time stamps that name none (IANA).",
+            rich_help_panel=EXPLAINED,
+        ),
     ] = "UTC",
+    date_order: Annotated[
+        DateOrder,
+        typer.Option(
+            "--date-order",
+            envvar="LOOPAUDIT_DATE_ORDER",
+            help="What stands first in its dates such as 03/04/2026, where it does not tell.",
+            rich_help_panel=EXPLAINED,
+        ),
+    ] = DateOrder.auto,
     with_valve: bool = typer.Option(False, "--with-valve", help="Add the column V: where the valve really is."),
 ) -> None:
     """Simulate a loop in closed loop and write its recording: time,SP,PV,OP as CSV; or an explained model along OP.
@@ -110,7 +125,7 @@ def simulate(
     """
     refuse_without_effect(valve, d, S, J)
     if model is not None or recording is not None:
-        _simulate_explained(model, recording, (op, pv), time_zone, out)
+        _simulate_explained(model, recording, (op, pv), read_in(time_zone, date_order), out)
         raise typer.Exit(ExitCode.DONE)
     from app.engine.simulate import LoopSpec, Pid, Signal, simulate_loop
 
@@ -146,7 +161,7 @@ def _simulate_explained(
     model: Path | None,
     recording: Path | None,
     columns: tuple[str | None, str | None],
-    time_zone: str,
+    options: "IngestOptions",
     out: Path | None,
 ) -> None:
     from app.errors import RequestError
@@ -156,7 +171,7 @@ def _simulate_explained(
     if model is None or recording is None:
         raise RequestError("model_invalid", "--model and --recording belong together: a model needs an OP to drive it")
     with written(out, [model, recording]) as stream:
-        found = simulate_files(model, recording, Columns(*columns), read_in(time_zone))
+        found = simulate_files(model, recording, Columns(*columns), options)
         stream.write("time,OP,PV\n")
         for row in zip(found.time_s, found.op, found.pv, strict=True):
             stream.write(",".join(f"{value:.8g}" for value in row) + "\n")

@@ -1,4 +1,4 @@
-"""`--time-zone ZONE`, `--date-order day|month`: how a file's stamps were written where they do not tell it."""
+"""`--time-zone ZONE`, `--date-order auto|day|month`: how a file's stamps were written where they do not tell it."""
 
 import time
 from enum import StrEnum
@@ -11,8 +11,9 @@ if TYPE_CHECKING:
 
 
 class DateOrder(StrEnum):
-    """What stands first in dates such as 03/04/2026."""
+    """What stands first in dates such as 03/04/2026; auto: what the file makes likely."""
 
+    auto = "auto"
     day = "day"
     month = "month"
 
@@ -22,15 +23,19 @@ TimeZoneOption = Annotated[
     typer.Option("--time-zone", envvar="LOOPAUDIT_TIME_ZONE", help="Zone of time stamps that name none (IANA)."),
 ]
 DateOrderOption = Annotated[
-    DateOrder | None,
-    typer.Option("--date-order", help="What stands first in dates such as 03/04/2026, where the file does not tell."),
+    DateOrder,
+    typer.Option(
+        "--date-order",
+        envvar="LOOPAUDIT_DATE_ORDER",
+        help="What stands first in dates such as 03/04/2026, where the file does not tell.",
+    ),
 ]
 
 
-def read_in(time_zone: str, date_order: DateOrder | None = None) -> "IngestOptions":
+def read_in(time_zone: str, date_order: DateOrder = DateOrder.auto) -> "IngestOptions":
     """How files are read then, now. Raises DataError("unknown_time_zone") before any of them is opened."""
     from app.ingest import IngestOptions, check_time_zone
 
     check_time_zone(time_zone)
-    day_first = None if date_order is None else date_order is DateOrder.day
+    day_first = None if date_order is DateOrder.auto else date_order is DateOrder.day
     return IngestOptions(time_zone=time_zone, day_first=day_first, now_ns=time.time_ns())

@@ -10,7 +10,7 @@ import typer
 from app.cli.audit import FORMS, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
-from app.cli.stamps import DateOrderOption
+from app.cli.stamps import DateOrder
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -47,12 +47,18 @@ def upload(
         str | None,
         typer.Option("--time-zone", help="Zone of time stamps that name none (IANA); without it, the service's."),
     ] = None,
-    date_order: DateOrderOption = None,
+    date_order: Annotated[
+        DateOrder,
+        typer.Option(
+            "--date-order",
+            help="What stands first in dates such as 03/04/2026, where the file does not tell; auto: the service's.",
+        ),
+    ] = DateOrder.auto,
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
-    Exit code 1: some files were refused, or (told by --wait) hold no loop or came damaged; 2: all of them were refused
-    or hold no loop.
+    Exit code 1: some files were refused, or (told by --wait) hold no loop, came damaged, or were not read within
+    --timeout; 2: no file could be used, or none was read within --timeout.
 
     [bold]Examples[/bold]
 
@@ -65,7 +71,8 @@ def upload(
     from app.cli.client import ServiceClient
 
     files = recording_files(paths)
-    how = Reading(mapping_bytes(mapping), time_zone, date_order)
+    order = None if date_order is DateOrder.auto else date_order.value
+    how = Reading(mapping_bytes(mapping), time_zone, order)
     failures = empty = damaged = 0
     with ServiceClient(url, key) as client:
         await_start(client)
@@ -130,7 +137,8 @@ def report(file: Path, state: Mapping[str, Any]) -> None:
     for note in state.get("notes") or ():
         say(f"{file}: {note}")
     for reject in (state.get("rejects") or ())[:3]:
-        say(f"{file}: line {reject['line']}: {reject['text']} [{reject['code']}]")
+        where = "" if reject["line"] is None else f"line {reject['line']}: "
+        say(f"{file}: {where}{reject['text']} [{reject['code']}]")
 
 
 def holds_no_loop(file: Path, state: Mapping[str, Any]) -> bool:

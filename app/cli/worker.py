@@ -23,7 +23,9 @@ def worker(
 ) -> None:
     """Run a worker: it reads uploads and audits loops until it is told to stop (SIGTERM, Ctrl-C).
 
-    Start as many as there are cores to spare, on any machine that reaches the data base and the broker.
+    Start as many processes as there are cores to spare. A worker on another machine needs the same data base and
+    broker, and the same folder LOOPAUDIT_DATA_DIR on a shared file system: it reads the exports there. One that does
+    not see them audits all the same, but an upload stays `received` until a worker that sees its file takes it.
 
     [bold]Examples[/bold]
 

@@ -23,6 +23,16 @@ def test_every_setting_stands_in_the_table_with_its_meaning():
     assert {name: meaning for name, meaning in listed.items() if name not in OF_THE_CLIENT} == settings
 
 
+@pytest.mark.parametrize("name", [name for name in Settings.model_fields if not name.endswith("_port")])
+def test_what_a_value_is_refused_for_stands_in_its_meaning(name):
+    field = Settings.model_fields[name]
+    ends = [getattr(limit, end) for limit in field.metadata for end in ("ge", "le") if hasattr(limit, end)]
+    told = [int(number.replace(",", "")) for number in re.findall(r"\d[\d,]*", field.description)]
+    asked = [int(end) for end in ends if end not in (0, 1)]
+    weeks = 43_200  # minutes, for which nobody asks
+    assert not {end for end in asked if end != weeks} - set(told)
+
+
 @pytest.mark.parametrize(("variable", "default"), [(name, default) for name, default, _ in ROWS if default])
 def test_the_defaults_in_the_table_are_the_defaults(monkeypatch, variable, default):
     if variable in OF_THE_CLIENT:

@@ -59,6 +59,7 @@ def test_help_lists_every_command_and_the_exit_codes():
     text = " ".join(run("--help").stdout.split())
     assert all(f" {command} " in text for command in COMMANDS)
     assert "0 done, 1 some inputs" in text
+    assert "130 interrupted" in text
 
 
 def every_command(of: click.Command, *names: str) -> Iterator[tuple[str, ...]]:

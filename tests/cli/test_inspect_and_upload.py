@@ -10,6 +10,7 @@ import httpx
 import numpy as np
 import pytest
 from scipy.io import savemat
+from typer.main import get_command
 from typer.testing import CliRunner, Result
 
 from app.cli.client import ServiceClient
@@ -28,6 +29,9 @@ from app.settings import Settings
 WIDE = "DateTime,FIC1.PV,FIC1.OP,FIC2.PV\n" + "".join(
     f"2026-01-01T00:00:{k:02d}Z,{50 + k % 7},{40 + k % 5},{k}\n" for k in range(60)
 )
+
+
+ANSWER = {"id": "1", "state": "done", "loops": ["A"], "notes": [], "rejects": []}
 
 
 @pytest.fixture(autouse=True)
@@ -189,6 +193,40 @@ def test_the_order_of_day_and_month_can_be_said(serve, tmp_path):
         read_upload(backend, int(done.stdout.split("\t")[1]), owner="test")
         backend.close()
         assert connection.get("/v1/loops/FIC1").json()["samples_to"] == "2026-02-03T12:00:59Z"
+
+
+def test_the_order_of_day_and_month_of_the_settings_holds_for_files_too(tmp_path, monkeypatch):
+    export = tmp_path / "local.csv"
+    export.write_text("Time,FIC1.PV,FIC1.OP\n" + "".join(f"02/03/2026 12:00:{k:02d},{k},{k}\n" for k in range(60)))
+    monkeypatch.setenv("LOOPAUDIT_DATE_ORDER", "month")
+    assert "2026-02-03 12:00:00" in run("inspect", export).stdout
+    assert "2026-03-02 12:00:00" in run("inspect", export, "--date-order", "day").stdout
+    monkeypatch.setenv("LOOPAUDIT_DATE_ORDER", "auto")
+    assert "2026-03-02 12:00:00" in run("inspect", export).stdout
+
+
+@pytest.mark.parametrize("command", ["audit", "inspect", "explain", "simulate"])
+def test_commands_that_read_files_take_zone_and_order_from_the_settings(command):
+    from app.cli.main import cli
+
+    named = {option.name: option.envvar for option in get_command(cli).commands[command].params}
+    assert named["time_zone"] == "LOOPAUDIT_TIME_ZONE"
+    assert named["date_order"] == "LOOPAUDIT_DATE_ORDER"
+
+
+def test_an_upload_leaves_the_order_to_the_service_whatever_this_machine_has(tmp_path, monkeypatch):
+    sent = []
+    monkeypatch.setattr("app.cli.upload.send", lambda _, file, wait, how: sent.append(how.date_order) or ANSWER)
+    (tmp_path / "plant.csv").write_text(WIDE)
+    monkeypatch.setenv("LOOPAUDIT_DATE_ORDER", "month")
+    for order in ((), ("--date-order", "auto"), ("--date-order", "day")):
+        assert run("upload", tmp_path / "plant.csv", *order).exit_code == 0
+    assert sent == [None, None, "day"]
+
+
+def test_a_refused_value_without_a_line_is_told_without_one(tmp_path, capsys):
+    report(tmp_path / "a.xlsx", ANSWER | {"rejects": [{"line": None, "text": "sheet B: no times", "code": "no_times"}]})
+    assert capsys.readouterr().err == f"{tmp_path / 'a.xlsx'}: sheet B: no times [no_times]\n"
 
 
 def test_dates_ahead_of_the_clock_are_not_read_where_others_can_be(tmp_path, monkeypatch):

@@ -88,7 +88,7 @@ def test_a_dotted_half_of_the_day_tells_no_american_date(read: Read) -> None:
     stamps = [f"05/11/2026 {hour}:{minute:02d} a.m." for hour in range(1, 10) for minute in range(60)]
     content = read("Time;A.PV;A.OP\n" + "".join(f"{stamp};{i};1{i}\n" for i, stamp in enumerate(stamps)))
     assert content.loops["A"].time_ns[0] == np.datetime64("2026-11-05T01:00", "ns").astype(np.int64)
-    assert "also possible: %m/%d/%Y" in content.summary.notes[0]
+    assert "`--date-order month` reads" in content.summary.notes[0]
 
 
 def test_months_that_are_spelled_in_full_from_some_row_on(read: Read) -> None:

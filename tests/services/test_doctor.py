@@ -37,6 +37,11 @@ def test_a_sound_installation_has_no_problem(plant):
     assert found["data folder"] == "ok"
 
 
+def test_where_no_loop_waits_it_is_not_said_that_a_worker_runs(plant):
+    (workers,) = (check for check in doctor.examine(plant.settings) if check.name == "workers")
+    assert workers == doctor.Check("workers", "ok", "no loop waits; whether a worker runs shows only while loops wait")
+
+
 def test_a_slow_data_base_is_told_with_advice(plant, monkeypatch):
     monkeypatch.setattr(doctor, "SLOW_DATABASE_S", 0.0)
     slow = doctor.reachable(plant)

@@ -14,6 +14,7 @@ YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
 AMBIGUOUS = (*DAY_FIRST, *MONTH_FIRST, *YEAR_FIRST)
 CLOCKS_APART_NS = 86_400 * NS_PER_S  # another clock, another zone
 _DATE = 8  # characters of a format
+EXAMPLES = {"day": "03/04/2026 is 3 April", "month": "03/04/2026 is 4 March", "year": "26/04/03 is 3 April 2026"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +46,28 @@ def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
     rivals = _others([*ranked[1:], *(reading for reading in readings if reading not in past)], chosen)
     if not rivals:
         return Chosen(chosen.format, notes=_unlike_said(chosen, options))
-    why = "the rows do not tell which; the usual one was taken"
+    why = "nothing in the file tells"
     if not _others(past, chosen):
         why = "read otherwise, times lie ahead of the clock"
     elif _unevenness(ranked[1]) > _unevenness(chosen):
         why = "time runs forward most evenly so"
-    note = f"the order of day and month was read as {chosen.format} ({why}; also possible: {', '.join(rivals)})"
+    note = f"dates were read {_example(chosen.format)}, because {why}; {_otherwise(rivals)}"
     return Chosen(chosen.format, rivals, (*_unlike_said(chosen, options), note))
+
+
+def _first(format_: str) -> str:
+    """What stands first in it."""
+    return "day" if format_.startswith(DAY_FIRST) else "month" if format_.startswith(MONTH_FIRST) else "year"
+
+
+def _example(format_: str) -> str:
+    return f"{(first := _first(format_))} first ({EXAMPLES[first]})"
+
+
+def _otherwise(rivals: Sequence[str]) -> str:
+    """How else they can be read, and how that is asked for: that the year stands first cannot be said."""
+    sayable = [first for first in map(_first, rivals) if first != "year"]
+    return f"`--date-order {sayable[0]}` reads them the other way" if sayable else "the year may stand first too"
 
 
 def _is_said(reading: Reading, options: IngestOptions) -> bool:

@@ -3,9 +3,16 @@
 import math
 
 from app.lab.bench.bench import Figures
+from app.settings import Settings
 
 LOOPS = 100_000
 NIGHT_H = 6.0
+KEPT_DAYS = {
+    "series": Settings.model_fields["keep_series_days"].default,
+    "verdict_details": Settings.model_fields["keep_details_days"].default,
+    "verdicts": Settings.model_fields["keep_verdicts_days"].default,
+}
+"""Unless it is set otherwise."""
 
 
 def growth(sections: Figures) -> str:
@@ -43,16 +50,16 @@ def _storage(plant: Figures) -> list[str]:
 
 
 def _first(plant: Figures, sections: Figures) -> list[str]:
-    series = plant["storage"]["series"] * LOOPS / 1e9
     table_kb = sections.get("api", {}).get("busy", {}).get("table, whole", {}).get("kb")
     loops = sections.get("api", {}).get("loops") or 1
     whole = f": with 100,000 rows {table_kb / loops * LOOPS / 1e3:.0f} MB" if table_kb else ""
     return [
         "What breaks first, in this order, and what to add then:",
         "",
-        f"1. **Disk, by series**: {series:.1f} GB a night. Keep weeks, not years (an audit reads the newest week), or "
-        "put the packed stretches into object storage and leave their keys in PostgreSQL. Where months are kept, "
-        "partition `series` by month: retention is then a DROP instead of millions of deletes.",
+        f"1. **Disk**: {_disk(plant['storage'])}. Keep series for weeks (an audit reads the newest week) and "
+        "`verdict_details` for a month, or put the packed stretches of series into object storage and leave their keys "
+        "in PostgreSQL. Where months are kept, partition both by month: retention is then a DROP instead of millions "
+        "of deletes.",
         f"2. **Answers that hold every loop**{whole}. They end at 20,000 rows: take pages, or a unit at a time.",
         "3. **Worker hours**: add workers on other machines. A claim is one short statement for a chunk of loops; some "
         "dozens of workers share a data base before claims are felt.",
@@ -61,3 +68,13 @@ def _first(plant: Figures, sections: Figures) -> list[str]:
         "5. **One file with the whole day**: 430 million values. It goes through in the same memory, but one worker "
         "reads it: send a file a unit, and as many workers read as there are files.",
     ]
+
+
+def _disk(per: Figures) -> str:
+    """Bytes a night, and what they come to with the days for which they are kept."""
+    a_night = {name: per[name] * LOOPS / 1e9 for name in KEPT_DAYS}
+    parts = ", ".join(f"{size:.1f} of `{name}`" for name, size in a_night.items())
+    kept = ", ".join(
+        f"{size * KEPT_DAYS[name]:,.0f} GB of `{name}` ({KEPT_DAYS[name]:,} days)" for name, size in a_night.items()
+    )
+    return f"{sum(a_night.values()):.1f} GB a night ({parts}); with the default retention {kept}"

@@ -22,9 +22,9 @@ def _began_to_stick(hour: str) -> str:
 
 def _has_band(quarter: str) -> str:
     return (
-        f"When somebody is at the valve anyway, have OP moved in steps of {quarter}, some up, then some down, and the "
-        "stem watched: it may stick, or have play, by so much, though the loop does not cycle for it. A load that "
-        "switches to and fro looks the same."
+        f"When somebody works at the valve anyway, have OP moved in steps of {quarter}, a few up, then a few down, and "
+        "watch the stem. The valve may stick or have play by as much as that band, although the loop does not swing. A "
+        "load that switches to and fro looks the same."
     )
 
 
@@ -328,10 +328,13 @@ OF_ANY = (
     ("repaired, and too little recorded since", Ask.WAIT),
     (
         "repaired in the last fortnight, and the valve sticks since, rely on it",
-        f"That the repair did not help, with its day and its work order: {REOPEN}",
+        "The page says that the repair of that day (with its work order) did not help. Reopen the work order.",
     ),
     ("shelved, and nothing got worse in kind since", Ask.WAIT_ON_SHELF),
-    ("look first, for too few swings", f"The step for it. {LONGER}: so many hours."),
+    (
+        "look first, for too few swings",
+        "Do what the line above for this verdict says, and have a longer record audited: the page says how many hours.",
+    ),
 )
 
 

@@ -118,7 +118,8 @@ def disk(settings: Settings) -> Check:
     if free < LEAST_FREE_BYTES:
         return Check("disk", "problem", found, "make room: uploads are refused (507) and /readyz says not_ready")
     if free < COMFORTABLE_FREE_BYTES:
-        return Check("disk", "warning", found, "a night of 14,000 loops needs some 0.3 GiB; make room in time")
+        advice = "a night of 14,000 loops needs some 0.3 GiB, and its export (CSV) 0.4 to 2.5; make room in time"
+        return Check("disk", "warning", found, advice)
     return Check("disk", "ok", found)
 
 
@@ -217,7 +218,8 @@ def workers(backend: Backend) -> Check:
             "workers", "problem", f"loops have waited for {found.standstill_s:.0f} s and nobody took any", advice
         )
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
-    return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else "nothing to do")
+    none = "no loop waits; whether a worker runs shows only while loops wait"
+    return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else none)
 
 
 def oldest_work(backend: Backend) -> Check:
