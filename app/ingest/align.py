@@ -4,18 +4,25 @@ Signals of one loop that were sampled together (wide files, scans of a historian
 of them has no value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row
 by row: PV's times are the base, and each other signal is brought to them: OP and further signals by straight lines
 between their samples (that is what a swinging door keeps), SP and MODE by their last known value (they step). Nothing
-is extrapolated beyond a signal's last sample except a step. `LoopSamples.resampled` names the signals that were treated
-so.
+is extrapolated beyond a signal's last sample except a step, and no line is drawn over a hole: over a value that was
+refused, or an interval far longer than the signal's long ones. `LoopSamples.resampled` names the signals that were
+treated so.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray, LoopSamples, SignalBlock, TimeArray
 
+BoolArray = NDArray[np.bool_]
+
 SHARED_TIMES = 0.5  # of the rarer signal's times found among PV's: sampled together
+HOLE_INTERVALS = 10.0  # of the signal's long ones; compression leaves a few times as long ones where it moves little
+LONG = 0.95  # of the intervals are not longer than a long one
+EVEN = 1.5  # times the usual interval: whose long ones are shorter is sampled evenly, and not stored when it changes
 _STEPS = frozenset(("SP", "MODE"))
 
 
@@ -132,6 +139,23 @@ def _between(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
     times, values = block.time_ns[given], block.value[given]
     if not len(times):
         return np.full(len(time_ns), np.nan)
-    return np.interp(
+    line = np.interp(
         (time_ns - times[0]).astype(np.float64), (times - times[0]).astype(np.float64), values, np.nan, np.nan
     )
+    before = np.searchsorted(times, time_ns, side="right") - 1
+    in_hole = _holes(block.time_ns, block.value)[before] & (times[before] < time_ns)
+    return np.where(in_hole, np.nan, line)
+
+
+def _holes(time_ns: TimeArray, value: FloatArray) -> BoolArray:
+    """By known value: whether nothing is known between it and the next one. A signal that is not sampled evenly is kept
+    where it stands still, however long."""
+    at = np.flatnonzero(np.isfinite(value))
+    steps = np.diff(time_ns[at])
+    if not len(steps):
+        return np.zeros(len(at), dtype=np.bool_)
+    long_ns = np.quantile(steps, LONG)
+    far = steps > HOLE_INTERVALS * long_ns
+    if long_ns > EVEN * np.median(steps):
+        far &= np.diff(value[at]) != 0.0
+    return np.append(far | (np.diff(at) > 1), False)
