@@ -13,11 +13,9 @@ from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.spreading import stamps_are_cut
+from app.ingest.tables.spreading import SPREAD_NOTE, stamps_are_cut
 from app.ingest.tags.grouping import Grouping, place
 from app.ingest.times.stamps import NO_TIME, TimeForm, as_formatted, parse_text
-
-SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly inside each stamp, in their order"
 
 
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:

@@ -46,7 +46,7 @@ class LongTable:
         # have been scanned.
         self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
         self._places: list[Place] = []
-        self._blocks = BlocksByTag(self._places, self._time.wall_zone, log, tally)
+        self._blocks = BlocksByTag(self._places, self._time.wall_zone, plan.form.resolution_ns, log, tally)
         self._parts: list[int] = []
         self._part_of_loop = PartOfLoop()
         self._modes = np.zeros(0, dtype=bool)
