@@ -193,7 +193,12 @@ class Settings(BaseSettings):
     max_uploads: int = Field(64, ge=1, description="Uploads that an API process receives at once.")
     max_streams: int = Field(200, ge=1, description="Event streams that an API process serves at once.")
     max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
-    buffered_samples: int = Field(6_000_000, ge=1000, description="Values that reading an upload keeps in memory.")
+    buffered_samples: int = Field(
+        6_000_000,
+        ge=1000,
+        description="Values that reading an upload gathers in memory before it puts them aside on disk; a row of one "
+        "value counts as three. A single loop may have more.",
+    )
     statement_timeout_s: float = Field(15.0, gt=0, description="Limit of a statement of the API on PostgreSQL.")
     worker_statement_timeout_s: float = Field(
         600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL."

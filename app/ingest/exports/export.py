@@ -1,5 +1,3 @@
-        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
-
 """Exports: their blocks of signals or stretches of loops, what was refused, and what they hold."""
 
 from abc import ABC, abstractmethod
@@ -141,7 +139,6 @@ class TableExport(Export):
             yield from batch
 
     def loops(self) -> Iterator[LoopSamples]:
-        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
         for batch in self._batches(self._table(self._plan)):
             yield from stretches(batch)
 
