@@ -1,12 +1,12 @@
 """A loop's signals on one time base.
 
 Signals of one loop that were sampled together (wide files, scans of a historian) are joined on their times; where one
-of them has no value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row
-by row: PV's times are the base, and each other signal is brought to them: OP and further signals by straight lines
-between their samples (that is what a swinging door keeps), SP and MODE by their last known value (they step). Nothing
-is extrapolated beyond a signal's last sample except a step, and no line is drawn over a hole: over a value that was
-refused, or an interval far longer than the signal's long ones. `LoopSamples.resampled` names the signals that were
-treated so.
+of them has no value it is NaN. Signals that were sampled each at its own times, or stored when they changed (compressed
+data), cannot be audited row by row: PV's times are the base, and each other signal is brought to them: OP and further
+signals by straight lines between their samples (that is what a swinging door keeps), SP and MODE by their last known
+value (they step). Nothing is extrapolated beyond a signal's last sample except a step, and no line goes over a hole:
+over a value that was refused, or an interval far longer than the signal's long ones. `LoopSamples.resampled` names the
+signals that were treated so.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,6 +22,7 @@ BoolArray = NDArray[np.bool_]
 SHARED_TIMES = 0.5  # of the rarer signal's times found among PV's: sampled together
 HOLE_INTERVALS = 10.0  # of the signal's long ones; compression leaves a few times as long ones where it moves little
 LONG = 0.95  # of the intervals are not longer than a long one
+FEWEST = 10  # intervals that show whether a signal is sampled evenly
 EVEN = 1.5  # times the usual interval: whose long ones are shorter is sampled evenly, and not stored when it changes
 _STEPS = frozenset(("SP", "MODE"))
 
@@ -93,17 +94,23 @@ def _same(first: TimeArray, second: TimeArray) -> bool:
 
 
 def _sampled_together(block: SignalBlock, base: TimeArray) -> bool:
-    """Half of the rarer one's times are the other's; a set point written only when it changes is not sampled
-    together."""
+    """Half of the rarer one's times are the other's; what is written only when it changes is not sampled together: a
+    set point, or a signal that is stored unevenly at times of an even scan."""
     times = block.time_ns
     if _same(times, base) or not len(times) or not len(base):
         return True
-    if block.signal in _STEPS and len(times) < SHARED_TIMES * len(base):
+    stored = block.signal in _STEPS or (_is_even(base) and not _is_even(times))
+    if stored and len(times) < SHARED_TIMES * len(base):
         return False
     if times[0] > base[-1] or times[-1] < base[0]:
         return True  # another stretch of a long file: nothing to bring over
     shared = len(np.intersect1d(times, base, assume_unique=True))
     return shared >= SHARED_TIMES * min(len(times), len(base))
+
+
+def _is_even(time_ns: TimeArray) -> bool:
+    steps = np.diff(time_ns)
+    return len(steps) < FEWEST or bool(np.quantile(steps, LONG) <= EVEN * np.median(steps))
 
 
 def _placed(block: SignalBlock, time_ns: TimeArray, resample: bool) -> FloatArray:
@@ -154,8 +161,7 @@ def _holes(time_ns: TimeArray, value: FloatArray) -> BoolArray:
     steps = np.diff(time_ns[at])
     if not len(steps):
         return np.zeros(len(at), dtype=np.bool_)
-    long_ns = np.quantile(steps, LONG)
-    far = steps > HOLE_INTERVALS * long_ns
-    if long_ns > EVEN * np.median(steps):
+    far = steps > HOLE_INTERVALS * np.quantile(steps, LONG)
+    if not _is_even(time_ns[at]):
         far &= np.diff(value[at]) != 0.0
     return np.append(far | (np.diff(at) > 1), False)

@@ -80,3 +80,32 @@ def test_a_signal_that_is_sampled_evenly_has_a_hole_though_it_stands_still() -> 
     there = (time_s < 2000) | (time_s > 6000)
     op = np.where(time_s < 1000, np.sin(time_s), 100.0)
     assert np.isnan(stored(time_s[there], op[there]).op).sum() > 3900
+
+
+@pytest.mark.parametrize("late_ns", [0, 10**6])
+def test_an_op_that_is_stored_when_it_changes_is_no_op_with_holes(late_ns: int) -> None:
+    """Whether it is stamped exactly on PV's scans or a millisecond later."""
+    rng = np.random.default_rng(3)
+    changes = np.flatnonzero(rng.random(7200) < 0.25)
+    pv_ns = np.arange(7200) * SECOND
+    op = np.sin(changes / 60)
+    blocks = [
+        SignalBlock("A.PV", "A", "PV", pv_ns, np.sin(pv_ns / 3e10)),
+        SignalBlock("A.OP", "A", "OP", pv_ns[changes] + late_ns, op),
+    ]
+    loop = align(blocks)
+    assert loop.resampled == ("OP",)
+    assert loop.samples == 7200
+    inside = slice(int(changes[0]) + 1, int(changes[-1]) + 1)
+    np.testing.assert_allclose(loop.op[inside], np.sin(np.arange(7200) / 60)[inside], atol=0.02)
+
+
+def test_an_op_of_a_slower_scan_is_known_at_that_alone() -> None:
+    pv_ns = np.arange(7200) * SECOND
+    blocks = [
+        SignalBlock("A.PV", "A", "PV", pv_ns, np.sin(pv_ns / 3e10)),
+        SignalBlock("A.OP", "A", "OP", pv_ns[::5], np.cos(pv_ns[::5] / 3e10)),
+    ]
+    loop = align(blocks)
+    assert loop.resampled == ()
+    assert np.isfinite(loop.op).sum() == 1440

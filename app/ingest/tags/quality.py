@@ -140,7 +140,7 @@ def _number(text: str) -> float | None:
     word = _word(text)
     try:
         number = float(int(word, 16)) if word.startswith("0x") else float(word)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
     return number + UA_END if number <= -UA_UNCERTAIN else number
 
