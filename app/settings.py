@@ -231,7 +231,10 @@ class Settings(BaseSettings):
     max_streams: int = Field(200, ge=1, description="Event streams that an API process serves at once.")
     max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
     buffered_samples: int = Field(
-        6_000_000, ge=1000, description="Values that reading an upload keeps in memory; 1000 at least."
+        6_000_000,
+        ge=1000,
+        description="Values that reading an upload gathers in memory before it puts them aside on disk, 1000 at least; "
+        "a row of one value counts as three. A single loop may have more.",
     )
     statement_timeout_s: float = Field(
         15.0, gt=0, description="Limit of a statement of the API on PostgreSQL, in seconds."

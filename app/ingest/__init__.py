@@ -11,8 +11,9 @@ For services that store a plant's samples::
 
 * `read_export` raises DataError at once where the file is no export; iterating may raise one later (an unpacked size
   beyond the caps, nothing readable). Nothing else is raised by any bytes.
-* Memory is bounded, and each loop comes once: what is more than `options.buffered_values` values is put aside in files
-  without a name in `options.spill_folder`; NoRoomToPartError where they do not fit there (see `export.share_taken`).
+* Memory grows with the largest loop and not with the file, and each loop comes once: what is more than
+  `options.buffered_values` values is put aside in files without a name in `options.spill_folder`; NoRoomToPartError
+  where they do not fit there (see `export.share_taken`).
 * `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of one
   loop's blocks.
 * A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file.

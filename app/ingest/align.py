@@ -1,21 +1,29 @@
 """A loop's signals on one time base.
 
 Signals of one loop that were sampled together (wide files, scans of a historian) are joined on their times; where one
-of them has no value it is NaN. Signals that were sampled each at its own times (compressed data) cannot be audited row
-by row: PV's times are the base, and each other signal is brought to them: OP and further signals by straight lines
-between their samples (that is what a swinging door keeps), SP and MODE by their last known value (they step). Nothing
-is extrapolated beyond a signal's last sample except a step. `LoopSamples.resampled` names the signals that were treated
-so.
+of them has no value it is NaN. Signals that were sampled each at its own times, or stored when they changed (compressed
+data), cannot be audited row by row: PV's times are the base, and each other signal is brought to them: OP and further
+signals by straight lines between their samples (that is what a swinging door keeps), SP and MODE by their last known
+value (they step). Nothing is extrapolated beyond a signal's last sample except a step, and no line goes over a hole:
+over a value that was refused, or an interval far longer than the signal's long ones. `LoopSamples.resampled` names the
+signals that were treated so.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray, LoopSamples, SignalBlock, TimeArray
 
+BoolArray = NDArray[np.bool_]
+
 SHARED_TIMES = 0.5  # of the rarer signal's times found among PV's: sampled together
+HOLE_INTERVALS = 10.0  # of the signal's long ones; compression leaves a few times as long ones where it moves little
+LONG = 0.95  # of the intervals are not longer than a long one
+FEWEST = 10  # intervals that show whether a signal is sampled evenly
+EVEN = 1.5  # times the usual interval: whose long ones are shorter is sampled evenly, and not stored when it changes
 _STEPS = frozenset(("SP", "MODE"))
 
 
@@ -86,17 +94,23 @@ def _same(first: TimeArray, second: TimeArray) -> bool:
 
 
 def _sampled_together(block: SignalBlock, base: TimeArray) -> bool:
-    """Half of the rarer one's times are the other's; a set point written only when it changes is not sampled
-    together."""
+    """Half of the rarer one's times are the other's; what is written only when it changes is not sampled together: a
+    set point, or a signal that is stored unevenly at times of an even scan."""
     times = block.time_ns
     if _same(times, base) or not len(times) or not len(base):
         return True
-    if block.signal in _STEPS and len(times) < SHARED_TIMES * len(base):
+    stored = block.signal in _STEPS or (_is_even(base) and not _is_even(times))
+    if stored and len(times) < SHARED_TIMES * len(base):
         return False
     if times[0] > base[-1] or times[-1] < base[0]:
         return True  # another stretch of a long file: nothing to bring over
     shared = len(np.intersect1d(times, base, assume_unique=True))
     return shared >= SHARED_TIMES * min(len(times), len(base))
+
+
+def _is_even(time_ns: TimeArray) -> bool:
+    steps = np.diff(time_ns)
+    return len(steps) < FEWEST or bool(np.quantile(steps, LONG) <= EVEN * np.median(steps))
 
 
 def _placed(block: SignalBlock, time_ns: TimeArray, resample: bool) -> FloatArray:
@@ -132,6 +146,22 @@ def _between(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
     times, values = block.time_ns[given], block.value[given]
     if not len(times):
         return np.full(len(time_ns), np.nan)
-    return np.interp(
+    line = np.interp(
         (time_ns - times[0]).astype(np.float64), (times - times[0]).astype(np.float64), values, np.nan, np.nan
     )
+    before = np.searchsorted(times, time_ns, side="right") - 1
+    in_hole = _holes(block.time_ns, block.value)[before] & (times[before] < time_ns)
+    return np.where(in_hole, np.nan, line)
+
+
+def _holes(time_ns: TimeArray, value: FloatArray) -> BoolArray:
+    """By known value: whether nothing is known between it and the next one. A signal that is not sampled evenly is kept
+    where it stands still, however long."""
+    at = np.flatnonzero(np.isfinite(value))
+    steps = np.diff(time_ns[at])
+    if not len(steps):
+        return np.zeros(len(at), dtype=np.bool_)
+    far = steps > HOLE_INTERVALS * np.quantile(steps, LONG)
+    if not _is_even(time_ns[at]):
+        far &= np.diff(value[at]) != 0.0
+    return np.append(far | (np.diff(at) > 1), False)

@@ -31,6 +31,8 @@ class IngestOptions:
     max_ratio: what gzip may unpack to, in its own sizes, once that is more than 64 MiB. 2,000 columns that all
         stand still at values of their own pack 210 to 1, 2,000 zeros 510 to 1, signals with noise 3 to 1; 1,032 to 1
         is the most there is.
+    buffered_values: how many values are gathered before they are put aside on disk, and how many of several loops are
+        taken back at once; a row of a long table counts as three.
     spill_folder: where a large long file's rows are parted by loop on disk; None: where the system keeps such files.
     """
 

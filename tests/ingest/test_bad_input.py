@@ -391,6 +391,13 @@ FRAGMENTS = (
         "Bad",
     ),
     *("7/20/01 11:07,", "1601890328:76000000,", "2024-03-01T00:00:00+01:00,", "0,1,2\n1,2,3\n", "time,SP,PV,OP,MODE\n"),
+    *(
+        "time [\u03bcs],PV,OP\n",
+        "Time (hr);PV;OP\n",
+        "2026-03-04 10:00:00,123;1;2\n",
+        "Date,Time,Timestamp,A.PV,A.OP\n",
+    ),
+    *("tag,time,value,quality\n", "A.PV,2026-03-04 10:00,1,1024\n" * 7, f"A.PV,2026-03-04 10:01,1,0x{'f' * 300}\n"),
     *("AUTO", "\ufeff", "é", "塔", "9" * 30, "x" * 300),
 )
 fragments = st.sampled_from(FRAGMENTS)

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from app.ingest import IngestOptions
-from app.ingest.tables import long_table
 from tests.ingest.conftest import Read
 
 HEAD = "Tagname,TimeStamp,Value\n"
@@ -16,10 +15,9 @@ def minutes(tag: str, first: int, count: int) -> str:
 
 
 @pytest.fixture
-def in_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> IngestOptions:
+def in_chunks(tmp_path: Path) -> IngestOptions:
     """Chunks of some 60 rows, parted on disk every 100."""
-    monkeypatch.setattr(long_table, "BATCH_ROWS", 100)
-    return IngestOptions(chunk_bytes=2000, spill_folder=tmp_path)
+    return IngestOptions(chunk_bytes=2000, buffered_values=300, spill_folder=tmp_path)
 
 
 def test_a_comment_in_an_early_chunk_leaves_the_later_ones_alone(read: Read, in_chunks: IngestOptions) -> None:

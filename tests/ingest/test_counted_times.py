@@ -80,3 +80,90 @@ def test_numbers_of_a_typed_table_have_all_their_digits(read: Read) -> None:
     seconds = [(time - datetime(1970, 1, 1)).total_seconds() for time in TIMES[::30]]
     frame = pl.DataFrame({"Time": seconds, "A.PV": seconds, "A.OP": seconds})
     assert np.diff(read(parquet(frame), name="a.parquet").loops["A"].time_ns).tolist() == [300 * 10**9] * 9
+
+
+@pytest.mark.parametrize(
+    ("name", "unit_s", "first"),
+    [
+        ("time_ms", 1e-3, 10**8),
+        ("time_us", 1e-6, 10**9),
+        ("t [us]", 1e-6, 10**8),
+        ("time [\u03bcs]", 1e-6, 10**9),
+        ("time [\u00b5s]", 1e-6, 10**9),
+        ("Time (msec)", 1e-3, 0),
+        ("Time [usec]", 1e-6, 0),
+        ("TimeMs", 1e-3, 0),
+        ("Time (mins)", 60, 0),
+        ("Time (min.)", 60, 0),
+        ("time/min", 60, 0),
+        ("Time (hr)", 3600, 0),
+        ("Zeit [Std]", 3600, 0),
+        ("Time (d)", 86400, 0),
+        ("Time (s)", 1, 0),
+        ("time_s", 1, 10**7),
+    ],
+)
+def test_the_unit_in_the_name_goes_before_the_size_of_the_numbers(
+    read: Read, name: str, unit_s: float, first: int
+) -> None:
+    step = max(round(10 / unit_s), 1)
+    content = read(table([str(first + k * step) for k in range(300)], name))
+    steps = np.unique(np.diff(content.loops["A"].time_ns))
+    assert steps.tolist() == [round(step * unit_s * 1e9)]
+    assert content.summary.time_format == "relative, s"
+    assert content.loops["A"].samples == 300
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("Time (s)", timedelta(seconds=1)), ("time_ms", timedelta(milliseconds=1)), ("t [us]", timedelta(microseconds=1))],
+)
+def test_instants_in_the_unit_of_the_name(read: Read, name: str, unit: timedelta) -> None:
+    content = read(table([f"{second:.0f}" for second in since(datetime(1970, 1, 1), unit)], name))
+    assert (content.loops["A"].time_ns - START).tolist() == [i * 10**10 for i in range(300)]
+    assert content.summary.time_format == "epoch"
+
+
+def test_a_unit_that_is_not_known_is_told(read: Read) -> None:
+    assert "'jiffies' in the name of the times is no unit" in read(table(SECONDS, "Time (jiffies)")).summary.notes[0]
+    for name in ("Time", "Time (UTC)", "Time (sec)"):
+        assert not any("no unit" in note for note in read(table(SECONDS, name)).summary.notes)
+
+
+SECONDS = [str(10 * i) for i in range(300)]
+DATED = [str(1_772_402_400 + 10 * i) for i in range(300)]
+
+
+@pytest.mark.parametrize(
+    ("texts", "odd"),
+    [
+        (DATED, "0"),
+        (DATED, "-1"),
+        (DATED, "9999999999"),
+        ([f"{text}:5" for text in DATED], "000000000:0"),
+        ([repr(day) for day in DAYS], "0"),
+    ],
+)
+def test_numbers_of_absurd_years_are_no_times(read: Read, texts: list[str], odd: str) -> None:
+    content = read(table([*texts[:100], odd, *texts[100:]]))
+    assert dict(content.rejects.counts) == {"bad_time": 1}
+    assert np.unique(np.diff(content.loops["A"].time_ns)).tolist() == [10**10]
+
+
+def test_numbers_of_absurd_years_in_a_typed_table_are_no_times(read: Read) -> None:
+    seconds = [1_772_402_400 + 10 * i for i in range(30)]
+    frame = pl.DataFrame({"Time": [*seconds, 0], "A.PV": range(31), "A.OP": range(31)})
+    content = read(parquet(frame), name="a.parquet")
+    assert dict(content.rejects.counts) == {"bad_time": 1}
+    assert content.loops["A"].samples == 30
+
+
+def test_tenths_of_seconds_since_1970_are_those_of_stamps(read: Read) -> None:
+    """Doubles of our time do not hold them."""
+    tenths = [FIRST + timedelta(milliseconds=100 * i) for i in range(300)]
+    stamps = read(table([time.isoformat(timespec="milliseconds") for time in tenths])).loops["A"].time_ns
+    since_1970 = [(time - datetime(1970, 1, 1)) // timedelta(milliseconds=100) for time in tenths]
+    assert np.array_equal(read(table([f"{k / 10:.1f}" for k in since_1970])).loops["A"].time_ns, stamps)
+    assert np.array_equal(read(table([f"{k}00" for k in since_1970])).loops["A"].time_ns, stamps)
+    thousandths = read(table([str(1_772_402_400_000_000_000 + i * 10**6) for i in range(300)])).loops["A"].time_ns
+    assert np.unique(np.diff(thousandths)).tolist() == [10**6]

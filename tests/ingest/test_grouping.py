@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import DataError
-from app.ingest import LoopTags, TagMapping, group, read_export
-from app.ingest.tables import long_table
+from app.ingest import IngestOptions, LoopTags, TagMapping, group, read_export
 
 from .conftest import Read
 
@@ -178,13 +177,12 @@ def long(tags: list[str]) -> str:
     return "Tag,Time,Value\n" + "".join(rows)
 
 
-@pytest.mark.parametrize("batch_rows", [50, 1_000_000])
+@pytest.mark.parametrize("buffered_values", [150, 3_000_000])
 @pytest.mark.parametrize("tags", [LONG_TAGS, LONG_TAGS[::-1], sorted(LONG_TAGS, key=lambda tag: tag[::-1])])
 def test_which_tag_of_a_long_table_has_a_signal_does_not_hang_on_their_order(
-    read: Read, tags: list[str], batch_rows: int, monkeypatch: pytest.MonkeyPatch
+    read: Read, tags: list[str], buffered_values: int
 ) -> None:
-    monkeypatch.setattr(long_table, "BATCH_ROWS", batch_rows)
-    content = read(long(tags))
+    content = read(long(tags), options=IngestOptions(buffered_values=buffered_values))
     (loop,) = content.summary.loops
     assert (loop.pv, loop.op, loop.sp) == ("F1.PV", "F1.OP", "F1.SP")
     assert set(loop.others) == {"F1.CO", "F1.MEAS", "F1.MV", "F1.OUT"} == set(content.loops["F1"].others)

@@ -10,14 +10,13 @@ import pytest
 
 from app.ingest import IngestOptions, read_export
 from app.ingest.files.ahead import ahead
-from app.ingest.tables import long_table
+from app.ingest.tables import spilling
+from app.ingest.tables.pieces import Gathered
 
 MEASURE = """
 import sys
 from pathlib import Path
 from app.ingest import IngestOptions, read_export
-from app.ingest.tables import long_table
-long_table.BATCH_ROWS = 20_000
 options = IngestOptions(chunk_bytes=1 << 20, buffered_values=60_000, spill_folder=Path(sys.argv[1]).parent)
 samples = sum(stretch.samples for stretch in read_export(Path(sys.argv[1]), options=options).loops())
 # Not ru_maxrss, which begins with what the process that started this one holds.
@@ -35,10 +34,13 @@ def long_file(path: Path, loops: int, instants: int) -> Path:
     return path
 
 
-def test_each_loop_of_a_file_parted_on_disk_comes_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("parts", [64, 5])
+def test_each_loop_of_a_file_parted_on_disk_comes_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parts: int
+) -> None:
     path = long_file(tmp_path / "night.csv", 150, 40)
     whole = {loop.loop: loop for loop in read_export(path).loops()}
-    monkeypatch.setattr(long_table, "BATCH_ROWS", 1000)
+    monkeypatch.setattr(spilling, "PARTS", parts)
     options = IngestOptions(chunk_bytes=5000, buffered_values=2000, spill_folder=tmp_path)
     parted = list(read_export(path, options=options).loops())
     assert sorted(loop.loop for loop in parted) == sorted(whole)
@@ -48,6 +50,40 @@ def test_each_loop_of_a_file_parted_on_disk_comes_once(tmp_path: Path, monkeypat
         assert np.array_equal(loop.pv, whole[loop.loop].pv)
         assert np.array_equal(loop.op, whole[loop.loop].op)
     assert [found.name for found in tmp_path.iterdir()] == ["night.csv"]
+
+
+@pytest.mark.parametrize("most_values", [10, 1000, 10**6])
+def test_a_part_that_is_too_large_is_parted_again(monkeypatch: pytest.MonkeyPatch, most_values: int) -> None:
+    monkeypatch.setattr(spilling, "PARTS", 4)
+    loop_of_code = np.arange(200, dtype=np.uint32) // 2
+    spill = spilling.Spill(None, most_values)
+    for k in range(20):
+        lines = np.arange(200 * k, 200 * (k + 1), dtype=np.uint32)
+        codes = np.random.default_rng(k).permutation(200).astype(np.uint32)
+        spill.add(Gathered(codes, lines.astype(np.int64), codes / 8, lines), loop_of_code)
+    came: list[int] = []
+    for pieces in spill.parts():
+        codes = np.concatenate([piece.codes for piece in pieces])
+        lines = np.concatenate([piece.lines for piece in pieces])
+        assert np.all(np.diff(lines) > 0)
+        loops = np.unique(loop_of_code[codes]).tolist()
+        assert len(codes) * spilling.VALUES_A_ROW <= most_values or len(loops) == 1
+        assert len(codes) == 40 * len(loops)
+        came += loops
+    spill.close()
+    assert sorted(came) == list(range(100))
+
+
+def test_the_rows_of_a_long_table_that_are_held_are_as_many_as_was_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = long_file(tmp_path / "night.csv", 20, 40)
+    opened: list[object] = []
+    temporary = spilling.tempfile.TemporaryFile
+    monkeypatch.setattr(spilling.tempfile, "TemporaryFile", lambda **of: opened.append(of) or temporary(**of))
+    for values, parts in ((1600 * spilling.VALUES_A_ROW + 1, 0), (1000, 20)):
+        list(read_export(path, options=IngestOptions(chunk_bytes=5000, buffered_values=values)).loops())
+        assert len(opened) == parts
 
 
 def test_each_loop_of_a_wide_file_put_aside_comes_once(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import IngestOptions, read_export
-from app.ingest.tables import long_table, parting
+from app.ingest.tables import parting
 from app.ingest.tables.pieces import Gathered, Grid, as_piece, in_whole_instants, joined_grid
 
 from .conftest import Read
@@ -67,7 +67,7 @@ def test_grids_are_joined_while_time_runs_forward() -> None:
 
 
 def test_a_night_with_a_gap_a_sentinel_and_a_repeat_is_read_as_if_it_came_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     lines = ["Tagname,TimeStamp,Value"]
     for k in range(60):
@@ -79,8 +79,7 @@ def test_a_night_with_a_gap_a_sentinel_and_a_repeat_is_read_as_if_it_came_whole(
     path.write_text("\n".join(lines) + "\n")
     whole = read_export(path)
     expected = {loop.loop: loop for loop in whole.loops()}
-    monkeypatch.setattr(long_table, "BATCH_ROWS", 300)
-    parted = read_export(path, options=IngestOptions(chunk_bytes=3000, spill_folder=tmp_path))
+    parted = read_export(path, options=IngestOptions(chunk_bytes=3000, buffered_values=900, spill_folder=tmp_path))
     found = {loop.loop: loop for loop in parted.loops()}
     assert found.keys() == expected.keys()
     for tag, loop in found.items():

@@ -116,3 +116,30 @@ def test_the_state_of_something_is_no_quality(read: Read) -> None:
     content = read(wide("Time,A.PV,A.OP,Status", "{t},{i},{i},{q}", "Stopped", "Running"))
     assert refused(content) == []
     assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 300])
+@pytest.mark.parametrize(
+    "codes",
+    [
+        {"0": 15, "1024": 5},
+        {"0": 12, "9830400": 3, "3145728": 2, "2150957056": 3},
+        {"0x00000000": 12, "0x00960000": 5, "0x80350000": 3},
+        {"0": 12, "9830400": 5, "-2144010240": 3},
+    ],
+)
+def test_of_ua_the_two_highest_bits_tell(read: Read, codes: dict[str, int], chunk_bytes: int) -> None:
+    texts = [code for code, times in codes.items() for _ in range(times)]
+    rows = "".join(f"A.PV,{stamp},{i},{code}\n" for i, (stamp, code) in enumerate(zip(STAMPS, texts, strict=True)))
+    content = read(f"Tagname,TimeStamp,Value,Quality\n{rows}", options=IngestOptions(chunk_bytes=chunk_bytes))
+    bad = {"2150957056", "0x80350000", "-2144010240"}
+    assert refused(content) == [i for i, code in enumerate(texts) if code in bad]
+
+
+def test_bits_of_a_vendor_above_the_byte_of_opc_make_it_no_ua(read: Read) -> None:
+    rows = "".join(f"A.PV,{stamp},{i},{(192, 1216, 192, 0)[i % 4]}\n" for i, stamp in enumerate(STAMPS))
+    assert refused(read(f"Tagname,TimeStamp,Value,Quality\n{rows}")) == [3, 7, 11, 15, 19]
+
+
+def test_codes_that_are_neither_are_judged_by_the_most_frequent(read: Read) -> None:
+    assert refused(read(long("0", "301"))) == BAD_ROWS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.errors import DataError
-from app.ingest import inspect, is_export_name, read_recordings
+from app.ingest import IngestOptions, inspect, is_export_name, read_named, read_recordings
 
 
 def test_one_loop_is_named_by_its_file(tmp_path: Path) -> None:
@@ -123,11 +123,15 @@ STAMPS = [f"2026-03-01 00:{k // 12:02d}:{5 * k % 60:02d}" for k in range(100)]
         ("Time_min,Timestamp", False),
         ("Time_h,Time", False),
         ("T,Time_min,Timestamp", False),
+        ("Time_s,Timestamp", False),
+        ("Time (s),Timestamp", False),
+        ("Date,Time (s)", True),
+        ("Time,Timestamp", False),
+        ("Time,Date", False),
+        ("Seconds,DateTime", False),
     ],
 )
-def test_a_name_of_times_with_a_unit_behind_it_counts_only_where_no_other_is(
-    tmp_path: Path, heading: str, stamp_first: bool
-) -> None:
+def test_of_several_columns_of_times_the_one_of_dates_counts(tmp_path: Path, heading: str, stamp_first: bool) -> None:
     path = tmp_path / "F1.csv"
     cells = [(stamp, 60 * k) if stamp_first else (60 * k, stamp) for k, stamp in enumerate(STAMPS)]
     front = "20," if heading.startswith("T,") else ""
@@ -136,6 +140,8 @@ def test_a_name_of_times_with_a_unit_behind_it_counts_only_where_no_other_is(
     read = read_recordings(path)
     assert read.recordings[0].time_s[:3].tolist() == [0.0, 5.0, 10.0]
     assert (read.dated, read.times_assumed) == (True, ())
+    named = read_named(path, IngestOptions()).times_s()
+    assert np.diff(named[:3]).tolist() == [5.0, 5.0]
 
 
 def test_a_simulated_pv_is_no_pv_of_a_loop(tmp_path: Path) -> None:

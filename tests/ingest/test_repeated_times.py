@@ -48,9 +48,10 @@ def test_an_hour_that_comes_twice_goes_by_the_order_of_the_rows() -> None:
 
 @pytest.mark.parametrize("form", [TimeForm("relative"), TimeForm("epoch_pair")])
 def test_numbers_that_repeat_are_times_too(form: TimeForm) -> None:
-    texts = ["5:7", "5:7", None, "6:1"] if form.kind == "epoch_pair" else ["0.5", "0.5", None, "1.5"]
+    pairs = form.kind == "epoch_pair"
+    texts = ["1700000005:7", "1700000005:7", None, "1700000006:1"] if pairs else ["0.5", "0.5", None, "1.5"]
     reader = TimeReader(form, IngestOptions())
-    expected = [5 * 10**9 + 7, 6 * 10**9 + 1] if form.kind == "epoch_pair" else [5 * 10**8, 15 * 10**8]
+    expected = [1_700_000_005 * 10**9 + 7, 1_700_000_006 * 10**9 + 1] if pairs else [5 * 10**8, 15 * 10**8]
     assert reader.read(numbered(texts)).tolist() == [expected[0], expected[0], NO_TIME, expected[1]]
 
 

@@ -79,6 +79,30 @@ def test_a_zone_in_letters_goes_before_the_one_of_the_options(
     assert content.rejects.total == 0
 
 
+@pytest.mark.parametrize(
+    ("stamp", "hours"),
+    [
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S},123", 0),
+        (lambda t: f"{t:%d.%m.%Y %H:%M:%S},123", 0),
+        (lambda t: f"{t:%d.%m.%Y};{t:%H:%M:%S},123", 0),
+        (lambda t: f"{t:%Y-%m-%dT%H:%M:%S},123+01:00", 1),
+        (lambda t: f"{t:%Y-%m-%dT%H:%M:%S},123000000Z", 0),
+        (lambda t: f"{t.day}. {GERMAN[t.month]} {t:%Y} {clock(t)},123", 0),
+        (lambda t: f"{t:%d.%m.%Y %H:%M:%S}{',123' if t.hour != 9 else '.123'}", 0),
+    ],
+)
+def test_seconds_with_a_decimal_comma(read: Read, stamp: Callable[[datetime], str], hours: int) -> None:
+    names = "Datum;Uhrzeit;A.PV;A.OP" if ";" in stamp(TIMES[0]) else "Time;A.PV;A.OP"
+    content = read(table(stamp, names))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - hours * 3600 * 10**9 + 123 * 10**6)
+    assert content.rejects.total == 0
+
+
+def test_whole_seconds_first_and_a_decimal_comma_later(read: Read) -> None:
+    text = table(lambda t: f"{t:%d.%m.%Y %H:%M:%S}{',5' if t > TIMES[280] else ''}")
+    np.testing.assert_array_equal(read(text).loops["A"].time_ns[[0, -1]], AT[[0, -1]] + [0, 5 * 10**8])
+
+
 def test_other_zones_in_letters_are_refused(read: Read) -> None:
     with pytest.raises(DataError, match="no row has a time that can be read"):
         read(table(lambda t: f"{t:%Y-%m-%d %H:%M:%S} CST"))

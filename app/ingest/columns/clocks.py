@@ -47,7 +47,7 @@ def _are_dates(fields: list[str], options: IngestOptions) -> bool:
     """Without a clock, or all of midnight."""
     dates = [re.sub(_CLOCK_OF_NO_CLOCK, "", field) for field in fields]
     form = find_form(dates, "", options) if not any(":" in date for date in dates[:1]) else None
-    return form is not None and form.kind == "text" and "%H" not in form.format and "%I" not in form.format
+    return form is not None and form.is_date
 
 
 def joined_stamp(parts: Sequence[str]) -> str:

@@ -15,6 +15,7 @@ from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.tags.grouping import SIMULATED, place, without_unit
 from app.ingest.times.stamps import TimeForm, find_form
+from app.ingest.times.told_units import told_unit
 from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
 from app.nanoseconds import NS_PER_S
 
@@ -78,7 +79,6 @@ QUALITY_NAMES = (
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 NO_ROWS = -1
-_UNIT_BEHIND = re.compile(r"(?i)[_ ](ms|milliseconds?|s|sec|seconds?|min|minutes?|h|hours?|days?|us|µs)$")
 ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
 
@@ -96,12 +96,12 @@ def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
         in_utc = {index: name for index, name in bare.items() if told[index] == 0}
         if named := _named_as_times(in_utc) or _named_as_times(bare):
             return named
-    with_unit = {index for index, name in enumerate(names) if not _is_time(known[index]) and _is_time_with_unit(name)}
+    with_unit = {index for index, name in enumerate(names) if _is_time_with_unit(name)}
     return _named_as_times(known, with_unit)
 
 
 def _named_as_times(names: Mapping[int, str], with_unit: Collection[int] = ()) -> tuple[int, ...]:
-    """By their plain names, or with a unit behind a name where no other is one in full: date and clock have none."""
+    """By their plain names, or with a unit in a name where no other is one without: stamps have none."""
     of = {name: index for index, name in reversed(list(names.items()))}
     if "date" in of and "time" in of:
         return of["date"], of["time"]
@@ -115,12 +115,31 @@ def _named_as_times(names: Mapping[int, str], with_unit: Collection[int] = ()) -
 
 def _is_time_with_unit(name: str) -> bool:
     """As `time_ms` is; but T_h is a temperature."""
-    bare = _UNIT_BEHIND.sub("", name.strip())
-    return bare != name.strip() and plain(bare) in TIME_NAMES - SHORT_TIME_NAMES
+    told = told_unit(name)
+    return told is not None and plain(told.bare) in TIME_NAMES - SHORT_TIME_NAMES
 
 
 def _is_time(name: str) -> bool:
     return name in TIME_NAMES or name.startswith("timestamp")
+
+
+def time_columns_in(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
+    """The columns of times by their names and by what they hold from a row on: of several with such names, one of dates
+    and clocks goes before one of counts."""
+    named = time_columns(names)
+    others = [(index,) for index, name in enumerate(names) if _is_full_time(name) and (index,) != named]
+    if not others or _are_instants(form_of(head, named, first_row, options)):
+        return named
+    return next((time for time in others if _are_instants(form_of(head, time, first_row, options))), named)
+
+
+def _is_full_time(name: str) -> bool:
+    known = plain(name)
+    return _is_time_with_unit(name) or (_is_time(known) and known not in SHORT_TIME_NAMES)
+
+
+def _are_instants(form: TimeForm | None) -> bool:
+    return form is not None and form.kind != "relative" and not form.is_date
 
 
 def may_be_times(name: str, numbers: FloatArray) -> bool:
@@ -188,7 +207,8 @@ def wide_from(
     stamps = [
         index
         for index in named
-        if _holds_times(head, index, first_row, options) and place(names[index], "").signal == "OTHER"
+        if (_is_full_time(names[index]) or _holds_times(head, index, first_row, options))
+        and place(names[index], "").signal == "OTHER"
     ]
     values = tuple(ValueColumn(index, names[index]) for index in named if index not in stamps)
     if not values:
@@ -228,8 +248,8 @@ def long_from(
     known = [plain(name) for name in names]
     tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
     values = [known.index(name) for name in VALUE_NAMES if name in known]
-    time = time_columns(names)
-    if not tags or not values or not time:
+    time = time_columns_in(head, names, first_row, options) if tags and values else ()
+    if not time:
         return None
     time = date_and_clock(head, time, first_row, options)
     form = form_of(head, time, first_row, options, names[time[0]])

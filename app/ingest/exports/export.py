@@ -18,6 +18,7 @@ from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import UNREADABLE, RowReader, in_short
 from app.ingest.tables.long_table import LongTable
+from app.ingest.tables.spreading import SPREAD_NOTE
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_table import WideTable
 from app.ingest.tags.grouping import Grouping, TagMapping, group
@@ -71,7 +72,8 @@ class Export(ABC):
 
     @abstractmethod
     def loops(self) -> Iterator[LoopSamples]:
-        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
+        """Each loop once, signals side by side. Memory is a few times that of `options.buffered_values` values, or of
+        the largest loop."""
 
     @property
     def share_taken(self) -> float:
@@ -137,7 +139,6 @@ class TableExport(Export):
             yield from batch
 
     def loops(self) -> Iterator[LoopSamples]:
-        """Each loop once, signals side by side; memory stays below `options.buffered_values` values and a chunk."""
         for batch in self._batches(self._table(self._plan)):
             yield from stretches(batch)
 
@@ -244,17 +245,7 @@ class TableExport(Export):
     def notes_of_rows(self) -> tuple[str, ...]:
         """All but those that tell what of the mapping is in the file."""
         notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes, *self._times_in_doubt()]
-        if self._tally.backward:
-            notes.append("rows were not in order of time; they were sorted")
-        if self._tally.stuttering:
-            notes.append(
-                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
-            )
-        if self._tally.repeats:
-            what = "the time of a row before; of each tag the last value of a time was taken"
-            notes.append(f"{self._tally.repeats} rows have {what}")
-        if self._tally.comments:
-            notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
+        notes += self._notes_of_times()
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
         if self._tally.wordy:
@@ -280,6 +271,24 @@ class TableExport(Export):
             shown = ", ".join(self._grouping.of_other_number[:5])
             notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
         return tuple(notes)
+
+    def _notes_of_times(self) -> list[str]:
+        """How the times of the rows stood to each other, and which rows have none."""
+        notes = []
+        if self._tally.spread:
+            notes.append(SPREAD_NOTE)
+        if self._tally.backward:
+            notes.append("rows were not in order of time; they were sorted")
+        if self._tally.stuttering:
+            notes.append(
+                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
+            )
+        if self._tally.repeats:
+            what = "the time of a row before; of each tag the last value of a time was taken"
+            notes.append(f"{self._tally.repeats} rows have {what}")
+        if self._tally.comments:
+            notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
+        return notes
 
     def _ahead_of_clock(self) -> list[str]:
         now_ns, last_ns = self._options.now_ns, self._tally.last_time_ns

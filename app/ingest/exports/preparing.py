@@ -13,12 +13,9 @@ from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.spreading import stamps_are_cut
+from app.ingest.tables.spreading import SPREAD_NOTE, stamps_are_cut
 from app.ingest.tags.grouping import Grouping, place
-from app.ingest.times.spelled_times import respelled
-from app.ingest.times.stamps import NO_TIME, TimeForm, parse_text
-
-SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly inside each stamp, in their order"
+from app.ingest.times.stamps import NO_TIME, TimeForm, as_formatted, parse_text
 
 
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:
@@ -72,5 +69,4 @@ def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:
-    written = pl.Series(texts, dtype=pl.String)
-    return parse_text(respelled(written) if form.spelled else written, form.format, form.zoned)
+    return parse_text(as_formatted(pl.Series(texts, dtype=pl.String), form), form.format, form.zoned)

@@ -6,7 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import first_row_of_times, may_be_times, time_columns, times_assumed, wide_from
+from app.ingest.columns.names import (
+    first_row_of_times,
+    may_be_times,
+    time_columns,
+    time_columns_in,
+    times_assumed,
+    wide_from,
+)
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
@@ -19,7 +26,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
-        time = date_and_clock(head, time_columns(names) or (0,), index + 1, options)
+        time = time_columns_in(head, names, index + 1, options) or (0,)
+        time = date_and_clock(head, time, index + 1, options)
         first_row = first_row_of_times(head, time[0], options)
         if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names

@@ -20,14 +20,13 @@ from app.ingest.tables.frames import NUMBERED, RowReader, Rows
 from app.ingest.tables.parting import BlocksByTag
 from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.tables.scanning import Scan, Scanner
-from app.ingest.tables.spilling import PartOfLoop, Spill
+from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
 from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Grouping, Place
 from app.ingest.tags.modes import UNKNOWN_MODE, flags_of_numbers
 from app.ingest.tags.quality import Quality
 from app.ingest.times.stamps import NO_TIME, TimeReader
 
-BATCH_ROWS = 1_000_000  # more than these are parted in files
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
 
 
@@ -46,9 +45,9 @@ class LongTable:
         # have been scanned.
         self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
         self._places: list[Place] = []
-        self._blocks = BlocksByTag(self._places, self._time.wall_zone, log, tally)
-        self._parts: list[int] = []
-        self._part_of_loop = PartOfLoop()
+        self._blocks = BlocksByTag(self._places, self._time.wall_zone, plan.form.resolution_ns, log, tally)
+        self._loops: list[int] = []  # by code
+        self._number_of_loop = NumberOfLoop()
         self._modes = np.zeros(0, dtype=bool)
         self._known = np.zeros(0, dtype=bool)  # by polars' code, which depends on which chunk was parsed first
         self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
@@ -72,15 +71,16 @@ class LongTable:
         """Blocks, with all that the file holds of a loop in one batch."""
         self._scanner = reader.scanning(self._plan)
         spill: Spill | None = None
+        most_values = self._options.buffered_values
         batch: list[Gathered] = []
         try:
             for rows in reader.rows(self._plan.first_row):
                 self._tally.rows_read += rows.height
                 batch.append(self._gather(rows, reader))
-                if sum(map(len, batch)) >= BATCH_ROWS:
-                    spill = spill or Spill(self._options.spill_folder)
+                if sum(map(len, batch)) * VALUES_A_ROW >= most_values:
+                    spill = spill or Spill(self._options.spill_folder, most_values)
                     whole, rest = in_whole_instants(joined(batch))
-                    spill.add(as_piece(whole), self._part_of_code())
+                    spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
@@ -88,7 +88,7 @@ class LongTable:
                 yield list(self._blocks.parted(last))
                 return
             for piece in last:
-                spill.add(piece, self._part_of_code())
+                spill.add(piece, self._loop_of_code())
             for part in spill.parts():
                 yield list(self._blocks.parted(part))
         finally:
@@ -99,11 +99,10 @@ class LongTable:
         """When all tags have come: a later one may have taken the signal of one that came before."""
         self._places[:] = [at if at is NOWHERE else self._grouping.place(at.tag) for at in self._places]
 
-    def _part_of_code(self) -> NDArray[np.uint8]:
-        """Tags of one loop go into one part."""
-        for place in self._places[len(self._parts) :]:
-            self._parts.append(self._part_of_loop.of(place.loop))
-        return np.array(self._parts, dtype=np.uint8)
+    def _loop_of_code(self) -> NDArray[np.uint32]:
+        for place in self._places[len(self._loops) :]:
+            self._loops.append(self._number_of_loop.of(place.loop))
+        return np.array(self._loops, dtype=np.uint32)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
         self._tags_before = len(self._places)

@@ -9,6 +9,7 @@ from app.ingest.model import FloatArray, SignalBlock, TimeArray
 from app.ingest.numbers.no_data import ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.pieces import Gathered, Grid, Piece, joined, joined_grid
+from app.ingest.tables.spreading import spread, stamps_are_cut
 from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Place
 from app.ingest.times.doubled_hour import hours_apart
@@ -18,10 +19,12 @@ MOST_CODES = 1 << 16
 
 
 class BlocksByTag:
-    """`places`, by the code of a tag, grow while rows are gathered. zone: of the clock that times were read from."""
+    """`places`, by the code of a tag, grow while rows are gathered. zone: of the clock that times were read from.
+    resolution_ns: the smallest step that they can show."""
 
-    def __init__(self, places: list[Place], zone: str, log: RejectLog, tally: Tally) -> None:
-        self._places, self._zone, self._log, self._tally = places, zone, log, tally
+    def __init__(self, places: list[Place], zone: str, resolution_ns: int, log: RejectLog, tally: Tally) -> None:
+        self._places, self._zone, self._resolution_ns = places, zone, resolution_ns
+        self._log, self._tally = log, tally
 
     def parted(self, pieces: Sequence[Piece]) -> Iterator[SignalBlock]:
         """Blocks by tag, the rows of a tag in the order in which they came."""
@@ -49,12 +52,14 @@ class BlocksByTag:
         rows = rows.at(np.argsort(_few(rows.codes, counts), kind="stable"))
         time_ns, values, lines = rows.time_ns, rows.values, rows.lines
         odd = self._odd_tags(rows.codes, time_ns, values, counts)
+        differ = _differ_in_a_stamp(rows)
         self._tally.saw_times(np.array([time_ns.min(), time_ns.max()]))
         for code in np.flatnonzero(counts):
             part = slice(int(bounds[code]), int(bounds[code + 1]))
             place = self._places[code]
             if odd[code]:
-                yield self._block(place, time_ns[part], values[part], lines[part])
+                times = self._spread(time_ns[part]) if differ else time_ns[part]
+                yield self._block(place, times, values[part], lines[part])
             else:
                 yield self._signal(place, time_ns[part], values[part])
 
@@ -80,6 +85,14 @@ class BlocksByTag:
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
         return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
+    def _spread(self, time_ns: TimeArray) -> TimeArray:
+        """A tag's times in the order of its rows; where stamps are cut, spread inside of them."""
+        if not stamps_are_cut(time_ns, self._resolution_ns):
+            return time_ns
+        self._tally.spread = True
+        way = slice(None, None, -1 if time_ns[0] > time_ns[-1] else 1)
+        return spread(time_ns[way], self._resolution_ns)[way]
+
     def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.uint32]) -> SignalBlock:
         newest_first = bool(time_ns[0] > time_ns[-1])
         order = in_order(time_ns)
@@ -94,6 +107,13 @@ class BlocksByTag:
         once_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         self._tally.repeats += len(time_ns) - len(once_ns)
         return self._signal(place, once_ns, matrix[:, 0])
+
+
+def _differ_in_a_stamp(rows: Gathered) -> bool:
+    """Whether some tag has different values in one stamp; rows that were sent twice have not. Tag by tag."""
+    again = (rows.codes[1:] == rows.codes[:-1]) & (rows.time_ns[1:] == rows.time_ns[:-1])
+    earlier, later = rows.values[:-1][again], rows.values[1:][again]
+    return bool(np.any(np.isfinite(earlier) & np.isfinite(later) & (earlier != later)))
 
 
 def _few(codes: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.unsignedinteger]:

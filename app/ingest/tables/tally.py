@@ -12,7 +12,8 @@ from app.ingest.tags.quality import Quality
 @dataclass
 class Tally:
     """Rows and values so far; `backward` says that rows were not in order of time; `stuttering` counts rows
-    whose stamp repeated the one before and stood for the step after it; `comments` those that hold none but a
+    whose stamp repeated the one before and stood for the step after it; `spread` says that stamps of a long table were
+    cut, and their rows spread inside of them; `comments` those that hold none but a
     comment, `repeats` those whose time their tags had already; `wordy` are columns of words
     that are no signals."""
 
@@ -21,6 +22,7 @@ class Tally:
     values_kept: int = 0
     backward: bool = False
     stuttering: int = 0
+    spread: bool = False
     comments: int = 0
     repeats: int = 0
     wordy: list[str] = field(default_factory=list)

@@ -16,7 +16,7 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import Numbers, RowReader, Rows
 from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid, joined_grid
-from app.ingest.tables.spilling import PartOfLoop, Spill
+from app.ingest.tables.spilling import NumberOfLoop, Spill
 from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk
@@ -44,12 +44,12 @@ class WideTable:
         self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
         self._odd_fields = OddFields(tally.writing, self._wordy)
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
-        part_of_loop = PartOfLoop()
-        self._part_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint8)
-        self._lowest = np.full(len(self._part_of_column), np.inf)  # by column, of values that are no codes
+        number_of_loop = NumberOfLoop()
+        self._loop_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint32)
+        self._lowest = np.full(len(self._loop_of_column), np.inf)  # by column, of values that are no codes
         self._highest = -self._lowest
         for index, place in self._places.items():
-            self._part_of_column[index] = part_of_loop.of(place.loop)
+            self._loop_of_column[index] = number_of_loop.of(place.loop)
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -94,7 +94,7 @@ class WideTable:
             for number, chunk in self._chunks(reader, groups, first):
                 held[number].append(self._grid(chunk, self._times[number].wall_zone))
                 if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
-                    spill = spill or Spill(self._options.spill_folder)
+                    spill = spill or Spill(self._options.spill_folder, self._options.buffered_values)
                     self._put_aside(spill, held)
             if spill is None:
                 yield list(self._blocks(chain.from_iterable(held)))
@@ -109,7 +109,7 @@ class WideTable:
     def _put_aside(self, spill: Spill, held: list[list[Grid]]) -> None:
         for grids in held:
             for grid in grids:
-                spill.add(grid, self._part_of_column)
+                spill.add(grid, self._loop_of_column)
             grids.clear()
 
     def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:

@@ -1,4 +1,5 @@
-"""Quality of a value: words, numbers of OPC (0 bad, 64 uncertain, 192 good; UA: 0 good), codes of which one is good."""
+"""Quality of a value: words, numbers of OPC (0 bad, 64 uncertain, 192 good; of UA the two highest of 32 bits tell, 0
+good), codes of which one is good."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -18,7 +19,8 @@ _UNCERTAIN = frozenset(
 )
 _BAD = frozenset(["bad", "schlecht", "mauvais", "malo", "invalid", "false", "nodata"])
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
-UA_UNCERTAIN, UA_BAD = 2.0**30, 2.0**31
+OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
+UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
 _SHOWN = 3
 
@@ -33,7 +35,8 @@ class Quality:
     def __init__(self, drop_uncertain: bool = False, zero_is_good: bool | None = None) -> None:
         self._drop_uncertain = drop_uncertain
         self._told = zero_is_good is not None
-        self._good = 0.0 if zero_is_good else 1.0  # among numbers below those of OPC
+        self._good = 0.0 if zero_is_good else 1.0  # beside numbers of OPC, if there are any
+        self._ua = False  # numbers are those of OPC UA, whose low bits say nothing of good and bad
         self._chosen = False
         self._numbers: Counter[float] = Counter()
         self._judged: Counter[bool] = Counter()
@@ -54,9 +57,10 @@ class Quality:
         found = {text: number for text in counts if (number := _number(text)) is not None}
         for text, number in found.items():
             self._numbers[number] += counts[text]
-        if any(number >= OPC_UNCERTAIN for number in found.values()):
-            self._told = True
-            self._good = 0.0 if max(found.values()) >= UA_UNCERTAIN else 1.0
+        high = [number for number in found.values() if number >= OPC_UNCERTAIN]
+        self._ua = bool(high) and (max(high) >= UA_UNCERTAIN or all(map(_may_be_of_ua, high)))
+        if self._ua or any(number <= OPC_MOST for number in high):
+            self._told, self._good = True, 1.0
         elif not self._chosen and any(self._numbers[number] for number in _MAY_BE_GOOD):
             self._good = max(_MAY_BE_GOOD, key=lambda number: self._numbers[number])
             self._chosen = True  # none is read both ways
@@ -96,8 +100,10 @@ class Quality:
     def _judge_number(self, number: float) -> bool:
         if number >= UA_UNCERTAIN:
             return number >= UA_BAD or self._drop_uncertain
-        if self._told and self._good == 0.0:
-            return number != 0
+        if self._ua:
+            return False
+        if not self._told or self._good == 0.0:
+            return number != self._good
         if number == self._good or number >= OPC_GOOD:
             return False
         return self._drop_uncertain if number >= OPC_UNCERTAIN else True
@@ -130,11 +136,20 @@ def _word(text: str) -> str:
 
 
 def _number(text: str) -> float | None:
+    """Those of OPC UA as they are without a sign."""
     word = _word(text)
     try:
-        return float(int(word, 16)) if word.startswith("0x") else float(word)
-    except ValueError:
+        number = float(int(word, 16)) if word.startswith("0x") else float(word)
+    except (ValueError, OverflowError):
         return None
+    return number + UA_END if number <= -UA_UNCERTAIN else number
+
+
+def _may_be_of_ua(number: float) -> bool:
+    """Whether a number that is not negative is a good quality of UA that says more: below the sixteen bits that say why
+    there are none, or those that the eleventh one announces."""
+    low = int(number) & 0xFFFF
+    return number > OPC_MOST and (low == 0 or bool(low & 0x400))
 
 
 def _counted(texts: pl.Series, weights: NDArray[np.int64] | None) -> dict[str, int]:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.ingest.model import FloatArray
+from app.ingest.times.told_units import ToldUnit, told_unit, unknown_unit
+from app.ingest.times.told_zones import told_utc_offset_ns
 from app.nanoseconds import NS_PER_S
 
 NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
@@ -14,10 +16,9 @@ DAY_NS = 86_400 * NS_PER_S
 SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
 FINEST_NS, COARSEST_NS = 100_000, NS_PER_S  # to which days are rounded: what a double leaves of them, whole seconds
 TICK_NS = 100.0
-_EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (1e8, 1e9))
-_UNIT = re.compile(r"[\[(_ ](ms|milliseconds?|min|minutes?|h|hours?|days?|us|µs)[\])]?$", re.IGNORECASE)
-_SECONDS = re.compile(r"(^|[\[(_ ]|time)(s|secs?|seconds?)[\])]?$", re.IGNORECASE)
-_UNIT_SECONDS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "u": 1e-6, "µ": 1e-6}
+LEAST_EPOCH_S = 1e8  # as seconds since 1970 of 1973; since a start that is not told, three years
+EPOCH_ROUNDING_NS = 1000  # doubles of our time are 238 ns apart, in whichever of its units
+_EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (LEAST_EPOCH_S, 1e9))
 _TICKS = (
     (1.16e17, 1.90e17, -11_644_473_600, "times are 100 ns since 1601, as Windows counts them (FILETIME)"),
     (6.21e17, 6.95e17, -62_135_596_800, "times are 100 ns since year 1, as .NET counts them"),
@@ -42,19 +43,22 @@ class Count:
 
 def find_count(sample: list[str], name: str) -> Count | None:
     """Of a column from some of its fields and its name; None where they can be no times, or where those of a date are
-    written so short that seconds are lost, as 1.772402E+09."""
+    written so short that seconds are lost, as 1.772402E+09. A unit in the name goes before the size of the numbers."""
     texts = [text.replace(",", ".") for text in sample if NUMBER.fullmatch(text)]
     values = np.array([float(text) for text in texts])
     middle = float(np.median(values))
     if re.fullmatch(r"(19|20)\d{12}", sample[0]):
         return None
-    for low, high, zero_s, note in _TICKS:
+    unit = told_unit(name)
+    if unit is not None and middle * unit.seconds <= LEAST_EPOCH_S:
+        return _days(values, texts, name, unit) or _relative(name, unit)
+    for low, high, zero_s, note in _TICKS if unit is None else ():
         if low < middle < high:
             return _sharp(Count(TICK_NS, zero_s * NS_PER_S, 10_000, (note,)), texts)
     for above, scale in _EPOCH_UNITS:
         if middle > above:
-            return _sharp(Count(scale), texts) if middle < above * 100 else None
-    return _days(values, texts, name) or _relative(name)
+            return _sharp(Count(scale, 0, EPOCH_ROUNDING_NS), texts) if middle < above * 100 else None
+    return _days(values, texts, name, unit) or _relative(name, unit)
 
 
 def _sharp(count: Count, texts: list[str]) -> Count | None:
@@ -67,8 +71,7 @@ def _sharp(count: Count, texts: list[str]) -> Count | None:
     return count if step * count.scale <= NS_PER_S else None
 
 
-def _days(values: FloatArray, texts: list[str], name: str) -> Count | None:
-    unit = _unit(name)
+def _days(values: FloatArray, texts: list[str], name: str, unit: ToldUnit | None) -> Count | None:
     for low, high, zero, note in _DAYS:
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
             step_ns = DAY_NS / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
@@ -78,24 +81,21 @@ def _days(values: FloatArray, texts: list[str], name: str) -> Count | None:
     return None
 
 
-def _steps_are_of_days(values: FloatArray, name: str, unit: str) -> bool:
+def _steps_are_of_days(values: FloatArray, name: str, unit: ToldUnit | None) -> bool:
     """By their fractions and their step, where the name does not tell another unit."""
-    if not np.any(values % 1) or _SECONDS.search(name.strip()) or (unit and not unit.startswith("day")):
+    if not np.any(values % 1) or (unit and unit.seconds * NS_PER_S != DAY_NS):
         return False
     steps = np.diff(np.unique(values))  # a long table has a stamp once a tag
     step = float(np.median(steps)) if len(steps) else np.inf
     dated = re.search(r"date|stamp", name, re.IGNORECASE) is not None
-    return step < (0.5 if dated else SHORTEST_STEP_S if not unit else 0.0)
+    return step < (0.5 if dated or unit else SHORTEST_STEP_S)
 
 
-def _unit(name: str) -> str:
-    found = _UNIT.search(name.strip())
-    return found.group(1).lower() if found else ""
-
-
-def _relative(name: str) -> Count:
-    word = _unit(name)
-    if not word:
-        return Count(float(NS_PER_S), None)
-    seconds = 1e-3 if word.startswith(("ms", "mil")) else _UNIT_SECONDS[word[0]]
-    return Count(seconds * NS_PER_S, None, notes=(f"times are in {word} by the column's name",))
+def _relative(name: str, unit: ToldUnit | None) -> Count:
+    """Seconds, where the name tells no other unit."""
+    if unit is not None:
+        notes = () if unit.seconds == 1.0 else (f"times are in {unit.word} by the column's name",)
+        return Count(unit.seconds * NS_PER_S, None, notes=notes)
+    odd = "" if told_utc_offset_ns(name) is not None else unknown_unit(name)
+    note = f"{odd[:80]!r} in the name of the times is no unit that is known: they were read as seconds"
+    return Count(float(NS_PER_S), None, notes=(note,) if odd else ())

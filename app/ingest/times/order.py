@@ -42,8 +42,8 @@ def last_of_repeats(
     repeated = np.concatenate((time_ns[1:] == time_ns[:-1], [False])) if len(time_ns) else np.zeros(0, dtype=bool)
     if not np.any(repeated):
         return time_ns, matrix
-    at = np.flatnonzero(repeated)
-    merged = matrix.copy()
+    at, last = np.flatnonzero(repeated), np.flatnonzero(~repeated)
+    merged = matrix[last]
     for position, tag in enumerate(tags):
         earlier, later = matrix[at, position], matrix[at + 1, position]
         differs = np.isfinite(earlier) & np.isfinite(later) & (earlier != later)
@@ -51,6 +51,13 @@ def last_of_repeats(
             pairs = zip(earlier[differs], later[differs], strict=True)
             texts = (f"{first:g} and then {second:g} for the same time; the later stands" for first, second in pairs)
             log.add_many("duplicate_time", lines[at[differs]].tolist(), texts, tag)
-        for row in at[np.isnan(later)]:
-            merged[row + 1, position] = merged[row, position]
-    return time_ns[~repeated], merged[~repeated]
+        if np.any(np.isnan(later)):
+            merged[:, position] = _last_known(matrix[:, position], last)
+    return time_ns[last], merged
+
+
+def _last_known(values: FloatArray, last: NDArray[np.intp]) -> FloatArray:
+    """The last value of each run of rows that is one; NaN where none is. last: of each run, the last row."""
+    first = np.concatenate(([0], last[:-1] + 1))
+    known = np.maximum.reduceat(np.where(np.isnan(values), -1, np.arange(len(values))), first)
+    return np.where(known < 0, np.nan, values[known])

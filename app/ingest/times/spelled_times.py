@@ -1,5 +1,6 @@
 """Stamps as people and regional settings spell them, in the spelling that `stamps` reads: names of months in full and
-in other languages, `a.m.`, narrow blanks, a comma before the clock, UTC or GMT in letters."""
+in other languages, `a.m.`, narrow blanks, a comma before the clock or before the decimals of its seconds, UTC or GMT in
+letters."""
 
 from types import MappingProxyType
 
@@ -49,6 +50,7 @@ _DATES = (
 _UTC = "(?:UTC|GMT)"
 _MADE_PLAIN = (
     (r"(?i)(\d)(?:,|,? (?:at|um|à|a las)) ?(\d{1,2}:\d{2})", "${1} ${2}"),
+    (r"(:\d{2}),(\d)", "${1}.${2}"),
     (r"(?i)(\d) ?([ap])\.? ?m\b\.?", "${1} ${2}m"),
     (r"(?i)(:\d{2}) ?(?:uhr|hrs?)$", "${1}"),
     (r"([+-]\d{2}:\d{2}|Z)\[[A-Za-z_/]+\]$", "${1}"),

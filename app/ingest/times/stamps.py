@@ -11,7 +11,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.model import FloatArray, IngestOptions, TimeArray
-from app.ingest.times.counted_times import DAY_NS, NUMBER, TICK_NS, find_count
+from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.times.spelled_times import respelled, tells_utc
 from app.ingest.times.told_zones import told_utc_offset_ns
@@ -19,6 +19,7 @@ from app.ingest.times.wall_clock import WallClock
 from app.nanoseconds import NS_PER_S
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
+_FIRST_NS, _END_NS = (np.datetime64(f"{year}", "ns").astype(np.int64) for year in (FIRST_YEAR, LAST_YEAR + 1))
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
 NO_TIME = np.iinfo(np.int64).min
@@ -39,6 +40,7 @@ _TIMES = (
     "",
 )
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
+_DECIMAL_COMMA = r"(:\d{2}),(\d)"
 _ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
 _PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
@@ -53,7 +55,8 @@ class TimeForm:
     scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
         rounded to.
     utc_offset_ns: of the zone that the column's name tells; None where it tells none.
-    spelled: `format` is that of the text as `respelled`.
+    spelled: `format` is that of the text as `respelled`. decimal_comma: of the text with a point before the decimals of
+        its seconds.
     resolution_ns: the smallest step that the text can show.
     rivals: other formats that fit the sample equally well.
     """
@@ -66,6 +69,7 @@ class TimeForm:
     zoned: bool = False
     utc_offset_ns: int | None = None
     spelled: bool = False
+    decimal_comma: bool = False
     resolution_ns: int = 1
     rivals: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -73,6 +77,11 @@ class TimeForm:
     @property
     def zone_in_file(self) -> bool:
         return self.zoned or self.utc_offset_ns is not None or self.kind in ("epoch", "epoch_pair")
+
+    @property
+    def is_date(self) -> bool:
+        """Without a clock."""
+        return self.kind == "text" and "%H" not in self.format and "%I" not in self.format
 
     @property
     def shown(self) -> str:
@@ -119,7 +128,7 @@ def _form_of(sample: list[str], name: str, options: IngestOptions) -> TimeForm |
         return TimeForm("epoch_pair")
     if _share(NUMBER, sample) > 0.8:
         return _number_form(sample, name) or _text_form(sample, options)
-    return _text_form(sample, options) or _spelled_form(sample, options)
+    return _text_form(sample, options) or _comma_form(sample, options) or _spelled_form(sample, options)
 
 
 def normal(text: str) -> str:
@@ -138,6 +147,25 @@ def _number_form(sample: list[str], name: str) -> TimeForm | None:
     return TimeForm(
         kind, scale=count.scale, origin_ns=count.origin_ns or 0, rounding_ns=count.rounding_ns, notes=count.notes
     )
+
+
+def _comma_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+    """Of seconds with a decimal comma, as ISO 8601 allows them."""
+    if not any(re.search(_DECIMAL_COMMA, text) for text in sample):
+        return None
+    form = _text_form(_with_point(pl.Series(sample, dtype=pl.String)).to_list(), options)
+    return form and replace(form, decimal_comma=True)
+
+
+def _with_point(texts: pl.Series) -> pl.Series:
+    return texts.str.replace(_DECIMAL_COMMA, "${1}.${2}")
+
+
+def as_formatted(texts: pl.Series, form: TimeForm) -> pl.Series:
+    """Stamps in the writing that the form's `format` is of."""
+    if form.spelled:
+        return respelled(texts)
+    return _with_point(texts) if form.decimal_comma else texts
 
 
 def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
@@ -298,8 +326,7 @@ class TimeReader:
         return ticks if zoned else self._from_wall(ticks)
 
     def _texts(self, texts: pl.Series) -> TimeArray:
-        if self.form.spelled:
-            texts = respelled(texts)
+        texts = as_formatted(texts, self.form)
         times = parse_text(texts, self.form.format, self.form.zoned)
         missing = np.flatnonzero((times == NO_TIME) & texts.is_not_null().to_numpy())
         if len(missing):
@@ -308,9 +335,9 @@ class TimeReader:
         return times
 
     def _odd(self, texts: pl.Series) -> TimeArray:
-        """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, an offset, or
-        spelled otherwise."""
-        texts = texts.str.strip_chars(' "')
+        """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, a comma
+        before that, an offset, or spelled otherwise."""
+        texts = _with_point(texts.str.strip_chars(' "'))
         times = self._of_forms(texts, self.form.format)
         left = np.flatnonzero(times == NO_TIME)
         if len(left) and not self.form.spelled:
@@ -343,12 +370,17 @@ class TimeReader:
         whole = np.floor(np.where(good, numbers, 0.0))
         part = np.where(good, numbers, 0.0) - whole
         ticks = (whole * form.scale).astype(np.int64) + _rounded(part * form.scale, form.rounding_ns)
-        ticks = ticks if form.scale != TICK_NS else _rounded(whole * form.scale, form.rounding_ns)
-        return np.where(good, ticks + origin, NO_TIME)
+        ticks = ticks if form.scale >= form.rounding_ns else _rounded(whole * form.scale, form.rounding_ns)
+        times = np.where(good, ticks + origin, NO_TIME)
+        return times if form.kind == "relative" else _in_known_years(times)
+
+
+def _in_known_years(times: TimeArray) -> TimeArray:
+    return np.where((times >= _FIRST_NS) & (times < _END_NS), times, NO_TIME)
 
 
 def _rounded(nanoseconds: FloatArray, to_ns: int) -> TimeArray:
-    """Double precision leaves a tenth of a microsecond of a decimal fraction of seconds since 1970."""
+    """To what doubles keep of them: seconds since 1970 that have decimals are 238 ns apart in our time."""
     return np.rint(nanoseconds / to_ns).astype(np.int64) * to_ns
 
 
@@ -367,7 +399,7 @@ def _pairs(texts: pl.Series) -> TimeArray:
     ticks = seconds.fill_null(0).to_numpy() * np.int64(good) * NS_PER_S + nanoseconds.fill_null(
         0
     ).to_numpy() * np.int64(good)
-    return np.where(good, ticks, NO_TIME)
+    return _in_known_years(np.where(good, ticks, NO_TIME))
 
 
 def _shifted(times: TimeArray, by_ns: int) -> TimeArray:
