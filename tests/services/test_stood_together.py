@@ -34,7 +34,7 @@ from tests.services.standing_plant import later, stored
 DOWN = ("D0", "D1", "D2", "D3")
 DAY = 1440
 SINCE = "2025-06-16T06:06:40Z"
-WORDS = "PV of 4 loops came to stand within 15 minutes, all in unit U1"
+WORDS = "PV of 4 loops came to stand within 15 minutes, all of U1"
 
 
 def audited(backend: Backend, wanted: LoopFilter | None = None) -> int:
@@ -101,7 +101,7 @@ def test_each_row_says_with_which_others_and_what_to_look_at_first(plant: Backen
         row = rows[tag]
         assert row["reasons"].split(";")[:2] == ["stood_together", "pv_stands"]
         others = ", ".join(other for other in DOWN if other != tag)
-        told = f"PV of 3 other loops came to stand within 15 minutes, all in unit U1 ({others}): look first at whether"
+        told = f"PV of 3 other loops came to stand within 15 minutes, all of U1 ({others}): look first at whether"
         assert row["reasons_text"].startswith(told)
         assert (row["stood_with"], row["stood_together_since"], row["next_step"]) == (3, SINCE, Ask.STOOD_TOGETHER)
     assert [rows[tag]["unanswered_since"] for tag in ("D0", "D3")] == [SINCE, "2025-06-16T06:21:40Z"]

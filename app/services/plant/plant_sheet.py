@@ -22,6 +22,7 @@ def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
     return {
         "seen": seen,
         "changed": changed,
+        "together": together,
         "arrivals": of_now(backend, newest_run, reach) if seen.audited else [],
         "late_days": LATE.days,
         "repairs": repairs(backend),

@@ -26,14 +26,19 @@ MOST_TODAY = 200
 
 
 def listed_first(
-    backend: Backend, since_ns: int | None, changed: Changes | None = None, shelved: Shelf | None = None
+    backend: Backend,
+    since_ns: int | None,
+    changed: Changes | None = None,
+    shelved: Shelf | None = None,
+    together: AsOne | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """What the plant's page lists at its head: the loops to look at today, and the worst of the others."""
+    """What the plant's page lists at its head: the loops to look at today, and the worst of the others. together: those
+    that are told of as one (None: as is stored)."""
     known = shelf(backend) if shelved is None else shelved
-    together = as_one(backend, known, since_ns=since_ns)
-    today = look_today(backend, changed, since_ns, known, together)
+    told = as_one(backend, known, since_ns=since_ns) if together is None else together
+    today = look_today(backend, changed, since_ns, known, told)
     beside = {row["loop"] for row in today}
-    return today, worst(backend, beside=beside, since_ns=since_ns, shelved=known, together=together)
+    return today, worst(backend, beside=beside, since_ns=since_ns, shelved=known, together=told)
 
 
 def worst_tags(backend: Backend, since_ns: int | None, shelved: Shelf) -> list[str]:
@@ -88,22 +93,25 @@ def worst(
 
 
 def worst_of_old(
-    backend: Backend, since_ns: int | None, limit: int = WORST, shelved: Shelf | None = None
+    backend: Backend,
+    since_ns: int | None,
+    limit: int = WORST,
+    shelved: Shelf | None = None,
+    together: AsOne = ALONE,
 ) -> list[dict[str, Any]]:
     """The same of the loops that are left out there: what is said of them is of an old record."""
     if since_ns is None:
         return []
-    together = as_one(backend, shelved, since_ns=since_ns)
     asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
     return [row | {"of_old_record": True} for row in not_shelved(backend, limit, asked, shelved)]
 
 
 def complaints_of_units(
-    backend: Backend, since_ns: int | None, shelved: Shelf, each: int
+    backend: Backend, since_ns: int | None, shelved: Shelf, each: int, together: AsOne = ALONE
 ) -> list[tuple[str | None, list[dict[str, Any]]]]:
-    """Of each unit the worst of the loops that stick, may, or show no answer of PV to OP; of loops that came to stand
-    together the weightiest."""
-    left_out = (*shelved.left_out, *as_one(backend, shelved, since_ns=since_ns).left_out)
+    """Of each unit the worst of the loops that stick, may, or show no answer of PV to OP; of loops that are told of as
+    one the one that speaks for all."""
+    left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_units(connection, each, complaints=True, since_ns=since_ns, left_out=left_out)
     rows = _rows_of(backend, placed, shelved)
@@ -111,12 +119,12 @@ def complaints_of_units(
 
 
 def complaints_of_old(
-    backend: Backend, since_ns: int | None, shelved: Shelf, limit: int = WORST
+    backend: Backend, since_ns: int | None, shelved: Shelf, limit: int = WORST, together: AsOne = ALONE
 ) -> list[dict[str, Any]]:
     """The same of those of all units without a sample as new as that."""
     if since_ns is None:
         return []
-    left_out = (*shelved.left_out, *as_one(backend, shelved, since_ns=since_ns).left_out)
+    left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_old(connection, limit, since_ns, left_out)
     return [row | {"of_old_record": True} for row in _rows_of(backend, placed, shelved)]

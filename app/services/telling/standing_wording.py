@@ -28,8 +28,8 @@ def look(group: StoodTogether) -> str:
 
 
 def when(group: StoodTogether) -> str:
-    """ "within 20 minutes, all in unit U3"."""
-    unit = "" if group.unit is None else f", all in unit {group.unit}"
+    """ "within 20 minutes, all of U3"."""
+    unit = "" if group.unit is None else f", all of {group.unit}"
     count, at_once = len(group.stands), group.in_one_scan
     if at_once == count:
         return f"in one scan{unit}"
