@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import binom
@@ -63,7 +64,7 @@ class StoodTogether:
     def span_s(self) -> float:
         return self.stands[-1].since_s - self.stands[0].since_s
 
-    @property
+    @cached_property
     def in_one_scan(self) -> int:
         """How many of them, the most, came to stand within SCANS of the usual sampling interval."""
         since = np.array([stand.since_s for stand in self.stands])
@@ -75,7 +76,7 @@ class StoodTogether:
         other, as in a unit that is shut down."""
         return self.in_one_scan >= MOST * len(self.stands)
 
-    @property
+    @cached_property
     def unit(self) -> str | None:
         """The unit of all of them; None where they are of several, or one names none."""
         units = {stand.unit for stand in self.stands}

@@ -47,7 +47,7 @@ class Work:
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
-        others = f"with it {named(self.stood_with)}" if self.stood_with else ""
+        others = f"with it {named(self.stood_with, len(self.stood_with))}" if self.stood_with else ""
         told = (self.together, others, self.size, self.since, self.judged, self.shelved, self.written)
         return "; ".join(one for one in told if one)
 

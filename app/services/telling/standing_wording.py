@@ -14,8 +14,9 @@ LOOK_AT = {True: READS_THEM, False: f"whether their unit is down, then at {READS
 
 def with_others(group: StoodTogether, tag: str) -> str:
     """The reason that one of the group has, as a sentence begins."""
-    others = [stand.tag for stand in group.stands if stand.tag != tag]
-    return f"PV of {len(others)} other loops came to stand {when(group)} ({named(others)}): {look(group)}"
+    count = len(group.stands) - 1
+    others = [stand.tag for stand in group.stands[: NAMED + 1] if stand.tag != tag]
+    return f"PV of {count} other loops came to stand {when(group)} ({named(others, count)}): {look(group)}"
 
 
 def of_all(group: StoodTogether) -> str:
@@ -38,7 +39,7 @@ def when(group: StoodTogether) -> str:
     return f"within {'a minute' if minutes <= 1 else f'{minutes} minutes'}{of_them}{unit}"
 
 
-def named(tags: Sequence[str]) -> str:
-    """The first of them, and how many more."""
-    more = len(tags) - NAMED
+def named(tags: Sequence[str], count: int) -> str:
+    """The first of so many, and how many more."""
+    more = count - NAMED
     return f"{', '.join(tags[:NAMED])}{f' and {more} more' if more > 0 else ''}"
