@@ -4,6 +4,7 @@ one thing to look at, and a transmitter that died by itself is another."""
 import json
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from sqlalchemy import select, update
 
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
-from app.services.auditing.standing import of_lines
+from app.services.auditing.standing import of_lines, of_plant
 from app.services.backend import Backend
 from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of
 from app.services.plant import notes
@@ -27,6 +28,7 @@ from app.services.plant.worst import listed_first, worst_tags
 from app.services.reports.documents import loop_report, plant_report
 from app.services.telling.next_steps import Ask
 from app.storage.audits import LoopFilter
+from app.storage.standing import unanswered
 from app.storage.tables import newest_rows, verdicts
 from tests.services.audited_plant import rewrite
 from tests.services.standing_plant import later, stored
@@ -226,6 +228,16 @@ def test_rows_of_before_the_upgrade_are_read_without_it(plant: Backend) -> None:
     (row,) = (one for one in json.loads(reliability_json(plant).write())["rows"] if one["loop"] == "D0")
     assert (row["unanswered_since"], row["stood_with"], row["next_step"]) == (None, None, Ask.LOOK_TODAY)
     assert sorted(today(plant)) == [("D0",), ("D1",), ("D2",), ("D3",), ("X1",)]
+
+
+def test_loops_without_a_date_are_not_compared(plant: Backend) -> None:
+    with plant.database.read() as connection:
+        rows = unanswered(connection)
+    assert {tag for tag, one in of_plant(rows).items() if one.text} == set(DOWN)
+    undated = [SimpleNamespace(**row._mapping) for row in rows]
+    for row in undated:
+        row.extra_json = row.extra_json.replace("2025-06-1", "1970-01-1")
+    assert of_plant(undated) == {}
 
 
 def test_the_lines_of_one_file_are_heard_together() -> None:

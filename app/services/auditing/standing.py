@@ -9,7 +9,7 @@ from typing import Any
 from app.engine.judgement import ANSWERS_NO_MORE
 from app.engine.plant_wide.stood_together import Stand, stood_together
 from app.nanoseconds import NS_PER_S
-from app.services.moments import EPOCH, iso_utc
+from app.services.moments import EPOCH, PlantClock, iso_utc
 from app.services.telling.standing_wording import with_others
 from app.services.telling.wording import codes_of
 
@@ -40,6 +40,7 @@ def of_plant(rows: Sequence[Any]) -> dict[str, Standing]:
         Stand(row.tag, _seconds(since), (row.input_end_ns - row.input_start_ns) / NS_PER_S, interval_s, row.unit)
         for row in rows
         if (since := known[row.tag] or carried.get(row.tag)) is not None
+        and PlantClock.dated(since)  # else each counts from a start of its own
         and (interval_s := row.sampling_interval_s) is not None
         and row.input_start_ns is not None
         and _stands(row.reasons.split(";"))

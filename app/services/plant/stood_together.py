@@ -69,10 +69,10 @@ def as_one(
 
 
 def _listed_alike(rows: Iterable[Any], since_ns: int | None) -> Iterator[list[Any]]:
-    found: dict[tuple[str | None, bool], list[Any]] = {}
+    found: dict[tuple[str, bool], list[Any]] = {}
     for row in rows:
         old = since_ns is not None and (row.end_ns is None or row.end_ns < since_ns)
-        found.setdefault((json.loads(row.extra_json).get(TOGETHER_SINCE), old), []).append(row)
+        found.setdefault((json.loads(row.extra_json)[TOGETHER_SINCE], old), []).append(row)
     return (group for group in found.values() if len(group) > 1)
 
 

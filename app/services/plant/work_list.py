@@ -130,8 +130,9 @@ def _size(row: Mapping[str, Any]) -> str:
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
     """Where PV does not answer, since when, if that was seen; of a valve that sticks, when it began to, as its first
     verdict told it; else the first of the nights that said the same. Where a repair came in between that is told."""
-    if looked_at_today(row) and row.get("unanswered_since"):
-        return f"since {clock.short(row['unanswered_since'])}"
+    unanswered_since = row.get("unanswered_since")
+    if looked_at_today(row) and unanswered_since and clock.dated(unanswered_since):
+        return f"since {clock.short(unanswered_since)}"
     if row["verdict"] == "stiction" and onset is not None:
         return _since_onset(row, last, clock, onset)
     if BEGAN in codes_of(row) and row["episode_start"]:
