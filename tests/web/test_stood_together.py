@@ -1,6 +1,7 @@
 """What pages say of loops whose PV came to stand together: once at the head of the plant, and with links on each."""
 
 import pytest
+from playwright.sync_api import Browser, Page, expect
 
 from app.main import create_app
 from app.services.addresses import tag_in_url
@@ -10,6 +11,7 @@ from app.services.auditing.warming import warm_up
 from app.services.digests.digest import as_html, digest_of
 from tests.services.standing_plant import stored
 from tests.web.conftest import HOSTILE, seen
+from tests.web.test_browser import NARROW, silent, width
 
 DOWN = ("FIC1", "FIC2. A", "LIC3", HOSTILE, "PIC5", "TIC6", "TIC7")
 FIRST, LAST = "FIC1", "TIC7"
@@ -69,3 +71,18 @@ def test_the_report_and_the_digest_tell_of_them_in_one_line(standing):
 def test_the_table_lists_each_of_them_as_it_is(standing):
     rows = standing.get("/v1/reliability?likely_cause=stuck_valve_or_dead_transmitter&limit=50").json()["rows"]
     assert {row["loop"]: row["stood_with"] for row in rows} == {**dict.fromkeys(DOWN, 6), "X1": None}
+
+
+@pytest.fixture
+def narrow(chromium: Browser, standing):
+    yield from silent(chromium, str(standing.base_url), NARROW)
+
+
+@pytest.mark.browser
+def test_on_a_telephone_the_entry_leads_to_the_others(narrow: Page):
+    narrow.goto("/")
+    expect(narrow.get_by_text("PV of 7 loops came to stand within 30 minutes")).to_be_visible()
+    assert width(narrow) <= NARROW["width"]
+    narrow.get_by_role("link", name="and 2 more").click()
+    expect(narrow.locator("#stood-with")).to_be_in_viewport()
+    expect(narrow.locator("#stood-with a")).to_have_count(6)
