@@ -35,6 +35,7 @@ ReasonCode = Literal[
     "search_space_widened", "search_space_not_widened", "record_too_short_to_widen", "reference_only",
     "stretches", "stretches_disagree", "short_lived_stiction", "stiction_ended", "stiction_began",
     "since_repair", "before_repair", "moves_no_valve", "moves_set_point", "shaken_by_neighbour",
+    "stood_together",
 ]  # fmt: skip
 """Why a verdict or its reliability is what it is; beside these `shape_` and the name of a feature (`shape_code`)."""
 

@@ -70,6 +70,7 @@ def judge(recording: Recording, config: AuditConfig, model: ShapeModel | None = 
     if oscillation is None or not fitness.auditable:
         return Judged(fitness, oscillation, _refusal(recording, fitness))
     by_itself = judging.judge(fitness.audited, oscillation, fitness, config.judgement, recording.integrating, model)
+    by_itself = replace(by_itself, unanswered_since_s=_dead_since_s(recording, fitness, by_itself))
     if prepared.rest_of is not None:
         by_itself = replace(by_itself, reasons=(*by_itself.reasons, _rest_reason(fitness, prepared.rest_of)))
     quicker = _quicker(oscillation, fitness, config.episodes)
@@ -121,6 +122,13 @@ def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:
         "because the loop cycles there by itself; the remainder is not judged"
     )
     return Reason("set_point_rests", text)
+
+
+def _dead_since_s(recording: Recording, fitness: Fitness, judgement: Judgement) -> float | None:
+    """Since when PV stands, where that is what is said of a recording whose shapes were judged all the same."""
+    if judgement.likely_cause != UNANSWERED or fitness.pv_dead_s is None:
+        return None
+    return float(recording.time_s[-1] - recording.time_s[0]) - fitness.pv_dead_s
 
 
 def _stuck_stem(recording: Recording, prepared: Preparation) -> StuckStem | None:

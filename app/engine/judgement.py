@@ -41,6 +41,7 @@ class Judgement:
     rivals: stiction and its rival explanations, ranked; empty where nothing could be weighed.
     methods: what each published method says beside the verdict; empty where none was asked.
     unanswered_s: for how long PV has not answered OP up to the record's end, s; None where that is not known.
+    unanswered_since_s: since when, s from the recording's start; None where it did not when the recording began.
     """
 
     verdict: Verdict
@@ -51,6 +52,7 @@ class Judgement:
     rivals: tuple[Rival, ...] = ()
     methods: tuple[Corroboration, ...] = ()
     unanswered_s: float | None = None
+    unanswered_since_s: float | None = None
 
     @property
     def shows_no_valve(self) -> bool:

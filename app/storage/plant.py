@@ -115,8 +115,9 @@ def any_run_before(connection: Connection, audit_id: int) -> bool:
     return connection.scalar(select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0).limit(1)) is not None
 
 
-def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
-    """Loops whose newest verdict, of `since_audit` or later, is another one than their last verdict before that run.
+def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequence[int] = ()) -> list[Any]:
+    """Loops whose newest verdict, of `since_audit` or later, is another one than their last verdict before that run;
+    `left_out`: not these loops, by id.
 
     The worst of them first, by importance x health.
     """
@@ -135,6 +136,7 @@ def changes(connection: Connection, since_audit: int, limit: int) -> list[Any]:
     # Asked of the loop itself, SQLite would begin with the loops and look up the wide row of each.
     in_service = rows.c.loop_id.not_in(select(loops.c.id).where(loops.c.retired))
     listed = listed.where(rows.c.audit_id >= since_audit, news, in_service)
+    listed = listed.where(rows.c.loop_id.not_in(left_out)) if left_out else listed
     # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
     found = listed.order_by(*worst_first(rows)).limit(limit).subquery()
     joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))

@@ -405,6 +405,13 @@ def details(connection: Connection, loop_ids: Collection[int], audit_id: int) ->
     return {loop_id: _unpacked(packed) for loop_id, packed in connection.execute(query.where(*mine))}
 
 
+def extras(connection: Connection, loop_ids: Collection[int], audit_id: int) -> dict[int, dict[str, Any]]:
+    """Of one run, by loop: the fields of its row without a column of their own, with what is kept beside them."""
+    query = select(verdicts.c.loop_id, verdicts.c.extra_json)
+    mine = (among(connection, verdicts.c.loop_id, loop_ids), verdicts.c.audit_id == audit_id)
+    return {loop_id: json.loads(extra) for loop_id, extra in connection.execute(query.where(*mine))}
+
+
 def _unpacked(packed: bytes) -> dict[str, Any]:
     return json.loads(zstandard.ZstdDecompressor().decompress(packed, max_output_size=LONGEST_DETAIL))
 

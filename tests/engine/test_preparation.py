@@ -169,7 +169,9 @@ def test_how_a_recording_ended_is_told_of_it_and_not_of_the_rest_that_is_judged(
     assert ended.rest_of is not None
     assert ended.fitness.audited.samples == pytest.approx(MOVE_AT, abs=1)
     assert ended.fitness.pv_dead_s == pytest.approx(SAMPLES - 2200, abs=2)
-    assert "pv_stands" in {reason.code for reason in audit(frozen(loop, slice(2200, SAMPLES))).judgement.reasons}
+    judgement = audit(frozen(loop, slice(2200, SAMPLES))).judgement
+    assert "pv_stands" in {reason.code for reason in judgement.reasons}
+    assert judgement.unanswered_since_s == pytest.approx(2200, abs=2)
 
 
 def test_pv_that_stood_till_the_set_point_moved_is_not_dead_at_the_end():

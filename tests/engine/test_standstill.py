@@ -50,6 +50,7 @@ def test_a_frozen_transmitter_is_looked_at_today_restarted_or_not(loop):
     assert (judgement.verdict, judgement.reliability, judgement.likely_cause) == ("inconclusive", "not_reliable", CAUSE)
     assert [reason.code for reason in judgement.reasons] == ["pv_stands", "prior_only", "pv_flat"]
     assert judgement.unanswered_s == (N - 1 - SINCE) * TS
+    assert judgement.unanswered_since_s == SINCE * TS
     assert "for the last 2.77 h" in judgement.reasons[0].text
 
 
@@ -106,6 +107,7 @@ def test_where_nothing_moved_in_the_whole_record_though_the_mode_says_automatic(
     loop = replace(alive(), pv=np.full(N, 43.0), op=np.zeros(N), op_range=(0.0, 100.0), pv_range=(0.0, 100.0))
     judgement = audit(loop).judgement
     assert (judgement.verdict, judgement.likely_cause) == ("inconclusive", CAUSE)
+    assert judgement.unanswered_since_s is None
     shut = replace(loop, pv=np.zeros(N))
     assert audit(shut).judgement.likely_cause == "controller_not_acting"
 

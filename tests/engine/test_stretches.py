@@ -109,6 +109,18 @@ def test_a_healthy_loop_whose_pv_died_lately_is_not_cleared(hours):
     assert judgement.likely_cause == "stuck_valve_or_dead_transmitter"
     assert judgement.reasons[0].code == "pv_stands"
     assert f"for the last {hours:.2g} h" in judgement.reasons[0].text
+    assert judgement.unanswered_since_s == pytest.approx((since - 1) * TS, abs=TS)
+
+
+def test_of_a_pv_that_died_at_its_set_point_it_is_known_since_when():
+    free = recorded(FREE, N)
+    since, pv = N - round(8 * 3600.0 / TS), free.pv.copy()
+    pv[since:] = pv[since - 1]
+    sp = np.where(np.arange(N) < since, np.median(pv), pv[since])
+    found = audit(replace(free, pv=pv, sp=sp))
+    assert found.fitness.standstill is None
+    assert found.judgement.likely_cause == "stuck_valve_or_dead_transmitter"
+    assert found.judgement.unanswered_since_s == pytest.approx((since - 1) * TS, abs=TS)
 
 
 def test_a_sticking_valve_whose_pv_died_lately_is_not_accused(sticky):

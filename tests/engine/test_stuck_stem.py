@@ -31,6 +31,7 @@ def test_it_is_looked_at_today_and_its_hour_is_named(seed):
     assert [reason.code for reason in judgement.reasons[:2]] == ["answers_no_more", "prior_only"]
     assert judgement.reasons[0].text.startswith("PV has answered neither OP nor SP for the last 4")
     assert judgement.unanswered_s / 3600.0 == pytest.approx(48.0, abs=2.5)
+    assert judgement.unanswered_since_s + judgement.unanswered_s == pytest.approx(SAMPLES * INTERVAL_S, abs=INTERVAL_S)
     assert found.health.value <= 45.0
 
 

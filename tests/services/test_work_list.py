@@ -39,6 +39,24 @@ def said(*verdicts):
             "since 2026-03-02",
         ),
         (
+            row(
+                "inconclusive",
+                likely_cause="stuck_valve_or_dead_transmitter",
+                unanswered_since="2026-03-02T14:10:00Z",
+            ),
+            said("no_stiction", "inconclusive"),
+            "since 2026-03-02 14:10",
+        ),
+        (
+            row(
+                "inconclusive",
+                likely_cause="stuck_valve_or_dead_transmitter",
+                unanswered_since="1970-01-01T02:00:00Z",
+            ),
+            said("no_stiction", "inconclusive"),
+            "since 2026-03-02",
+        ),
+        (
             row(repaired_at="2026-03-03T08:00:00Z"),
             said("no_stiction", *["stiction"] * 3),
             "since 2026-03-02, over the repair of 2026-03-03",

@@ -29,13 +29,13 @@ def unanswered(recording: Recording) -> Judgement:
     reason = Reason("pv_does_not_answer", _TEXT)
     if not _controller_works(recording):
         return Judgement("not_auditable", None, "not_reliable", (reason,), UNANSWERED)
-    return _between_the_two(reason, None)
+    return _between_the_two(reason)
 
 
 def standing(found: Standstill) -> Judgement:
     """The judgement on a recording in which PV stands up to the end, whatever it did before."""
     text = f"{found.text}: the transmitter is dead, or the valve is stuck, unless the unit stands; look at both"
-    return _between_the_two(Reason(PV_STANDS, text), found.for_s)
+    return _between_the_two(Reason(PV_STANDS, text), found.for_s, None if found.from_start else found.since_s)
 
 
 def stuck(found: StuckStem) -> Judgement:
@@ -45,12 +45,15 @@ def stuck(found: StuckStem) -> Judgement:
         f"PV has answered {by} for the last {found.for_s / 3600.0:.3g} h, while OP went over {found.times:.2g} times "
         "as much as before and PV stayed away: the stem stands, or the transmitter reads something else; look at both"
     )
-    return _between_the_two(Reason(ANSWERS_NO_MORE, text), found.for_s)
+    return _between_the_two(Reason(ANSWERS_NO_MORE, text), found.for_s, found.since_s)
 
 
-def _between_the_two(reason: Reason, for_s: float | None) -> Judgement:
+def _between_the_two(reason: Reason, for_s: float | None = None, since_s: float | None = None) -> Judgement:
     prior = Reason("prior_only", f"the probability {PRIOR:g} is a prior between the two causes, not a measurement")
-    return Judgement("inconclusive", PRIOR, "not_reliable", (reason, prior), UNANSWERED, unanswered_s=for_s)
+    reasons = (reason, prior)
+    return Judgement(
+        "inconclusive", PRIOR, "not_reliable", reasons, UNANSWERED, unanswered_s=for_s, unanswered_since_s=since_s
+    )
 
 
 def _controller_works(recording: Recording) -> bool:

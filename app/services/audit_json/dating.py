@@ -8,7 +8,8 @@ from app.services.moments import PlantClock, iso_utc
 
 
 def dated(line: dict[str, Any], origin: datetime, clock: PlantClock) -> dict[str, Any]:
-    """The line with its episodes in calendar time, in the reasons as the plant's clock showed it."""
+    """The line with its episodes, and since when nothing answers, in calendar time; in the reasons as the plant's clock
+    showed it."""
     episodes = [
         episode | {side: iso_utc(instant(origin, round(episode[f"{side}_s"]))) for side in ("start", "end")}
         for episode in line["episodes"]
@@ -22,7 +23,8 @@ def dated(line: dict[str, Any], origin: datetime, clock: PlantClock) -> dict[str
         else reason
         for reason in line["reasons"]
     ]
-    return line | {"episodes": episodes, "reasons": reasons}
+    unanswered_since = iso_utc(instant(origin, line["unanswered_since_s"]))
+    return line | {"episodes": episodes, "reasons": reasons, "unanswered_since": unanswered_since}
 
 
 def _episode_text(code: str, episode: dict[str, Any], clock: PlantClock) -> str:

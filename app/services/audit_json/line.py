@@ -69,6 +69,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         rival_runner_up=_code(runner_up(judgement.rivals)),
         rivals=[rival_line(rival) for rival in judgement.rivals],
         episodes=[episode_line(episode) for episode in audit.episodes.found],
+        unanswered_since_s=number(judgement.unanswered_since_s),
         **_fitness_shares(audit),
         input_fingerprint=audit.input_fingerprint,
         config_fingerprint=audit.config_fingerprint,

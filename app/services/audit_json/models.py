@@ -139,6 +139,21 @@ class AuditFields(BaseModel):
     set_point_moved_by: str | None = Field(
         None, description="The loop whose OP is this loop's set point, or loops, parted by ';'; null: none was found."
     )
+    unanswered_since: str | None = Field(
+        None,
+        description="Since when PV does not answer OP, up to the end of the record, ISO 8601, UTC; null: it answers, "
+        "or nobody has seen it begin.",
+    )
+    stood_with: int | None = Field(
+        None,
+        description="How many other loops' PV came to stand at about the same time, beyond chance; null: none, or PV "
+        "does not stand.",
+    )
+    stood_together_since: str | None = Field(
+        None,
+        description="When the first of all of them came to stand, ISO 8601, UTC: the same in the row of each; null: "
+        "where stood_with is.",
+    )
     input_fingerprint: str = Field(
         description="SHA-256 of what was judged: samples, spans, whether the process integrates."
     )
@@ -166,6 +181,7 @@ class AuditLine(AuditFields):
     stiction_size: StictionSizeLine = Field(description="S and J with an interval, beside the published S and J.")
     window_start_s: float | None = Field(description="Start of the audited window, seconds from the first sample.")
     window_end_s: float | None = Field(description="End of the audited window, seconds from the first sample.")
+    unanswered_since_s: float | None = Field(None, description="unanswered_since in seconds from the first sample.")
 
 
 class ReliabilityRow(FlatSize, AuditFields):

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection
@@ -11,12 +12,14 @@ from app.services.audit_json.excerpts import by_tag
 from app.services.audit_json.line import flat_health, flat_reasons
 from app.services.audit_json.rows import as_row, fixed_part
 from app.services.audit_json.swings import candidates
-from app.services.auditing import hearing
+from app.services.auditing import hearing, standing
 from app.services.auditing.hearing import Heard, Said
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts
+from app.storage.json_texts import stored_json
+from app.storage.standing import unanswered
 from app.storage.verdicts import Reworded, pack_detail
 
 AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
@@ -68,13 +71,14 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     """The verdicts of the run of which other loops tell something."""
     with backend.database.read() as connection:
         newest, swinging = verdicts.said(connection), verdicts.swings(connection)
-        moving = verdicts.excerpts(connection)
+        moving, unmoved = verdicts.excerpts(connection), unanswered(connection)
     # Worked out between two looks: who reads keeps writers waiting on SQLite.
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
     ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
     asked = None if len(ids) == len(newest) else ids.keys()
     stated = {row.tag: row.moves_valve for row in newest if row.moves_valve is not None}
-    found = hearing.hear(said, candidates(swinging), by_tag(moving), asked, stated)
+    stand = standing.of_plant(unmoved)
+    found = hearing.hear(said, candidates(swinging), by_tag(moving), asked, stated, stand)
     wanted = sorted((ids[tag], tag) for tag in found if tag in ids)
     parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))
     with backend.database.read() as connection:
@@ -86,19 +90,32 @@ def _all_reworded(
 ) -> Iterator[Reworded]:
     """Of these loops, tags by key, those whose newest verdict is of the run."""
     rows = verdicts.newest_of(connection, list(some))
-    details = verdicts.details(connection, some, audit_id)
+    details, extras = verdicts.details(connection, some, audit_id), verdicts.extras(connection, some, audit_id)
     for loop_id, tag in some.items():
         if tag in rows and rows[tag]["audit_id"] == audit_id:
-            yield _reworded(rows[tag], details.get(loop_id, {}), loop_id, heard[tag], clock)
+            stored = Stored(rows[tag], details.get(loop_id, {}), extras.get(loop_id, {}))
+            yield _reworded(stored, loop_id, heard[tag], clock)
 
 
-def _reworded(
-    row: Mapping[str, Any], detail: Mapping[str, Any], loop_id: int, heard: Heard, clock: PlantClock
-) -> Reworded:
+@dataclass(frozen=True)
+class Stored:
+    """A verdict as it is stored: its row, its detail, and those of the row's fields that have no column of their own,
+    with what is kept beside them."""
+
+    row: Mapping[str, Any]
+    detail: Mapping[str, Any]
+    extra: Mapping[str, Any]
+
+
+def _reworded(stored: Stored, loop_id: int, heard: Heard, clock: PlantClock) -> Reworded:
+    row, detail = stored.row, stored.detail
     said = {"reasons": detail.get("reasons", []), "health_parts": detail.get("health", [])}
     told = hearing.reworded(heard, {**row, **said})
     reasons, parts = told.pop("reasons"), told.pop("health_parts")
     columns = {**told, "health_parts": flat_health(parts), **flat_reasons(reasons)}
+    of_row = {**row, **columns}
+    columns = {name: value for name, value in columns.items() if name not in heard.fields}
+    columns["extra_json"] = stored_json({**stored.extra, **heard.fields}).decode()
     wiring = {"moves_set_point_of": heard.moves, "set_point_moved_by": heard.moved_by}
     packed = pack_detail({**detail, "reasons": reasons, "health": parts, **wiring})
-    return Reworded(loop_id, row["audit_id"], columns, packed, fixed_part(as_row({**row, **columns}), clock))
+    return Reworded(loop_id, row["audit_id"], columns, packed, fixed_part(as_row(of_row), clock))

@@ -3,7 +3,7 @@ accused for its neighbour's sake is not relied on; where its OP is the set point
 """
 
 from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from app.engine.codes import ReasonCode
@@ -12,12 +12,15 @@ from app.engine.health import HealthPart, doubted_health
 from app.engine.plant_wide.cascades import Cascade, cascades
 from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.plant_wide.groups import Candidate, Group, Suspect, groups
+from app.engine.plant_wide.stood_together import CHANCE
 from app.services.audit_json.models import ReasonLine
+from app.services.auditing.standing import Standing, of_lines
 from app.services.telling.wording import (
     MOVES_NO_VALVE,
     MOVES_SET_POINT,
     RELIABILITY_BRIEF,
     SHAKEN_BY_NEIGHBOUR,
+    STOOD_TOGETHER,
     VERDICT_WORDS,
 )
 
@@ -45,21 +48,32 @@ class Said:
 
 @dataclass(frozen=True)
 class Doubt:
-    """What other loops tell of a verdict: the reason, as it stands first, for which nobody should rely on it."""
+    """What other loops tell of a verdict: the reason, as it stands first, for which nobody should rely on it.
+    chance_probability: that it is chance, where that is what tells."""
 
     code: ReasonCode
     text: str
+    chance_probability: float | None = None
+
+    @property
+    def line(self) -> ReasonLine:
+        if self.chance_probability is None:
+            return ReasonLine(code=self.code, text=self.text)
+        measured = {"statistic": self.chance_probability, "threshold": CHANCE}
+        return ReasonLine(code=self.code, text=self.text, operator="<", passed=True, **measured)
 
 
 @dataclass(frozen=True)
 class Heard:
     """What other loops tell of one. doubt: None where its verdict stays as it is. moves: whose set points its OP is.
-    moved_by: whose OP its set point is, one loop but where two have the same OP.
+    moved_by: whose OP its set point is, one loop but where two have the same OP. fields: of its row, what else they
+    tell.
     """
 
     doubt: Doubt | None = None
     moves: tuple[str, ...] = ()
     moved_by: tuple[str, ...] = ()
+    fields: Mapping[str, Any] = field(default_factory=dict)
 
 
 def hear(
@@ -68,10 +82,12 @@ def hear(
     excerpts: Mapping[str, Excerpts],
     asked: Collection[str] | None = None,
     moves_valve: Mapping[str, bool] | None = None,
+    standing: Mapping[str, Standing] | None = None,
 ) -> dict[str, Heard]:
     """The loops of which others tell something, by tag. candidates: those that swing. excerpts: those of which OP or SP
     moves. asked: the loops of whose cascades alone is asked; None: of all. moves_valve: of loops of which somebody
-    states it, whether OP moves a valve and not the set point of another loop: whatever was found.
+    states it, whether OP moves a valve and not the set point of another loop: whatever was found. standing: the loops
+    in which PV does not answer OP; with which others it came to stand goes before what else others tell.
     """
     stated = moves_valve or {}
     found = [cascade for cascade in cascades(excerpts, asked) if not stated.get(cascade.outer)]
@@ -80,14 +96,21 @@ def hear(
     shaken = neighbours_doubts(groups(candidates), called, found) if called else {}
     doubted = {tag: replace(said[tag], reliability="not_reliable") for tag in shaken}
     doubts = shaken | cascades_doubts(found, {**said, **doubted}, without_valve)
+    stand = standing or {}
+    doubts |= {
+        tag: Doubt(STOOD_TOGETHER, one.text, one.chance_probability)
+        for tag, one in stand.items()
+        if one.text is not None
+    }
     moves, moved_by = _by(found, lambda cascade: cascade.outer), _by(found, lambda cascade: cascade.inner)
     return {
         tag: Heard(
             doubts.get(tag),
             moves=tuple(cascade.inner for cascade in moves.get(tag, ())),
             moved_by=tuple(cascade.outer for cascade in moved_by.get(tag, ())),
+            fields=stand[tag].fields if tag in stand else {},
         )
-        for tag in sorted({*doubts, *moves, *moved_by} & said.keys())
+        for tag in sorted({*doubts, *moves, *moved_by, *stand} & said.keys())
     }
 
 
@@ -149,8 +172,7 @@ def reworded(heard: Heard, line: Mapping[str, Any]) -> dict[str, Any]:
         if reliability == "reliable":
             doubted = doubted_health([HealthPart(**part) for part in parts], line["stiction_probability"])
             health, parts = doubted.value, [vars(part) for part in doubted.parts]
-        doubt = ReasonLine(code=heard.doubt.code, text=heard.doubt.text)
-        reliability, reasons = "not_reliable", [doubt.model_dump(), *reasons]
+        reliability, reasons = "not_reliable", [heard.doubt.line.model_dump(), *reasons]
     return {
         "reliability": reliability,
         "reasons": reasons,
@@ -158,6 +180,7 @@ def reworded(heard: Heard, line: Mapping[str, Any]) -> dict[str, Any]:
         "health_parts": parts,
         "moves_set_point_of": ";".join(heard.moves) or None,
         "set_point_moved_by": ";".join(heard.moved_by) or None,
+        **heard.fields,
     }
 
 
@@ -168,7 +191,7 @@ def heard_together(
     that swing, excerpts: those of which OP or SP moves, both under their loop's name.
     """
     said = {line["loop"]: Said(line["verdict"], line["reliability"], line["stiction_probability"]) for line in lines}
-    found = hear(said, candidates, excerpts)
+    found = hear(said, candidates, excerpts, standing=of_lines(lines))
     return [line | reworded(found[line["loop"]], line) if line["loop"] in found else line for line in lines]
 
 

@@ -17,12 +17,13 @@ from app.services.cursors import identifier
 from app.services.digests.doings import Asked, Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
-from app.services.plant.changes import change_of, kind_of, second_night
+from app.services.plant.changes import change_of, for_all, kind_of, second_night
 from app.services.plant.judged import judged, to_manual
 from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
+from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.plant.worst import nothing_worst
 from app.services.rendering import document
@@ -190,17 +191,21 @@ NOTHING_CHANGED = _Changed([], [], 0)
 TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
 
 
-def _changed(connection: Connection, number: int, clock: PlantClock) -> _Changed:
-    """Those that are newly said to stick are told whatever else changed; what wavers comes last."""
+def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> _Changed:
+    """Those that are newly said to stick are told whatever else changed; what wavers comes last. Of loops that came to
+    stand together the change of the one that speaks for all is told."""
     found = digests.changed_of(connection, number)
     again = {one.loop: one for one in second_night(plant.second_nights(connection, number, CHANGES), found, clock)}
     kinds = {row.tag: kind_of(row) for row in found} | {tag: one.kind for tag, one in again.items()}
-    tags = sorted(kinds, key=lambda tag: TOLD_FIRST[kinds[tag]])
+    others = together.others & kinds.keys()
+    tags = sorted((tag for tag in kinds if tag not in others), key=lambda tag: TOLD_FIRST[kinds[tag]])
     listed, besides = tags[:CHANGES], tags[CHANGES:]
     rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
-    told = {row.tag: change_of(row, clock) for row in rows} | again
+    told = {row.tag: for_all(change_of(row, clock), together) for row in rows} | again
     new_besides = [tag for tag in besides if kinds[tag] == "new"]
-    return _Changed([told[tag] for tag in listed if tag in told], new_besides, len(besides) - len(new_besides))
+    return _Changed(
+        [told[tag] for tag in listed if tag in told], new_besides, len(besides) + len(others) - len(new_besides)
+    )
 
 
 def ended_run(backend: Backend, audit_id: str) -> AuditView:
@@ -218,15 +223,17 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
     shelved = shelf(backend, number, began)
+    together = as_one(backend, shelved, number, since_ns)
+    left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
-        worst = digests.worst_of_units(connection, number, TOP, since_ns, shelved.left_out)
-        old = digests.worst_of_old(connection, number, TOP, since_ns, shelved.left_out)
+        worst = digests.worst_of_units(connection, number, TOP, since_ns, left_out)
+        old = digests.worst_of_old(connection, number, TOP, since_ns, left_out)
         retired = digests.retired_since(connection, number)
         not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
-        changed = _changed(connection, number, backend.clock) if compared else NOTHING_CHANGED
+        changed = _changed(connection, number, backend.clock, together) if compared else NOTHING_CHANGED
         notes_until = _notes_until(connection, run)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     told = tally(counted)

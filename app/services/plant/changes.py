@@ -10,6 +10,7 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant.evidence_moved import moved, probability_moved
 from app.services.plant.judged import ToManual, to_manual
+from app.services.plant.stood_together import ALONE, AsOne
 from app.services.results import ChangedBy, ChangeView, Kind
 from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.telling.stored_evidence import began_at
@@ -41,7 +42,8 @@ class Changes:
     first: bool = False
 
 
-def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
+def changes(backend: Backend, limit: int = LISTED_CHANGES, together: AsOne = ALONE) -> Changes:
+    """together: loops that are told of as one; only the change of the one that speaks for all is told."""
     with backend.database.read() as connection:
         run = plant.last_whole_run(connection)
         if run is None:
@@ -50,13 +52,20 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES) -> Changes:
         first = not plant.any_run_before(connection, run.id)
         since = run.id + 1 if first else run.id
         compared = not first or plant.any_run_since(connection, run.id)
-        found = plant.changes(connection, since, limit + 1) if compared else []
+        found = plant.changes(connection, since, limit + 1, together.left_out) if compared else []
         again = plant.second_nights(connection, run.id, limit) if compared and not first else []
-    rows = quiet_last(
-        [*(change_of(row, backend.clock) for row in found[:limit]), *second_night(again, found, backend.clock)]
-    )
+    told = [for_all(change_of(row, backend.clock), together) for row in found[:limit]]
+    rows = quiet_last([*told, *second_night(again, found, backend.clock)])
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
+
+
+def for_all(change: ChangeView, together: AsOne) -> ChangeView:
+    """Said of the loop that speaks for those that came to stand with it."""
+    group = together.by_tag.get(change.loop)
+    if group is None:
+        return change
+    return replace(change, because=f"{change.because}; {len(group.others)} more with it: {group.words}")
 
 
 def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:

@@ -10,6 +10,7 @@ from app.services.plant.groups import groups_of
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
 from app.services.plant.shelving import Shelf
+from app.services.plant.stood_together import as_one
 from app.services.telling.rival_wording import why_first
 from app.services.telling.size_wording import size_in_words
 from app.services.telling.why_rely import contradiction, derivative, points
@@ -42,6 +43,13 @@ def loop_sheet(
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
         "history": loops.chained_history(backend, found, NIGHTS),
         "groups": groups_of(backend, it.tag),
+        "stood_with": _stood_with(backend, row),
         "repair": repair,
         "compared": compared(backend, found, repair, it.pv_unit),
     }
+
+
+def _stood_with(backend: Backend, row: Mapping[str, Any]) -> list[str]:
+    """The loops that came to stand with this one, the weightiest first, whether they are shelved or not."""
+    found = as_one(backend).of(row["loop"]) if row["stood_with"] else None
+    return [] if found is None else [tag for tag in found.loops if tag != row["loop"]]

@@ -10,18 +10,22 @@ from app.services.plant.overview import overview
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
 from app.services.plant.silent import of_now
+from app.services.plant.stood_together import as_one
 
 
 def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
     """By the names of the templates. reach: `arrivals` of now."""
-    seen, changed = overview(backend), changes(backend)
+    seen, shelved = overview(backend), shelf(backend)
+    together = as_one(backend, shelved, since_ns=reach.current_ns)
+    changed = changes(backend, together=together)
     newest_run = None if changed.run_id is None else int(changed.run_id)
     return {
         "seen": seen,
         "changed": changed,
+        "together": together,
         "arrivals": of_now(backend, newest_run, reach) if seen.audited else [],
         "late_days": LATE.days,
         "repairs": repairs(backend),
-        "shelf": shelf(backend),
+        "shelf": shelved,
         "groups": [group for group in groups.soon(backend) or () if not group.by_chance],
     }

@@ -1,7 +1,7 @@
 """What to do first in the plant: one list over all units, with what wants a look today at its head."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import takewhile
 from typing import Any
@@ -13,8 +13,10 @@ from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
+from app.services.plant.stood_together import Together, as_one
 from app.services.plant.worst import not_shelved
 from app.services.telling.next_steps import Step
+from app.services.telling.standing_wording import named
 from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
@@ -26,7 +28,8 @@ LOOKED_AT = 200
 class Work:
     """A loop and what to do about it. size: S, the deadband plus stickband, empty where it is not measured; since: how
     long the same was said of it; judged: of which time its verdict is, where not up to its newest samples; shelved:
-    until when it is shelved, and why it is listed all the same; written: its work order and repair."""
+    until when it is shelved, and why it is listed all the same; written: its work order and repair. stood_with: the
+    other loops that came to stand with it, which are not listed for themselves; together: what is said of them all."""
 
     loop: str
     unit: str | None
@@ -38,11 +41,15 @@ class Work:
     written: str
     judged: str = ""
     shelved: str = ""
+    stood_with: tuple[str, ...] = ()
+    together: str = ""
 
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
-        return "; ".join(one for one in (self.size, self.since, self.judged, self.shelved, self.written) if one)
+        others = f"with it {named(self.stood_with, len(self.stood_with))}" if self.stood_with else ""
+        told = (self.together, others, self.size, self.since, self.judged, self.shelved, self.written)
+        return "; ".join(one for one in told if one)
 
 
 def work_list(
@@ -56,10 +63,11 @@ def work_list(
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
     sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
     not help come first, then what wants a look today, which begins with the newest; in the other parts those come first
-    that lack most to full health, times their importance."""
+    that lack most to full health, times their importance. Loops that came to stand together are listed once."""
+    together = as_one(backend, shelved, audit_id, since_ns)
 
     def listed(limit: int, **asked: Any) -> list[Work]:
-        wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns)
+        wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns, left_out=together.left_out)
         rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
@@ -68,7 +76,8 @@ def work_list(
         def told(row: Mapping[str, Any]) -> Work:
             tag = row["loop"]
             since = _since(row, last.get(tag, ()), backend.clock, began.get(tag))
-            return _work(row, since, of_time.get(tag), shelved.of(tag), backend.clock)
+            work = _work(row, since, of_time.get(tag), shelved.of(tag), backend.clock)
+            return work if tag not in together.by_tag else _for_all(work, together.by_tag[tag], backend.clock)
 
         return [told(row) for row in rows]
 
@@ -105,6 +114,12 @@ def _work(
     )
 
 
+def _for_all(work: Work, of_all: Together, clock: PlantClock) -> Work:
+    """Of the loop that speaks for those that came to stand with it."""
+    since = f"since {clock.short(of_all.since)}"
+    return replace(work, unit=of_all.unit, since=since, stood_with=of_all.others, together=of_all.words)
+
+
 def _size(row: Mapping[str, Any]) -> str:
     size, of_span = row["stiction_S"], row["stiction_S_pct_of_span"]
     if size is None or row["verdict"] != "stiction":
@@ -113,8 +128,11 @@ def _size(row: Mapping[str, Any]) -> str:
 
 
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
-    """Of a valve that sticks, when it began to, as its first verdict told it; else the first of the nights that said
-    the same. Where a repair came in between that is told."""
+    """Where PV does not answer, since when, if that was seen; of a valve that sticks, when it began to, as its first
+    verdict told it; else the first of the nights that said the same. Where a repair came in between that is told."""
+    unanswered_since = row.get("unanswered_since")
+    if looked_at_today(row) and unanswered_since and clock.dated(unanswered_since):
+        return f"since {clock.short(unanswered_since)}"
     if row["verdict"] == "stiction" and onset is not None:
         return _since_onset(row, last, clock, onset)
     if BEGAN in codes_of(row) and row["episode_start"]:

@@ -16,6 +16,7 @@ from app.services.backend import Backend
 from app.services.plant.changes import Changes
 from app.services.plant.reliability import table
 from app.services.plant.shelving import Shelf, shelf
+from app.services.plant.stood_together import ALONE, AsOne, as_one
 from app.services.telling.wording import UNANSWERED
 from app.storage import plant, verdicts
 from app.storage.verdicts import RowFilter
@@ -25,20 +26,28 @@ MOST_TODAY = 200
 
 
 def listed_first(
-    backend: Backend, since_ns: int | None, changed: Changes | None = None, shelved: Shelf | None = None
+    backend: Backend,
+    since_ns: int | None,
+    changed: Changes | None = None,
+    shelved: Shelf | None = None,
+    together: AsOne | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """What the plant's page lists at its head: the loops to look at today, and the worst of the others."""
+    """What the plant's page lists at its head: the loops to look at today, and the worst of the others. together: those
+    that are told of as one (None: as is stored)."""
     known = shelf(backend) if shelved is None else shelved
-    today = look_today(backend, changed, since_ns, known)
-    return today, worst(backend, beside={row["loop"] for row in today}, since_ns=since_ns, shelved=known)
+    told = as_one(backend, known, since_ns=since_ns) if together is None else together
+    today = look_today(backend, changed, since_ns, known, told)
+    beside = {row["loop"] for row in today}
+    return today, worst(backend, beside=beside, since_ns=since_ns, shelved=known, together=told)
 
 
 def worst_tags(backend: Backend, since_ns: int | None, shelved: Shelf) -> list[str]:
     """The tags of what `listed_first` lists as the worst, in its order, from the narrow rows alone."""
+    left_out = (*shelved.left_out, *as_one(backend, shelved, since_ns=since_ns).left_out)
     with backend.database.read() as connection:
 
         def first(limit: int, asked: RowFilter) -> list[str]:
-            wanted = replace(asked, left_out=shelved.left_out)
+            wanted = replace(asked, left_out=left_out)
             return [row.tag for row in verdicts.sent_rows(connection, limit, "priority", True, wanted, None)]
 
         today = set(first(MOST_TODAY, _asked_today(since_ns)))
@@ -47,13 +56,20 @@ def worst_tags(backend: Backend, since_ns: int | None, shelved: Shelf) -> list[s
 
 
 def look_today(
-    backend: Backend, changed: Changes | None, since_ns: int | None = None, shelved: Shelf | None = None
+    backend: Backend,
+    changed: Changes | None,
+    since_ns: int | None = None,
+    shelved: Shelf | None = None,
+    together: AsOne | None = None,
 ) -> list[dict[str, Any]]:
     """The loops in which PV does not answer OP, those first of which that is news, without those that are shelved;
-    since_ns: as of `worst`."""
+    since_ns: as of `worst`. Of loops that came to stand together the weightiest, with all of them in `together`."""
+    told = as_one(backend, shelved, since_ns=since_ns) if together is None else together
     news = {row.loop for row in changed.rows} if changed else set()
-    rows = not_shelved(backend, MOST_TODAY, _asked_today(since_ns), shelved)
-    return sorted(rows, key=lambda row: row["loop"] not in news)
+    asked = replace(_asked_today(since_ns), left_out=told.left_out)
+    rows = not_shelved(backend, MOST_TODAY, asked, shelved)
+    rows = [row | {"together": told.by_tag.get(row["loop"])} for row in rows]
+    return sorted(rows, key=lambda row: news.isdisjoint(row["together"].loops if row["together"] else (row["loop"],)))
 
 
 def _asked_today(since_ns: int | None) -> RowFilter:
@@ -67,39 +83,50 @@ def worst(
     beside: Collection[str] = (),
     since_ns: int | None = None,
     shelved: Shelf | None = None,
+    together: AsOne = ALONE,
 ) -> list[dict[str, Any]]:
     """The loops at the head of the list by what is missing to full health x importance, without those that are
     shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
-    rows = not_shelved(backend, limit + len(beside), RowFilter(recorded_from_ns=since_ns), shelved)
+    asked = RowFilter(recorded_from_ns=since_ns, left_out=together.left_out)
+    rows = not_shelved(backend, limit + len(beside), asked, shelved)
     return [row | {"of_old_record": False} for row in rows if row["loop"] not in beside][:limit]
 
 
 def worst_of_old(
-    backend: Backend, since_ns: int | None, limit: int = WORST, shelved: Shelf | None = None
+    backend: Backend,
+    since_ns: int | None,
+    limit: int = WORST,
+    shelved: Shelf | None = None,
+    together: AsOne = ALONE,
 ) -> list[dict[str, Any]]:
     """The same of the loops that are left out there: what is said of them is of an old record."""
-    found = [] if since_ns is None else not_shelved(backend, limit, RowFilter(recorded_before_ns=since_ns), shelved)
-    return [row | {"of_old_record": True} for row in found]
+    if since_ns is None:
+        return []
+    asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
+    return [row | {"of_old_record": True} for row in not_shelved(backend, limit, asked, shelved)]
 
 
 def complaints_of_units(
-    backend: Backend, since_ns: int | None, shelved: Shelf, each: int
+    backend: Backend, since_ns: int | None, shelved: Shelf, each: int, together: AsOne = ALONE
 ) -> list[tuple[str | None, list[dict[str, Any]]]]:
-    """Of each unit the worst of the loops that stick, may, or show no answer of PV to OP."""
+    """Of each unit the worst of the loops that stick, may, or show no answer of PV to OP; of loops that are told of as
+    one the one that speaks for all."""
+    left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
-        placed = plant.worst_of_units(connection, each, complaints=True, since_ns=since_ns, left_out=shelved.left_out)
+        placed = plant.worst_of_units(connection, each, complaints=True, since_ns=since_ns, left_out=left_out)
     rows = _rows_of(backend, placed, shelved)
     return [(unit, list(some)) for unit, some in groupby(rows, lambda row: row["unit"])]
 
 
 def complaints_of_old(
-    backend: Backend, since_ns: int | None, shelved: Shelf, limit: int = WORST
+    backend: Backend, since_ns: int | None, shelved: Shelf, limit: int = WORST, together: AsOne = ALONE
 ) -> list[dict[str, Any]]:
     """The same of those of all units without a sample as new as that."""
     if since_ns is None:
         return []
+    left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
-        placed = plant.worst_of_old(connection, limit, since_ns, shelved.left_out)
+        placed = plant.worst_of_old(connection, limit, since_ns, left_out)
     return [row | {"of_old_record": True} for row in _rows_of(backend, placed, shelved)]
 
 
@@ -125,5 +152,5 @@ def not_shelved(
     """Rows of `table`, the weightiest first, without loops that are shelved; one that is worse than when it was shelved
     is among them, and says so (`shelved`)."""
     known = shelf(backend) if shelved is None else shelved
-    wanted = replace(asked, left_out=known.left_out)
+    wanted = replace(asked, left_out=(*known.left_out, *asked.left_out))
     return table(backend, limit, filters=wanted, shelved=known, notes_until=notes_until).rows

@@ -62,8 +62,9 @@ def plant_report(backend: Backend) -> str:
     seen, shelved, since_ns = sheet["seen"], sheet["shelf"], reach.current_ns
     if not seen.audited:
         raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
-    worst = complaints_of_units(backend, since_ns, shelved, WORST_OF_UNIT)
-    old = complaints_of_old(backend, since_ns, shelved)
+    together = sheet["together"]
+    worst = complaints_of_units(backend, since_ns, shelved, WORST_OF_UNIT, together)
+    old = complaints_of_old(backend, since_ns, shelved, together=together)
     listed = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
     return document(
         "plant_report.html",

@@ -13,7 +13,14 @@ from app.engine.verdict.config import VerdictConfig
 from app.services.moments import PlantClock
 from app.services.telling.repair_sides import of_before
 from app.services.telling.stored_evidence import band_of, began_at
-from app.services.telling.wording import CAUSE_WORDS, MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
+from app.services.telling.wording import (
+    CAUSE_WORDS,
+    MOVES_NO_VALVE,
+    MOVES_SET_POINT,
+    SHAKEN_BY_NEIGHBOUR,
+    STOOD_TOGETHER,
+    codes_of,
+)
 
 
 def _began_to_stick(hour: str) -> str:
@@ -96,6 +103,11 @@ class Ask(StrEnum):
     LOOK_TODAY = (
         "Look today, at both: whether the transmitter reads anything (impulse lines, wiring, a frozen signal), and in "
         "the field whether the stem moves when OP does (air, positioner, packing)."
+    )
+    STOOD_TOGETHER = (
+        "Look today, and first at what these loops share: is their unit down, or has an I/O card, a multiplexer, a "
+        "gateway or the historian's interface failed? Only where nothing of that is so, look at transmitter and valve "
+        "of each. Where the unit stays down, shelve them until it runs again."
     )
     SHAKEN_FROM_OUTSIDE = (
         "Leave the valve alone and look for what shakes this loop: the page of groups shows the loops that swing with "
@@ -181,6 +193,7 @@ BEFORE_A_BAND: frozenset[Cause] = frozenset(
 """Causes whose step comes first where the valve may have a band besides."""
 
 BY_REASON: dict[ReasonCode, Ask] = {
+    STOOD_TOGETHER: Ask.STOOD_TOGETHER,
     MOVES_NO_VALVE: Ask.NO_VALVE,
     MOVES_SET_POINT: Ask.OUTER,
     SHAKEN_BY_NEIGHBOUR: Ask.SHAKEN,
@@ -193,7 +206,7 @@ BY_REASON: dict[ReasonCode, Ask] = {
 BY_VERDICT = {"no_stiction": Ask.CLEARED, "inconclusive": Ask.CANNOT_TELL, "not_auditable": Ask.NOT_AUDITABLE}
 
 
-AT_ONCE = frozenset({Ask.WAIT, Ask.LOOK_TODAY})
+AT_ONCE = frozenset({Ask.WAIT, Ask.LOOK_TODAY, Ask.STOOD_TOGETHER})
 """Steps that a longer record adds nothing to."""
 
 
@@ -323,6 +336,7 @@ OF_NO_STICTION = (
 )
 OF_CANNOT_TELL = (("PV has nothing to do with OP", Ask.UNRELATED),)
 OF_ANY = (
+    ("PV of other loops came to stand at about the same time", Ask.STOOD_TOGETHER),
     ("OP is the set point of another loop", Ask.OUTER),
     ("the loop's settings say that OP moves no valve", Ask.NO_VALVE),
     ("repaired, and too little recorded since", Ask.WAIT),

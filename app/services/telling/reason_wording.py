@@ -54,6 +54,7 @@ _FOR = {"own_cycle": "PV moves as it does behind a valve that sticks for much of
 _NEIGHBOURS = {
     "moves_no_valve": "OP moves no valve, as is stated of this loop: the valve is judged at the loop it moves.",
     "moves_set_point": "OP is another loop's set point: unless it moves a valve besides, the valve is judged there.",
+    "stood_together": "PV of other loops came to stand at about the same time: look first at what they share.",
     "shaken_by_neighbour": "The loop swings in step with one that is likelier to be the source; that one may shake it.",
 }
 _METHODS = {

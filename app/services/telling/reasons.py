@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.services.telling.wording import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, codes_of
+from app.services.telling.wording import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, STOOD_TOGETHER, codes_of
 
 BETWEEN = ". "
 """What stands between two reasons in the text of a row. No sentence of ours has it inside."""
 
-NAMING_LOOPS = {SHAKEN_BY_NEIGHBOUR, MOVES_SET_POINT, MOVES_NO_VALVE}
+NAMING_LOOPS = {SHAKEN_BY_NEIGHBOUR, MOVES_SET_POINT, MOVES_NO_VALVE, STOOD_TOGETHER}
 """Reasons that name other loops, whose tags may hold it ("T. 101"); a row has one of them at most."""
 
 

@@ -46,7 +46,7 @@ POOR: tuple[ReasonCode, ...] = (
     "op_flat",
     "pv_flat",
 )
-DOUBTED: tuple[ReasonCode, ...] = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour")
+DOUBTED: tuple[ReasonCode, ...] = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour", "stood_together")
 OLDER: tuple[ReasonCode, ...] = ("before_repair",)
 """Codes of reasons, by what they speak against."""
 

@@ -28,7 +28,8 @@ NOT_EVALUATED = "not evaluated"
 SHAKEN_BY_NEIGHBOUR: ReasonCode = "shaken_by_neighbour"
 MOVES_SET_POINT: ReasonCode = "moves_set_point"
 MOVES_NO_VALVE: ReasonCode = "moves_no_valve"
-"""The reasons that other loops give for not relying on a verdict."""
+STOOD_TOGETHER: ReasonCode = "stood_together"
+"""The reasons that other loops give for not relying on a verdict, one of them a loop at most."""
 
 RELIABILITY_WORDS = {
     "reliable": "all that counts agrees; rely on it",
@@ -37,6 +38,9 @@ RELIABILITY_WORDS = {
 
 LOOK_TODAY_WORDS = "a stuck valve or a dead transmitter; look today"
 """In place of these where PV does not answer OP: that is a failure, whatever the evidence says of stiction."""
+
+LOOK_TOGETHER_WORDS = "it came to stand with other loops; look today, first at what they share"
+"""The same where others came to stand with it."""
 
 RELIABILITY_SHORT = {"reliable": "yes", "not_reliable": "look first"}
 RELIABILITY_BRIEF = {**RELIABILITY_SHORT, "reliable": "rely on it"}
@@ -124,7 +128,9 @@ def headline(row: Mapping[str, Any]) -> str:
         return "judged from before the repair; wait for newer records"
     if row.get("of_old_record"):
         return "of an old record; nothing newer has come"
-    return LOOK_TODAY_WORDS if looked_at_today(row) else RELIABILITY_WORDS[row["reliability"]]
+    if not looked_at_today(row):
+        return RELIABILITY_WORDS[row["reliability"]]
+    return LOOK_TOGETHER_WORDS if STOOD_TOGETHER in codes_of(row) else LOOK_TODAY_WORDS
 
 
 def brief(row: Mapping[str, Any]) -> str:

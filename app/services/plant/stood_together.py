@@ -1,0 +1,88 @@
+"""Loops whose PV came to stand together, as lists tell of them: once, by the weightiest of those that are listed."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from app.engine.plant_wide.stood_together import Stand, StoodTogether
+from app.services.backend import Backend
+from app.services.plant.shelving import Shelf
+from app.services.telling.standing_wording import look, of_all
+from app.services.telling.wording import STOOD_TOGETHER
+from app.storage import standing as stored
+
+TOGETHER_SINCE = "stood_together_since"
+
+
+@dataclass(frozen=True)
+class Together:
+    """Loops that are told of as one, the weightiest first, which speaks for all. unit: None where they are of several.
+    since: when the first of them came to stand (ISO 8601, UTC); words: what happened; look: what to look at first."""
+
+    loops: tuple[str, ...]
+    unit: str | None
+    since: str
+    words: str
+    look: str
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        return self.loops[1:]
+
+
+@dataclass(frozen=True)
+class AsOne:
+    """by_tag: those that are told of as one, by the tag of the loop that speaks for them. left_out: ids of the others,
+    which are in no list for themselves."""
+
+    by_tag: Mapping[str, Together]
+    left_out: tuple[int, ...] = ()
+
+    @property
+    def others(self) -> frozenset[str]:
+        """The tags of those that are in no list for themselves."""
+        return frozenset(tag for one in self.by_tag.values() for tag in one.others)
+
+    def of(self, tag: str) -> Together | None:
+        """Those that this loop is one of."""
+        return next((one for one in self.by_tag.values() if tag in one.loops), None)
+
+
+ALONE = AsOne({})
+"""No two loops came to stand together."""
+
+
+def as_one(
+    backend: Backend, shelved: Shelf | None = None, audit_id: int | None = None, since_ns: int | None = None
+) -> AsOne:
+    """By the newest verdicts, or those of a run. What is left out of lists for being shelved (None: nothing is) is not
+    among those that are told of as one; since_ns: loops with a sample as new as that and those without one, which are
+    listed apart, are not either."""
+    with backend.database.read() as connection:
+        rows = stored.stood_together(connection, STOOD_TOGETHER, audit_id)
+    left_out = frozenset(() if shelved is None else shelved.left_out)
+    groups = list(_listed_alike([row for row in rows if row.id not in left_out], since_ns))
+    others = tuple(row.id for group in groups for row in group[1:])
+    return AsOne({group[0].tag: _told(group) for group in groups}, others)
+
+
+def _listed_alike(rows: Iterable[Any], since_ns: int | None) -> Iterator[list[Any]]:
+    found: dict[tuple[str, bool], list[Any]] = {}
+    for row in rows:
+        old = since_ns is not None and (row.end_ns is None or row.end_ns < since_ns)
+        found.setdefault((json.loads(row.extra_json)[TOGETHER_SINCE], old), []).append(row)
+    return (group for group in found.values() if len(group) > 1)
+
+
+def _told(rows: Sequence[Any]) -> Together:
+    in_time = sorted((_stand(row) for row in rows), key=lambda stand: (stand.since_s, stand.tag))
+    group = StoodTogether(tuple(in_time))
+    since = json.loads(rows[0].extra_json)[TOGETHER_SINCE]
+    return Together(tuple(row.tag for row in rows), group.unit, since, of_all(group), look(group))
+
+
+def _stand(row: Any) -> Stand:
+    since = json.loads(row.extra_json)["unanswered_since"]
+    return Stand(row.tag, datetime.fromisoformat(since).timestamp(), 0.0, row.sampling_interval_s, row.unit)
