@@ -14,6 +14,7 @@ from app.storage import Database, audits, figures, items, loops, series, verdict
 from app.storage import plant as plants
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
+from app.storage.series import Stretch
 from app.storage.verdicts import RowFilter
 
 NIGHTS = 20
@@ -59,6 +60,9 @@ def plant(database: Database) -> Database:
     return database
 
 
+BATCH = [Stretch(loop, Samples(np.array([0, 2000]), {})) for loop in range(1, 101)]
+
+
 def _one_detail(connection: Connection) -> None:
     with pytest.raises(ZstdError):  # what is stored here is no detail; how it is found is what counts
         verdicts.detail(connection, 77, 3)
@@ -72,6 +76,7 @@ ASKED = {
     "a page of loops": lambda c: loops.page(c, 100, "L5"),
     "samples of a chunk of loops": lambda c: series.windows(c, range(1, 33), 1e-9, 10),
     "samples between two times": lambda c: series.between(c, 77, 150, 400),
+    "what is stored at the times of a batch": lambda c: series._touched(c, BATCH),
     "a claim": lambda c: items.claim(c, NIGHTS, "w", 32, 45.0),
     "progress of a run": lambda c: audits.progress(c, [NIGHTS]),
     "runs by the page": lambda c: audits.page(c, 50, None),
