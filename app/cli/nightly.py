@@ -45,7 +45,7 @@ def nightly(
     from app.services.access.trail import record
     from app.services.auditing.audits import start_audit
     from app.services.auditing.nightly import nightly as start
-    from app.services.upkeep.operations import refuse_empty
+    from app.services.auditing.nightly import refuse_empty
     from app.services.upkeep.presence import at_work
 
     settings = load_settings()
@@ -63,7 +63,7 @@ def nightly(
 
 
 def refuse_unready(backend: "Backend") -> None:
-    from app.services.upkeep.operations import readiness
+    from app.services.upkeep.readiness import readiness
 
     found = readiness(backend)
     if found.state == "not_ready":

@@ -11,7 +11,7 @@ from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import schema, tables
 from tests.services.upkeep_plant import EXPORT, aged, audited_twice

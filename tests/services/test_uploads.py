@@ -15,7 +15,7 @@ from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant import loops
-from app.services.upkeep import operations
+from app.services.upkeep.sweep import sweep
 from app.storage import samples
 from app.storage import uploads as stored
 from app.storage.tables import series as series_table
@@ -139,7 +139,7 @@ def test_an_upload_is_read_by_one_and_again_after_a_crash(backend: Backend) -> N
     expire(backend, upload, state="reading", owner="dead", attempts=1, lease_until_s=time.time() + 30)
     assert read(backend, upload).state == "reading"
     expire(backend, upload, lease_until_s=0.0)
-    assert operations.sweep(backend).announced == 1
+    assert sweep(backend).announced == 1
     assert read(backend, upload).samples_added == 400
 
 
@@ -194,7 +194,7 @@ def test_how_often_a_loop_is_tried_says_nothing_of_uploads(
         assert uploads.get_upload(backend, upload.id).state in ("received", "reading")
         with pytest.raises(ZeroDivisionError):
             reading.read_upload(other, int(upload.id), "w")
-        operations.sweep(other)
+        sweep(other)
     failed = uploads.get_upload(backend, upload.id)
     assert (failed.state, "ZeroDivisionError" in failed.reason) == ("failed", True)
 

@@ -20,7 +20,7 @@ from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
-from app.services.upkeep.operations import LEAST_FREE_BYTES
+from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
 from app.storage import figures, health, retention, schema, uploads

@@ -24,7 +24,7 @@ from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
 from app.services.telling.next_steps import Step
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.sweep import sweep
 from app.settings import Settings
 from app.storage.tables import audits, newest_rows, notes, verdicts
 from tests.services.digests.conftest import (
