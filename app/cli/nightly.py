@@ -101,5 +101,6 @@ def lend_a_hand(backend: "Backend", audit_id: str) -> None:
         return
     from app.services.auditing.chunks import audit_chunk
 
-    if not audit_chunk(backend, int(audit_id), f"nightly:{socket.gethostname()}:{os.getpid()}"):
+    owner = f"nightly:{socket.gethostname()}:{os.getpid()}"
+    if not audit_chunk(backend, int(audit_id), owner, calls_successor=False):
         time.sleep(LOOK_S)

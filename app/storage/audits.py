@@ -188,6 +188,18 @@ def note_announced(connection: Connection, audit_id: int) -> None:
     connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=clock_s()))
 
 
+def note_called(connection: Connection, audit_id: int) -> None:
+    """Whoever worked on the run has called a successor. One that is to be announced again stays so: others called
+    nobody."""
+    told = audits.c.announced_s.is_not(None)
+    connection.execute(update(audits).where(audits.c.id == audit_id, told).values(announced_s=clock_s()))
+
+
+def forget_announced(connection: Connection, audit_id: int) -> None:
+    """The next sweep announces the run again, where loops of it are open."""
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=None))
+
+
 def _conditions(wanted: LoopFilter) -> list[Any]:
     conditions: list[Any] = [loops.c.newest_ns.is_not(None)]
     conditions.append(IN_SERVICE if wanted.tags is None else loops.c.tag.in_(wanted.tags))
