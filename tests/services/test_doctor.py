@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -48,7 +49,8 @@ def test_each_thing_that_is_wrong_is_named_with_advice(plant):
     plant.settings.data_dir.chmod(0o755)
     start_audit(plant)
     with plant.database.write() as connection:
-        connection.execute(update(tables.audits).values(created_at=datetime.now(UTC) - timedelta(days=2)))
+        ago = {"created_at": datetime.now(UTC) - timedelta(days=2), "announced_s": time.time() - 2 * 86400}
+        connection.execute(update(tables.audits).values(ago))
         connection.execute(update(tables.keys).values(expires_at=datetime.now(UTC) + timedelta(days=2)))
     checks = doctor.examine(settings)
     wrong = {check.name: check.state for check in checks if check.state != "ok"}

@@ -23,7 +23,7 @@ from app.services.plant.arrivals import arrivals, sentences
 from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
-from app.storage import figures, health, retention, schema, uploads
+from app.storage import figures, health, retention, schema, standstill, uploads
 from app.storage.database import WAL_SAFE_FROM, parsed
 
 State = Literal["ok", "warning", "problem"]
@@ -211,11 +211,10 @@ def workers(backend: Backend) -> Check:
     """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
     with backend.database.read() as connection:
         found = figures.waiting(connection)
-    if found.standstill_s > 10 * backend.settings.stalled_s:
+        silent_s = standstill.standstill_s(connection)
+    if silent_s > 10 * backend.settings.stalled_s:
         advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
-        return Check(
-            "workers", "problem", f"loops have waited for {found.standstill_s:.0f} s and nobody took any", advice
-        )
+        return Check("workers", "problem", f"loops wait, and no worker gave a sign for {silent_s:.0f} s", advice)
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
     return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else "nothing to do")
 
