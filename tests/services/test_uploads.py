@@ -11,6 +11,7 @@ import pytest
 from sqlalchemy import Engine, event, func, select, update
 
 from app.errors import LoopauditError, NotFoundError
+from app.ingest import TagMapping
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
@@ -103,6 +104,25 @@ def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) ->
     assert "FIC-900" in done.loops
     loop = loops.get_loop(backend, "FIC-900")
     assert (loop.type, loop.unit, loop.pv_unit, loop.pv_high, loop.op_low) == ("flow", "U9", "t/h", 120.0, 0.0)
+
+
+def test_a_mapping_is_gone_through_once_a_file(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may have the tags of a plant, and a batch is written while other writers wait."""
+    monkeypatch.setattr(reading, "BATCH_LOOPS", 1)
+    attributes, calls = reading._attributes, []
+
+    def counted(mapping: TagMapping) -> reading.Attributes:
+        calls.append(mapping)
+        return attributes(mapping)
+
+    monkeypatch.setattr(reading, "_attributes", counted)
+    mapping = b"tag,loop,signal,low,high\nA1,A,PV,0,100\nA2,A,OP,0,50\nB1,B,PV,0,10\nB2,B,OP,0,5\n"
+    done = read(
+        backend, send(backend, b"time,A1,A2,B1,B2\n0,1,2,3,4\n60,2,3,4,5\n", options=ReadingOptions(mapping=mapping))
+    )
+    assert done.loops == ["A", "B"]
+    assert [loops.get_loop(backend, tag).pv_high for tag in done.loops] == [100.0, 10.0]
+    assert len(calls) == 1
 
 
 def test_a_mapping_may_spell_a_loop_in_two_ways(backend: Backend) -> None:
