@@ -125,8 +125,8 @@ def test_a_probe_and_the_end_of_a_night_read_no_verdict(database: Database, ask:
     assert not [statement for statement in told if re.search(r"\bverdicts\b", statement)]
 
 
-def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None:
-    """SQLite begins where a condition tempts it to: of the loops, it would read the text of each one's row."""
+def _of_sqlite(database: Database, ask: Callable[[Connection], Any]) -> list[str]:
+    """The steps of SQLite's plans for what is asked."""
     if not database.is_sqlite:
         pytest.skip("plans of SQLite")
     told: list[str] = []
@@ -136,8 +136,21 @@ def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None
 
     with database.write() as connection:
         event.listen(connection, "before_cursor_execute", note)
-        plants.changes(connection, 1, 10)
+        ask(connection)
+    return told
+
+
+def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None:
+    """SQLite begins where a condition tempts it to: of the loops, it would read the text of each one's row."""
+    told = _of_sqlite(database, lambda connection: plants.changes(connection, 1, 10))
     assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
+
+
+def test_the_progress_of_runs_counts_no_loop_that_is_done(database: Database) -> None:
+    """A page of runs counts them: a year of nights of a plant would be gone through."""
+    told = _of_sqlite(database, lambda connection: audits.progress(connection, range(1, 101)))
+    read = [step.split("INDEX ")[1].split()[0] for step in told if " audit_items " in step]
+    assert read == [f"ix_audit_items_{state}" for state in ("open", "claimed", "failed")]
 
 
 def test_tags_are_found_without_comparing_each_with_each(plant: Database) -> None:
