@@ -14,7 +14,6 @@ from app.storage import Database, audits, figures, items, loops, series, verdict
 from app.storage import plant as plants
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
-from app.storage.series import Stretch
 from app.storage.verdicts import RowFilter
 
 NIGHTS = 20
@@ -60,9 +59,6 @@ def plant(database: Database) -> Database:
     return database
 
 
-BATCH = [Stretch(loop, Samples(np.array([0, 2000]), {})) for loop in range(1, 101)]
-
-
 def _one_detail(connection: Connection) -> None:
     with pytest.raises(ZstdError):  # what is stored here is no detail; how it is found is what counts
         verdicts.detail(connection, 77, 3)
@@ -76,7 +72,6 @@ ASKED = {
     "a page of loops": lambda c: loops.page(c, 100, "L5"),
     "samples of a chunk of loops": lambda c: series.windows(c, range(1, 33), 1e-9, 10),
     "samples between two times": lambda c: series.between(c, 77, 150, 400),
-    "what is stored at the times of a batch": lambda c: series._touched(c, BATCH),
     "a claim": lambda c: items.claim(c, NIGHTS, "w", 32, 45.0),
     "progress of a run": lambda c: audits.progress(c, [NIGHTS]),
     "runs by the page": lambda c: audits.page(c, 50, None),
@@ -125,8 +120,8 @@ def test_a_probe_and_the_end_of_a_night_read_no_verdict(database: Database, ask:
     assert not [statement for statement in told if re.search(r"\bverdicts\b", statement)]
 
 
-def _of_sqlite(database: Database, ask: Callable[[Connection], Any]) -> list[str]:
-    """The steps of SQLite's plans for what is asked."""
+def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None:
+    """SQLite begins where a condition tempts it to: of the loops, it would read the text of each one's row."""
     if not database.is_sqlite:
         pytest.skip("plans of SQLite")
     told: list[str] = []
@@ -136,21 +131,8 @@ def _of_sqlite(database: Database, ask: Callable[[Connection], Any]) -> list[str
 
     with database.write() as connection:
         event.listen(connection, "before_cursor_execute", note)
-        ask(connection)
-    return told
-
-
-def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None:
-    """SQLite begins where a condition tempts it to: of the loops, it would read the text of each one's row."""
-    told = _of_sqlite(database, lambda connection: plants.changes(connection, 1, 10))
+        plants.changes(connection, 1, 10)
     assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
-
-
-def test_the_progress_of_runs_counts_no_loop_that_is_done(database: Database) -> None:
-    """A page of runs counts them: a year of nights of a plant would be gone through."""
-    told = _of_sqlite(database, lambda connection: audits.progress(connection, range(1, 101)))
-    read = [step.split("INDEX ")[1].split()[0] for step in told if " audit_items " in step]
-    assert read == [f"ix_audit_items_{state}" for state in ("open", "claimed", "failed")]
 
 
 def test_tags_are_found_without_comparing_each_with_each(plant: Database) -> None:

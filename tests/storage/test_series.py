@@ -1,12 +1,13 @@
 """Series in the data base: sending again and overlapping windows change nothing; windows are read for many loops."""
 
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
 from psycopg.adapt import PyFormat, Transformer
 from psycopg.pq import Format
-from sqlalchemy import func, insert, select, text, update
+from sqlalchemy import event, func, insert, select, text, update
 
 from app.settings import Settings
 from app.storage import Database, loops, retention, series
@@ -288,6 +289,27 @@ def test_windows_are_found_by_index(database: Database) -> None:
         )
         plan = str(connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}").all())
     assert "ix_series_loop_end (loop_id=? AND end_ns>?)" in plan
+
+
+def test_what_is_stored_at_the_times_of_a_batch_is_found_span_by_span(database: Database) -> None:
+    """Whatever is known of the table: taken for one join, PostgreSQL read all of it."""
+    batch = [Stretch(loop, merged([ramp(0, 1), night(9)])) for loop in range(1, 101)]
+    asked: list[tuple[str, Any]] = []
+
+    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
+        asked.append((statement, parameters))
+
+    with database.write() as connection:
+        event.listen(connection, "before_cursor_execute", note)
+        assert series._touched(connection, batch) == {}
+        explain = "EXPLAIN QUERY PLAN" if database.is_sqlite else "EXPLAIN"
+        [(statement, parameters)] = asked
+        told = [str(row) for row in connection.exec_driver_sql(f"{explain} {statement}", parameters)]
+    if database.is_sqlite:
+        assert "SEARCH series USING INDEX ix_series_loop_end (loop_id=? AND end_ns>?)" in str(told)
+    else:
+        assert "Nested Loop" in str(told)
+        assert "Hash Join" not in str(told)
 
 
 def test_no_loop_and_no_stretch_is_nothing_found(database: Database) -> None:
