@@ -137,7 +137,8 @@ class Settings(BaseSettings):
     chunk_budget_s: float = Field(
         10.0,
         gt=0,
-        description="A task goes on claiming for this time, in seconds; with LOOPAUDIT_LOOP_LIMIT_S at most 560.",
+        description="A task begins loops for this time, in seconds, and hands the rest of its claim back; with "
+        "LOOPAUDIT_LOOP_LIMIT_S at most 560.",
     )
     fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")
     loop_limit_s: float = Field(
@@ -368,7 +369,7 @@ class Settings(BaseSettings):
 
     @model_validator(mode="after")
     def _a_loop_ends_before_its_task(self) -> "Settings":
-        # The last loop may be claimed when the budget is all but over.
+        # The last loop may be begun when the budget is all but over.
         most = TASK_LIMIT_S - TASK_ROOM_S
         if self.chunk_budget_s + self.loop_limit_s > most:
             needed = f"LOOPAUDIT_CHUNK_BUDGET_S and LOOPAUDIT_LOOP_LIMIT_S must be at most {most} together"

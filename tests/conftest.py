@@ -24,7 +24,7 @@ from app.engine.audit import Audit, AuditConfig, audit
 from app.engine.recording import Recording
 from app.services.auditing import chunks, warming
 from app.services.backend import Backend
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import Database
 from app.storage.tables import metadata

@@ -9,7 +9,7 @@ from app.services.auditing import chunks
 from app.services.digests import deliveries
 from app.services.explaining import working as explaining
 from app.services.intake import reading
-from app.services.upkeep import operations
+from app.services.upkeep import sweep as sweeping
 from workers.process import backend
 
 
@@ -35,4 +35,4 @@ def deliver() -> None:
 
 @shared_task(name=SWEEP)
 def sweep() -> None:
-    operations.sweep(backend())
+    sweeping.sweep(backend())

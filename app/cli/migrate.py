@@ -13,7 +13,7 @@ def migrate() -> None:
 
       LOOPAUDIT_DATABASE_URL=postgresql+psycopg://user@host/plant loopaudit migrate
     """
-    from app.services.upkeep.operations import migrate as bring_up
+    from app.services.upkeep.tables import migrate as bring_up
 
     say(f"loopaudit: the data base is at {bring_up(load_settings())}")
     raise typer.Exit(ExitCode.DONE)

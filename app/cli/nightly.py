@@ -49,7 +49,7 @@ def nightly(
     from app.services.access.trail import record
     from app.services.auditing.audits import start_audit
     from app.services.auditing.nightly import nightly as start
-    from app.services.upkeep.operations import refuse_empty
+    from app.services.auditing.nightly import refuse_empty
     from app.services.upkeep.presence import at_work
 
     settings = load_settings()
@@ -67,7 +67,7 @@ def nightly(
 
 
 def refuse_unready(backend: "Backend") -> None:
-    from app.services.upkeep.operations import readiness
+    from app.services.upkeep.readiness import readiness
 
     found = readiness(backend)
     if found.state == "not_ready":
@@ -105,5 +105,6 @@ def lend_a_hand(backend: "Backend", audit_id: str) -> None:
         return
     from app.services.auditing.chunks import audit_chunk
 
-    if not audit_chunk(backend, int(audit_id), f"nightly:{socket.gethostname()}:{os.getpid()}"):
+    owner = f"nightly:{socket.gethostname()}:{os.getpid()}"
+    if not audit_chunk(backend, int(audit_id), owner, calls_successor=False):
         time.sleep(LOOK_S)

@@ -20,14 +20,12 @@ def opened(
     RequestError("no_tables") or ("older_tables") asks for `loopaudit migrate`; ("database_away") where it is away.
     """
     from app.services.backend import Backend, away_in_words
-    from app.services.upkeep.tables import refuse_missing, refuse_other_tables
+    from app.services.upkeep.tables import migrate, refuse_missing, refuse_other_tables
 
     settings = settings or load_settings()
     if not new:
         refuse_missing(settings)
     if migrates if migrates is not None else not settings.database_url:
-        from app.services.upkeep.operations import migrate  # with the engine, which a health check does not wait for
-
         migrate(settings)
     backend = Backend.open(settings)
     try:

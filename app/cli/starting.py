@@ -13,6 +13,7 @@ def ready_to_work(settings: "Settings", until_parent_ends: bool, *, migrates: bo
     """Known to who would restore a backup, on tables of this version; migrates: which it makes of older ones."""
     from app import logs
     from app.services.upkeep import presence
+    from app.services.upkeep.tables import migrate, refuse_unmigrated
 
     logs.configure(settings)
     if until_parent_ends:
@@ -21,11 +22,7 @@ def ready_to_work(settings: "Settings", until_parent_ends: bool, *, migrates: bo
         stop_with_parent()
     with presence.at_work(settings):
         if migrates:
-            from app.services.upkeep.operations import migrate
-
             migrate(settings)
         else:
-            from app.services.upkeep.tables import refuse_unmigrated
-
             refuse_unmigrated(settings)
         yield

@@ -63,11 +63,11 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
 
 
 def refuse_standstill(settings: "Settings") -> None:
-    """A worker that hears nothing looks alive to everyone but the data base: work waits and nobody has taken any."""
+    """A worker that hears nothing looks alive to everyone but the data base: loops wait, and nobody gives a sign."""
     from app.services.upkeep.metrics import standstill_s
 
     with opened(settings, migrates=False) as backend:
-        waited_s = standstill_s(backend)
-    if waited_s > 10 * settings.stalled_s:
-        raise RequestError("standstill", f"loops have been waiting for {waited_s:.0f} s and no worker has taken any")
+        silent_s = standstill_s(backend)
+    if silent_s > 10 * settings.stalled_s:
+        raise RequestError("standstill", f"loops wait, and no worker gave a sign for {silent_s:.0f} s")
     say("loopaudit: work goes on, or there is none")

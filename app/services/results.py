@@ -167,13 +167,23 @@ class Readiness:
 
 @dataclass(frozen=True)
 class SweepReport:
-    """What one sweep found: items and uploads taken back from dead workers, runs ended, messages sent again."""
+    """What a sweep, or one of its duties, found: loops taken back from dead workers, runs ended, messages sent again,
+    the night begun."""
 
-    reopened: int
-    failed: int
-    ended: int
-    announced: int
-    nightly: str | None
+    reopened: int = 0
+    failed: int = 0
+    ended: int = 0
+    announced: int = 0
+    nightly: str | None = None
+
+    def __add__(self, other: "SweepReport") -> "SweepReport":
+        return SweepReport(
+            self.reopened + other.reopened,
+            self.failed + other.failed,
+            self.ended + other.ended,
+            self.announced + other.announced,
+            self.nightly or other.nightly,
+        )
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,22 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, and_, case, exists, func, insert, literal, or_, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Select,
+    and_,
+    bindparam,
+    case,
+    exists,
+    func,
+    insert,
+    literal,
+    or_,
+    select,
+    union_all,
+    update,
+)
 
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
@@ -124,13 +139,35 @@ def page(connection: Connection, limit: int, before_id: int | None) -> list[Audi
 
 
 def progress(connection: Connection, audit_ids: Sequence[int]) -> dict[int, Progress]:
-    called_off = (audit_items.c.state == "failed") & (audit_items.c.code == CANCELLED)
-    state = case((called_off, "cancelled"), else_=audit_items.c.state).label("told")
-    query = select(audit_items.c.audit_id, state, func.count()).where(audit_items.c.audit_id.in_(audit_ids))
+    """By what is left to do and what failed, each found by an index of its own, however many loops are done: they are
+    the rest. In one statement, between whose parts no loop changes its state."""
+    items = audit_items.c
+    mine, called_off = items.audit_id.in_(audit_ids), case((items.code == CANCELLED, "cancelled"), else_="failed")
+    parts = (
+        select(audits.c.id, literal("total").label("told"), audits.c.total).where(audits.c.id.in_(audit_ids)),
+        _counted("open", literal("open")).where(mine),
+        # Grouped by both: by the run alone SQLite reads the whole table in the order of its key.
+        _counted("claimed", literal("claimed")).where(items.lease_until_s > 0).group_by("told"),
+        _counted("failed", called_off).where(mine).group_by("told"),
+    )
     counts: dict[int, dict[str, int]] = {audit_id: {} for audit_id in audit_ids}
-    for audit_id, state, count in connection.execute(query.group_by(audit_items.c.audit_id, "told")):
-        counts[audit_id][state] = count
-    return {audit_id: Progress(**found) for audit_id, found in counts.items()}
+    for audit_id, told, count in connection.execute(union_all(*parts)):
+        if audit_id in counts:
+            counts[audit_id][told] = count
+    return {audit_id: _progress(found) for audit_id, found in counts.items()}
+
+
+def _counted(state: str, told: ColumnElement[str]) -> Select[Any]:
+    """Loops in this state by run. The word stands in the statement, by which SQLite finds the index of that state."""
+    in_state = audit_items.c.state == bindparam(None, state, literal_execute=True, unique=True)
+    query = select(audit_items.c.audit_id, told.label("told"), func.count()).where(in_state)
+    return query.group_by(audit_items.c.audit_id)
+
+
+def _progress(found: dict[str, int]) -> Progress:
+    """found: all loops of the run, and those in each state but done."""
+    total = found.pop("total", 0)
+    return Progress(**found, done=total - sum(found.values()))
 
 
 def set_running(connection: Connection, audit_id: int) -> None:
@@ -183,6 +220,18 @@ def to_announce(connection: Connection, stalled_s: float) -> list[int]:
 
 def note_announced(connection: Connection, audit_id: int) -> None:
     connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=clock_s()))
+
+
+def note_called(connection: Connection, audit_id: int) -> None:
+    """Whoever worked on the run has called a successor. One that is to be announced again stays so: others called
+    nobody."""
+    told = audits.c.announced_s.is_not(None)
+    connection.execute(update(audits).where(audits.c.id == audit_id, told).values(announced_s=clock_s()))
+
+
+def forget_announced(connection: Connection, audit_id: int) -> None:
+    """The next sweep announces the run again, where loops of it are open."""
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=None))
 
 
 def _conditions(wanted: LoopFilter) -> list[Any]:

@@ -52,6 +52,12 @@ def from_arrays(table: Table, names: Sequence[str]) -> Select[Any]:
     return select(*(func.unnest(array).label(name) for name, array in zip(names, arrays, strict=True)))
 
 
+def from_json(names: Sequence[str]) -> Select[Any]:
+    """The same on SQLite, of rows of numbers that `sent_rows` has as JSON: a list of lists, in the order of `names`."""
+    row = func.json_each(bindparam("sent_rows")).table_valued("value").c.value
+    return select(*(func.json_extract(row, f"$[{at}]").label(name) for at, name in enumerate(names)))
+
+
 def columns_of(rows: Rows) -> dict[str, list[Any]]:
     return {f"sent_{name}": [row[name] for row in rows] for name in rows[0]}
 

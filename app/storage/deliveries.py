@@ -100,6 +100,11 @@ def claim_next(
     return DeliveryClaim(picked.audit_id, picked.receiver, claimed.attempts, owner, claimed.id_suffix or "")
 
 
+def renew(connection: Connection, claim: DeliveryClaim, lease_s: float) -> bool:
+    """Whether the claim still holds; its lease then starts anew."""
+    return connection.execute(_held(claim).values(lease_until_s=clock_s() + lease_s)).rowcount == 1
+
+
 def end(connection: Connection, claim: DeliveryClaim, state: str, error_text: str | None) -> bool:
     """Whether the claim still held, and the delivery has ended so."""
     ended = {"state": state, "ended_at": now(), "error_text": error_text, "next_try_s": None}

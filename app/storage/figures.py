@@ -33,11 +33,6 @@ class Waiting:
     oldest_open_s: float
     oldest_unread_s: float
 
-    @property
-    def standstill_s(self) -> float:
-        """For how long loops have been waiting while no worker holds any; 0 where none waits or one is at work."""
-        return self.oldest_open_s if self.items.get("open") and not self.items.get("claimed") else 0.0
-
 
 @dataclass(frozen=True)
 class Figures:

@@ -62,6 +62,15 @@ def renew(connection: Connection, claims: Sequence[Claim], lease_s: float) -> in
     return connection.execute(_held(claims).values(lease_until_s=clock_s() + lease_s)).rowcount
 
 
+def hand_back(connection: Connection, claims: Sequence[Claim]) -> int:
+    """How many of the claims still held; their loops, which nobody began to audit, are open as if nobody had claimed
+    them."""
+    if not claims:
+        return 0
+    as_before = {"state": "open", "owner": None, "lease_until_s": None, "attempts": audit_items.c.attempts - 1}
+    return connection.execute(_held(claims).values(as_before)).rowcount
+
+
 def finish(connection: Connection, claims: Sequence[Claim]) -> set[int]:
     """The loops whose claim still holds, now done: only their results may be written, in the same transaction."""
     if not claims:

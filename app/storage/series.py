@@ -1,19 +1,20 @@
 """Stretches of samples: written so that sending again changes nothing, read for many loops at once."""
 
+import json
 import logging
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Connection, and_, bindparam, func, select, tuple_, update
+from sqlalchemy import ColumnElement, Connection, Select, and_, bindparam, func, select, true, tuple_, update
 
-from app.nanoseconds import NS_PER_H
-from app.storage.bulk import among, columns_of, from_arrays, insert_new_rows
+from app.nanoseconds import NS_PER_DAY, NS_PER_H
+from app.storage.bulk import among_many, columns_of, from_arrays, from_json, insert_new_rows
 from app.storage.samples import DamagedStretchError, Samples, merged, news, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import AS_RECEIVED, loops, series
@@ -22,6 +23,10 @@ log = logging.getLogger("loopaudit.series")
 
 LOOPS_AT_ONCE = 8
 """Loops whose stretches are taken from the data base together: a week at a value a second has some megabytes."""
+STORED_AT_ONCE = 1_000_000
+"""Samples that are stored of loops and compared with what is sent of them together: some 30 MB."""
+LONG_PAUSE_NS = NS_PER_DAY
+"""What is stored of a pause that is longer, between two samples that are sent, is not looked at."""
 
 Key = tuple[int, str]
 """Of a stretch: its loop and its fingerprint."""
@@ -76,15 +81,13 @@ def add(
     nothing; where a value differs from the stored one at its time, the one that was received later holds."""
     place = place or Place()
     prints = _not_stored(connection, stretches, upload_id, place)
-    stored = _overlapped(connection, list(prints.values()))
     rows, new = [], 0
-    for (loop_id, fingerprint), stretch in prints.items():
-        fresh = _fresh(stretch.samples, stored.get(loop_id, []), place)
+    for (loop_id, fingerprint), stretch, stored in _beside_stored(connection, prints):
+        fresh = _fresh(stretch.samples, stored, place)
         new += fresh.new
         if len(fresh.samples):
             named = {"loop_id": loop_id, "fingerprint": fingerprint, "upload_id": upload_id}
             rows.append({**named, "receipt_number": place.receipt_number, **_columns(fresh.samples)})
-    rows.sort(key=lambda row: row["loop_id"])  # one order for all writers: none waits for another in a circle
     if rows:
         insert_new_rows(connection, series, rows)
         _note_newest(connection, rows)
@@ -226,23 +229,92 @@ def _known(connection: Connection, keys: list[Key]) -> dict[Key, tuple[int | Non
     return {(row.loop_id, row.fingerprint): (row.upload_id, row.receipt_number) for row in found}
 
 
-def _overlapped(connection: Connection, stretches: list[Stretch]) -> dict[int, list[Stored]]:
-    """What is stored of the loops in the time that the stretches cover, in the order in which it was received.
+def _beside_stored(
+    connection: Connection, prints: Mapping[Key, Stretch]
+) -> Iterator[tuple[Key, Stretch, list[Stored]]]:
+    """Each stretch with what is stored of its loop at its times, by loop: in one order for all writers, of whom none
+    then waits for another in a circle. Of what is stored, some loops' is in memory at a time."""
+    sent: dict[int, list[Key]] = defaultdict(list)
+    for key in prints:
+        sent[key[0]].append(key)
+    touched = _touched(connection, prints.values())
+    for some in _parted(sorted(sent), touched):
+        stored = _stored(connection, [one.id for loop_id in some for one in touched.get(loop_id, ())])
+        for loop_id in some:
+            for key in sent[loop_id]:
+                yield key, prints[key], stored.get(loop_id, [])
+
+
+def _parted(loop_ids: Iterable[int], touched: Mapping[int, list["_Touched"]]) -> Iterator[list[int]]:
+    """Loops whose stored stretches are taken from the data base together."""
+    some: list[int] = []
+    held = 0
+    for loop_id in loop_ids:
+        more = sum(one.samples for one in touched.get(loop_id, ()))
+        if some and held + more > STORED_AT_ONCE:
+            yield some
+            some, held = [], 0
+        some.append(loop_id)
+        held += more
+    if some:
+        yield some
+
+
+class _Touched(NamedTuple):
+    """A stretch that is stored, not yet read."""
+
+    id: int
+    samples: int
+
+
+def _touched(connection: Connection, stretches: Collection[Stretch]) -> dict[int, list[_Touched]]:
+    """Which stored stretches may have a sample at a time of one that is sent, by loop: those that reach into a time in
+    which it has samples. One that only lies between two of its samples is none of them."""
+    spans = [span for stretch in stretches for span in _spans(stretch)]
+    if not spans:
+        return {}
+    query, told = _reaching_into(connection, spans)
+    found: dict[int, list[_Touched]] = defaultdict(list)
+    for loop_id, stretch_id, samples in connection.execute(query, told):
+        found[loop_id].append(_Touched(stretch_id, samples))
+    return found
+
+
+def _reaching_into(connection: Connection, spans: list[dict[str, int]]) -> tuple[Select[Any], dict[str, Any]]:
+    """What asks for the stretches, by index span by span however little the data base knows of them, and what it is
+    told."""
+    names, columns = ("loop_id", "start_ns", "end_ns"), (series.c.loop_id, series.c.id, series.c.samples)
+    on_postgresql = connection.dialect.name == "postgresql"
+    sent = (from_arrays(series, names) if on_postgresql else from_json(names)).subquery("sent")
+    same = (series.c.loop_id == sent.c.loop_id, series.c.end_ns >= sent.c.start_ns, series.c.start_ns <= sent.c.end_ns)
+    if not on_postgresql:
+        told = {"sent_rows": json.dumps([[span[name] for name in names] for span in spans])}
+        return select(*columns).distinct().join(sent, and_(*same)), told
+    # Taken for one join, the planner read the whole table: it holds a time that is asked for to be most of a record.
+    one = select(*columns).where(*same).correlate(sent).offset(0).lateral("one")
+    return select(one).distinct().select_from(sent).join(one, true()), columns_of(spans)
+
+
+def _spans(stretch: Stretch) -> Iterator[dict[str, int]]:
+    """From when to when it has samples, cut where it has none for long: a historian gives the value of a year ago of a
+    signal that has not changed since, or whose transmitter is dead."""
+    times = stretch.samples.time_ns
+    begins = np.concatenate(([0], np.flatnonzero(np.diff(times) > LONG_PAUSE_NS) + 1))
+    ends = np.append(begins[1:] - 1, len(times) - 1)
+    for begin, end in zip(times[begins].tolist(), times[ends].tolist(), strict=True):
+        yield {"loop_id": stretch.loop_id, "start_ns": begin, "end_ns": end}
+
+
+def _stored(connection: Connection, stretch_ids: list[int]) -> dict[int, list[Stored]]:
+    """These stretches by loop, in the order in which they were received.
 
     A damaged stretch is taken for absent: what is sent is stored, and so is what came of other loops with it.
     """
-    if not stretches:
-        return {}
-    first = min(int(s.samples.time_ns[0]) for s in stretches)
-    last = max(int(s.samples.time_ns[-1]) for s in stretches)
-    query = (
-        select(series.c.loop_id, series.c.id, series.c.receipt_number, series.c.packed)
-        .where(among(connection, series.c.loop_id, {s.loop_id for s in stretches}))
-        .where(series.c.end_ns >= first, series.c.start_ns <= last)
-        .order_by(*AS_RECEIVED)
-    )
     found: dict[int, list[Stored]] = defaultdict(list)
-    for row in connection.execute(query).all():
+    if not stretch_ids:
+        return found
+    query = select(series.c.loop_id, series.c.id, series.c.receipt_number, series.c.packed).order_by(*AS_RECEIVED)
+    for row in connection.execute(query.where(among_many(connection, series.c.id, stretch_ids))).all():
         try:
             found[row.loop_id].append(Stored(row.receipt_number, unpack_stored(row.id, row.packed)))
         except DamagedStretchError:

@@ -15,7 +15,7 @@ import pytest
 from app.http import bodies, connections, crowding, receiving
 from app.main import create_app
 from app.services.plant import reliability
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 
 

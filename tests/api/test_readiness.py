@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from app.main import create_app
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.chaos.installation import MissingError, installed, until
 from tests.conftest import servers_required

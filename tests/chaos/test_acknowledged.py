@@ -16,7 +16,7 @@ ACKNOWLEDGE = """if True:
     import os, signal, stat, sys
     from app.services.intake import uploads
     from app.services.backend import Backend
-    from app.services.upkeep.operations import migrate
+    from app.services.upkeep.tables import migrate
     from app.settings import Settings
 
     forgotten, fsync = sys.argv[2], os.fsync

@@ -23,7 +23,7 @@ from app.main import create_app
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.moments import PlantClock
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 
 WIDE = "DateTime,FIC1.PV,FIC1.OP,FIC2.PV\n" + "".join(

@@ -7,7 +7,7 @@ from app.cli.main import cli
 from app.errors import DataError
 from app.main import create_app
 from app.services.backend import Backend
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import loops
 

@@ -11,8 +11,8 @@ import pytest
 
 from app.cli.serve import listen, only_one, warn_of_openness
 from app.errors import RequestError
-from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import LOCK, SERVING, alone, only_server
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from app.engine.plant_wide import cascades as module
 from app.engine.plant_wide.cascades import Cascade, cascades
 from app.engine.plant_wide.excerpts import excerpts_of
 from app.engine.recording import Recording
+from app.engine.signals.innovations import innovations
 
 ORIGIN_S = 1_750_000_000.0
 SAMPLES, INTERVAL_S = 3000, 5.0
@@ -181,6 +183,16 @@ def test_only_the_cascades_of_the_loops_that_are_asked_for_are_told():
     assert pairs["B9"] == []
     assert pairs["E5"] == [("D4", "E5")]
     assert set(cascades(plant)) == {c for asked in plant for c in cascades(plant, {asked})}
+
+
+def test_no_op_is_looked_at_beside_a_set_point_that_stands(monkeypatch):
+    """Of a plant that takes seconds, whenever one loop is audited."""
+    plant = {f"L{k}": loop(op=wandering(k)) for k in range(6)}
+    plant |= {"M1": loop(sp=wandering(11)), "M2": loop(sp=wandering(12))}
+    looked_at = []
+    monkeypatch.setattr(module, "innovations", lambda *told: looked_at.append(told) or innovations(*told))
+    assert cascades(plant, {"L0"}) == ()
+    assert len(looked_at) == 3  # the OP of L0 and two set points
 
 
 def test_as_many_set_points_as_are_compared_at_once_make_no_difference(monkeypatch):

@@ -23,7 +23,7 @@ from app.services.explaining.simulations import GivenSimulation
 from app.services.explaining.working import explain_next
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"

@@ -20,8 +20,8 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.upkeep import backup as backups
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone, at_work
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import loops, schema, tables
 from app.storage.database import program_address

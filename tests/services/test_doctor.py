@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -11,7 +12,7 @@ from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import schema, tables
 from tests.services.upkeep_plant import EXPORT, aged, audited_twice
@@ -53,7 +54,8 @@ def test_each_thing_that_is_wrong_is_named_with_advice(plant):
     plant.settings.data_dir.chmod(0o755)
     start_audit(plant)
     with plant.database.write() as connection:
-        connection.execute(update(tables.audits).values(created_at=datetime.now(UTC) - timedelta(days=2)))
+        ago = {"created_at": datetime.now(UTC) - timedelta(days=2), "announced_s": time.time() - 2 * 86400}
+        connection.execute(update(tables.audits).values(ago))
         connection.execute(update(tables.keys).values(expires_at=datetime.now(UTC) + timedelta(days=2)))
     checks = doctor.examine(settings)
     wrong = {check.name: check.state for check in checks if check.state != "ok"}

@@ -21,7 +21,7 @@ from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.backend import Backend
 from app.services.plant.loops import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.sweep import sweep
 from app.storage import audits, items, loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples

@@ -23,7 +23,7 @@ from app.services.explaining.explanations import Wanted
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
 from app.services.explaining.trigger import since_reversal
 from app.services.plant import loops as loops_service
-from app.services.upkeep import operations
+from app.services.upkeep.sweep import sweep
 from app.settings import Settings
 from app.storage import explanations as stored
 from app.storage import loops
@@ -369,7 +369,7 @@ def test_the_sweeper_gives_lost_work_to_others(backend: Backend) -> None:
     for _ in range(backend.settings.max_attempts):
         with backend.database.write() as connection:
             assert stored.claim_next(connection, "dead", -1.0)
-        operations.sweep(backend)
+        sweep(backend)
     found = explanations.get_explanation(backend, "TIC1", asked["id"])
     assert (found["state"], found["error_code"]) == ("failed", "worker_lost")
 
@@ -378,11 +378,11 @@ def test_a_night_explains_its_worst_loops_once(backend: Backend, add_loops: Call
     add_loops("FIC1", "FIC2", "FIC3")
     two = Backend(backend.settings.model_copy(update={"nightly_explanations": 2}), backend.database, backend.queue)
     run = audits.start_audit(backend, trigger="nightly")
-    assert operations.sweep(two).announced == 0
+    assert sweep(two).announced == 0
     while chunks.audit_chunk(backend, int(run.id), "w"):
         pass
-    assert operations.sweep(two).announced == 2
-    assert operations.sweep(two).announced == 0
+    assert sweep(two).announced == 2
+    assert sweep(two).announced == 0
     tags = ("FIC1", "FIC2", "FIC3")
     asked = [row for tag in tags for row in explanations.list_explanations(backend, tag).rows]
     assert [(row["state"], row["audit_id"]) for row in asked] == [("open", run.id)] * 2
@@ -401,7 +401,7 @@ def test_a_night_may_explain_nothing(backend: Backend, add_loops: Callable[..., 
     run = audits.start_audit(backend, trigger="nightly")
     chunks.audit_chunk(backend, int(run.id), "w")
     none = Backend(backend.settings.model_copy(update={"nightly_explanations": 0}), backend.database, backend.queue)
-    assert operations.sweep(none).announced == 0
+    assert sweep(none).announced == 0
 
 
 def test_travel_since_a_reversal() -> None:

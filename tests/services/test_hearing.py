@@ -17,7 +17,8 @@ from app.lab.testbench.neighbours import SOURCE
 from app.services.audit_json import swings
 from app.services.audit_json.excerpts import as_json, by_tag
 from app.services.audit_json.line import audit_line
-from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR, heard_together, neighbour_text
+from app.services.auditing import hearing
+from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR, Said, hear, heard_together, neighbour_text
 
 SHAKEN = ("shaken 0", "shaken 1", "shaken 2")
 
@@ -82,6 +83,33 @@ def test_a_loop_that_does_not_swing_is_heard_with_nobody() -> None:
     kept = [candidate for candidate in swinging if candidate.tag != SHAKEN[2]]
     assert heard_together(lines, kept, {})[-1] is lines[-1]
     assert heard_together(lines, [], {}) == list(lines)
+
+
+@cache
+def told_of() -> dict[str, Said]:
+    """What the records of the loops say, of which one is cleared."""
+    lines, _ = audited()
+    told = {line["loop"]: Said(line["verdict"], line["reliability"], line["stiction_probability"]) for line in lines}
+    return told | {SHAKEN[2]: Said("no_stiction", "reliable", 0.1)}
+
+
+@pytest.mark.parametrize("tag", [SOURCE, *SHAKEN])
+def test_of_a_loop_that_is_asked_for_alone_the_same_is_told(tag: str) -> None:
+    _, swinging = audited()
+    of_all = hear(told_of(), swinging, {})
+    assert set(of_all) == set(SHAKEN[:2])
+    assert hear(told_of(), swinging, {}, asked={tag}).get(tag) == of_all.get(tag)
+
+
+@pytest.mark.parametrize(("tag", "looked_for"), [(SHAKEN[0], 1), (SHAKEN[2], 0)])
+def test_who_swings_together_is_found_only_for_loops_that_it_could_say_something_of(
+    monkeypatch: pytest.MonkeyPatch, tag: str, looked_for: int
+) -> None:
+    """It takes seconds in a plant, and ends the audit of one loop."""
+    calls: list[Sequence[Candidate]] = []
+    monkeypatch.setattr(hearing, "groups", lambda all_of_them: calls.append(all_of_them) or groups(all_of_them))
+    hear(told_of(), audited()[1], {}, asked={tag})
+    assert len(calls) == looked_for
 
 
 def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:

@@ -17,7 +17,8 @@ from app.services.backend import Backend
 from app.services.explaining import explanations, working
 from app.services.intake import reading, uploads
 from app.services.patience import patiently
-from app.services.upkeep import operations
+from app.services.upkeep.readiness import readiness
+from app.services.upkeep.sweep import sweep
 from app.storage import uploads as stored
 from app.storage.tables import uploads as uploads_table
 from app.storage.types import clock_s
@@ -175,7 +176,7 @@ def test_a_full_disk_is_no_fault_of_the_file(
         for _ in range(backend.settings.max_reading_attempts + 5):
             with pytest.raises(type(error), match=r"No space|full"):
                 reading.read_upload(backend, int(upload), "reader")
-            operations.sweep(backend)
+            sweep(backend)
             found = uploads.get_upload(backend, upload)
             assert (found.state, found.reason) == ("received", None)
     reading.read_upload(backend, int(upload), "reader")
@@ -243,7 +244,7 @@ def test_an_upload_that_waits_for_room_says_so_and_since_when(
     backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def waiting() -> tuple[object, object]:
-        checks = operations.readiness(backend).checks
+        checks = readiness(backend).checks
         return checks["uploads_waiting_for_room"], checks["waiting_for_room_since"]
 
     upload, other = send(backend), send(backend, "FIC2")

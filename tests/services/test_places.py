@@ -3,6 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from sqlalchemy.exc import OperationalError
 
 from app.errors import NotFoundError
 from app.services.backend import Backend
@@ -47,6 +48,35 @@ def test_a_correction_holds_for_later_files_and_says_so(backend: Backend) -> Non
     assert len(later.notes) == 1
     assert "FIC900.PV as OP of FIC900" in later.notes[0]
     assert smallest_pv(backend) == 100.0
+
+
+@pytest.mark.parametrize("breaks", ["receive", "try_again"])
+def test_a_correction_whose_upload_could_not_be_registered_is_not_kept(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, breaks: str
+) -> None:
+    """Whoever asked was told that it failed: tags of the next files must not be read otherwise all the same."""
+    upload = sent(backend, 0)
+
+    def away(*_: object) -> None:
+        raise OperationalError("INSERT", {}, Exception("the server is away"))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(uploads.uploads, breaks, away)
+        with pytest.raises(OperationalError):
+            uploads.read_again(backend, upload.id, SWAPPED, "somebody", keep=True)
+    assert places.kept_by_loop(backend) == []
+    assert sent(backend, 1).tags[0]["pv"] == "FIC900.PV"
+
+
+def test_an_upload_whose_correction_cannot_be_kept_is_not_registered(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload = sent(backend, 0)
+    with monkeypatch.context() as broken:
+        broken.setattr(tags, "keep", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            uploads.read_again(backend, upload.id, SWAPPED, "somebody", keep=True)
+    assert [one.id for one in uploads.list_uploads(backend).rows] == [upload.id]
 
 
 def test_a_correction_of_one_file_alone_is_no_later_ones_and_the_change_is_told(backend: Backend) -> None:

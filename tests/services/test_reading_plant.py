@@ -22,7 +22,7 @@ from app.services.plant import loops, overview, reliability
 from app.services.plant import trend as trends
 from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
-from app.services.upkeep import operations
+from app.services.upkeep.readiness import readiness
 from app.storage import figures, row_texts, series
 from app.storage import loops as stored_loops
 from app.storage import verdicts as stored_verdicts
@@ -304,7 +304,7 @@ def test_the_plant_in_numbers(plant: Backend) -> None:
     with plant.database.read() as connection:
         found = figures.collect(connection)
     assert (found.loops, found.waiting.oldest_open_s, sum(found.verdicts.values())) == (7, 0.0, 7)
-    assert operations.readiness(plant).state == "ready"
+    assert readiness(plant).state == "ready"
 
 
 def test_loops_are_listed_found_and_changed(plant: Backend) -> None:

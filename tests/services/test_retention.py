@@ -17,7 +17,7 @@ from app.services.plant.loops import loop_health, verdict_history
 from app.services.results import Receipt
 from app.services.upkeep import retention
 from app.services.upkeep.metrics import Sample, metrics
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.sweep import sweep
 from app.storage import retention as stored_retention
 from app.storage import tables
 from app.storage import uploads as stored_uploads

@@ -10,7 +10,7 @@ from sqlalchemy import select, update
 from app.errors import RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
-from app.services.auditing.nightly import announce_explanations, nightly
+from app.services.auditing.nightly import announce_explanations, nightly, refuse_empty
 from app.services.backend import Backend
 from app.services.digests.digest import as_text, digest_of, newest_run
 from app.services.moments import ns_of
@@ -26,7 +26,6 @@ from app.services.plant.trend import trend
 from app.services.reports.documents import loop_report, plant_report
 from app.services.upkeep import doctor
 from app.services.upkeep.metrics import metrics
-from app.services.upkeep.operations import refuse_empty
 from app.storage import loops as stored_loops
 from app.storage import verdicts as stored_verdicts
 from app.storage.loops import ListFilter

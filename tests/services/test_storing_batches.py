@@ -45,7 +45,7 @@ def test_batches_are_written_in_their_order_and_counted(monkeypatch: pytest.Monk
         return sum(len(it.samples) for it in batch)
 
     monkeypatch.setattr(reading, "_store", store)
-    assert reading._stored(BACKEND, CLAIM, iter(Batches(9)), None) == 27
+    assert reading._stored(BACKEND, CLAIM, iter(Batches(9)), {}) == 27
     assert written == [f"L{number}" for number in range(9)]
 
 
@@ -63,7 +63,7 @@ def test_a_lost_claim_ends_reading_and_leaves_neither_thread_nor_file(monkeypatc
     gc.disable()  # what holds files must go by itself, not with the next collection
     try:
         with closing(iter(batches)) as read, pytest.raises(reading.ClaimLostError):
-            reading._stored(BACKEND, CLAIM, read, None)
+            reading._stored(BACKEND, CLAIM, read, {})
         assert batches.ended
     finally:
         gc.enable()
@@ -79,5 +79,5 @@ def test_an_error_of_reading_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError("the disk is gone")
 
     with pytest.raises(OSError, match="disk is gone"):
-        reading._stored(BACKEND, CLAIM, broken(), None)
+        reading._stored(BACKEND, CLAIM, broken(), {})
     assert not threads()

@@ -11,11 +11,12 @@ import pytest
 from sqlalchemy import Engine, event, func, select, update
 
 from app.errors import LoopauditError, NotFoundError
+from app.ingest import TagMapping
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
 from app.services.plant import loops
-from app.services.upkeep import operations
+from app.services.upkeep.sweep import sweep
 from app.storage import samples
 from app.storage import uploads as stored
 from app.storage.tables import series as series_table
@@ -105,6 +106,25 @@ def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) ->
     assert (loop.type, loop.unit, loop.pv_unit, loop.pv_high, loop.op_low) == ("flow", "U9", "t/h", 120.0, 0.0)
 
 
+def test_a_mapping_is_gone_through_once_a_file(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may have the tags of a plant, and a batch is written while other writers wait."""
+    monkeypatch.setattr(reading, "BATCH_LOOPS", 1)
+    attributes, calls = reading._attributes, []
+
+    def counted(mapping: TagMapping) -> reading.Attributes:
+        calls.append(mapping)
+        return attributes(mapping)
+
+    monkeypatch.setattr(reading, "_attributes", counted)
+    mapping = b"tag,loop,signal,low,high\nA1,A,PV,0,100\nA2,A,OP,0,50\nB1,B,PV,0,10\nB2,B,OP,0,5\n"
+    done = read(
+        backend, send(backend, b"time,A1,A2,B1,B2\n0,1,2,3,4\n60,2,3,4,5\n", options=ReadingOptions(mapping=mapping))
+    )
+    assert done.loops == ["A", "B"]
+    assert [loops.get_loop(backend, tag).pv_high for tag in done.loops] == [100.0, 10.0]
+    assert len(calls) == 1
+
+
 def test_a_mapping_may_spell_a_loop_in_two_ways(backend: Backend) -> None:
     mapping = b"tag,loop,signal,low,high\nA1,sic1,PV,0,100\nA2,SIC1,OP,0,50\n"
     done = read(backend, send(backend, b"time,A1,A2\n0,1,2\n60,2,3\n", options=ReadingOptions(mapping=mapping)))
@@ -139,7 +159,7 @@ def test_an_upload_is_read_by_one_and_again_after_a_crash(backend: Backend) -> N
     expire(backend, upload, state="reading", owner="dead", attempts=1, lease_until_s=time.time() + 30)
     assert read(backend, upload).state == "reading"
     expire(backend, upload, lease_until_s=0.0)
-    assert operations.sweep(backend).announced == 1
+    assert sweep(backend).announced == 1
     assert read(backend, upload).samples_added == 400
 
 
@@ -194,7 +214,7 @@ def test_how_often_a_loop_is_tried_says_nothing_of_uploads(
         assert uploads.get_upload(backend, upload.id).state in ("received", "reading")
         with pytest.raises(ZeroDivisionError):
             reading.read_upload(other, int(upload.id), "w")
-        operations.sweep(other)
+        sweep(other)
     failed = uploads.get_upload(backend, upload.id)
     assert (failed.state, "ZeroDivisionError" in failed.reason) == ("failed", True)
 

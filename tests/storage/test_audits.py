@@ -1,12 +1,13 @@
-"""Which run is the night that something follows."""
+"""Which run is the night that something follows, and how far runs are."""
 
 from datetime import timedelta
+from typing import Any
 
 import pytest
-from sqlalchemy import Connection, insert
+from sqlalchemy import Connection, event, insert
 
 from app.storage import Database, tables
-from app.storage.audits import ENDED, WITH_RESULTS, newest_night
+from app.storage.audits import ENDED, WITH_RESULTS, newest_night, progress
 from app.storage.types import now
 
 RUN = {
@@ -44,3 +45,19 @@ def test_a_night_that_ended_long_ago_is_none_where_it_may_not_be_so_old(database
         run = night(connection, state, hours_ago=25.0)
         assert newest_night(connection, at_most_old=timedelta(hours=24)) is None
         assert newest_night(connection, at_most_old=timedelta(hours=26)) == run
+
+
+def test_the_progress_of_runs_counts_no_loop_that_is_done(database: Database) -> None:
+    """A page of runs counts them: a year of nights of a plant would be gone through."""
+    if not database.is_sqlite:
+        pytest.skip("plans of SQLite, which are the same whatever the tables hold")
+    told: list[str] = []
+
+    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
+        told.extend(row[3] for row in connection.connection.execute(f"EXPLAIN QUERY PLAN {statement}", parameters))
+
+    with database.write() as connection:
+        event.listen(connection, "before_cursor_execute", note)
+        progress(connection, range(1, 101))
+    read = [step.split("INDEX ")[1].split()[0] for step in told if " audit_items " in step]
+    assert read == [f"ix_audit_items_{state}" for state in ("open", "claimed", "failed")]

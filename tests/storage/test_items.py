@@ -158,6 +158,25 @@ def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None
     assert progress(database, run) == Progress(cancelled=20)
 
 
+def test_the_progress_of_several_runs_is_told_apart(database: Database, run: int) -> None:
+    with database.write() as connection:
+        other = audits.plan(connection, RUN, LoopFilter())
+        claims = items.claim(connection, run, "a", 3, 60.0)
+        items.finish(connection, claims[:1])
+        items.fail(connection, [items.Failure(claims[1], "fault", "it broke")])
+        called_off = items.claim(connection, other, "a", 2, 60.0)
+        items.finish(connection, called_off[:1])
+        audits.cancel(connection, other)
+        found = audits.progress(connection, [run, other])
+        left = found[run].open
+        assert found == {
+            run: Progress(open=left, claimed=1, done=1, failed=1),
+            other: Progress(done=1, cancelled=left + 2),
+        }
+        assert left + 3 == audits.by_id(connection, run).total
+        assert audits.progress(connection, [other]) == {other: found[other]}
+
+
 def test_a_stalled_run_is_announced_once_in_a_while(database: Database, run: int) -> None:
     with database.write() as connection:
         assert audits.to_announce(connection, 30.0) == [run]

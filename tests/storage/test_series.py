@@ -1,16 +1,17 @@
 """Series in the data base: sending again and overlapping windows change nothing; windows are read for many loops."""
 
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
 from psycopg.adapt import PyFormat, Transformer
 from psycopg.pq import Format
-from sqlalchemy import func, insert, select, text, update
+from sqlalchemy import event, func, insert, select, text, update
 
 from app.settings import Settings
 from app.storage import Database, loops, retention, series
-from app.storage.samples import DamagedStretchError, Samples, merged, news
+from app.storage.samples import DamagedStretchError, Samples, merged, news, unpack_stored
 from app.storage.series import Place, Stretch
 from app.storage.steps import last_known
 from app.storage.tables import series as series_table
@@ -61,6 +62,58 @@ def test_overlapping_windows_add_only_what_is_new(database: Database) -> None:
     assert add(database, "FIC1", ramp(-50, 150)).samples == 50
     found = window(database, "FIC1")
     assert np.array_equal(found.signals["pv"], np.arange(-50, 150))
+
+
+def unpacked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Which stored stretches are unpacked from now on."""
+    ids: list[int] = []
+
+    def counted(stretch_id: int, packed: bytes) -> Samples:
+        ids.append(stretch_id)
+        return unpack_stored(stretch_id, packed)
+
+    monkeypatch.setattr(series, "unpack_stored", counted)
+    return ids
+
+
+def night(number: int, *, offset: float = 0.0) -> Samples:
+    """Ten minutes of the day of that number."""
+    return ramp(number * 86_400, number * 86_400 + 600, offset)
+
+
+def test_a_sample_of_long_ago_has_nothing_unpacked_of_the_nights_since_then(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a dead transmitter, whose historian gives its last value with every export."""
+    tags = [f"FIC{n}" for n in range(6)]
+    nights = 40
+    with database.write() as connection:
+        ids = loops.ensure(connection, tags)
+        for number in range(nights):
+            series.add(connection, [Stretch(ids[tag], night(number)) for tag in tags], None)
+    of_long_ago = merged([ramp(7, 8), night(nights)])
+    read = unpacked(monkeypatch)
+    with database.write() as connection:
+        tonight = [Stretch(ids[tag], of_long_ago if tag == tags[0] else night(nights)) for tag in tags]
+        added = series.add(connection, tonight, None)
+    assert added == series.Added(len(tags), 600 * len(tags))
+    assert len(read) == 1
+
+
+def test_stored_stretches_are_read_by_some_loops_at_a_time_and_each_once(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(series, "STORED_AT_ONCE", 1500)
+    tags = [f"FIC{n}" for n in range(5)]
+    with database.write() as connection:
+        ids = loops.ensure(connection, tags)
+        series.add(connection, [Stretch(ids[tag], night(n)) for tag in tags for n in range(2)], None)
+        read = unpacked(monkeypatch)
+        both = [Stretch(ids[tag], merged([night(0), night(1, offset=0.5)])) for tag in tags]
+        assert series.add(connection, both, None).samples == 600 * len(tags)
+    assert len(read) == len(set(read)) == 2 * len(tags)
+    for tag in tags:
+        assert window(database, tag, hours=25).signals["pv"][[0, 600]].tolist() == [0.0, 86_400.5]
 
 
 def test_the_later_upload_holds_where_values_differ(database: Database) -> None:
@@ -236,6 +289,27 @@ def test_windows_are_found_by_index(database: Database) -> None:
         )
         plan = str(connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}").all())
     assert "ix_series_loop_end (loop_id=? AND end_ns>?)" in plan
+
+
+def test_what_is_stored_at_the_times_of_a_batch_is_found_span_by_span(database: Database) -> None:
+    """Whatever is known of the table: taken for one join, PostgreSQL read all of it."""
+    batch = [Stretch(loop, merged([ramp(0, 1), night(9)])) for loop in range(1, 101)]
+    asked: list[tuple[str, Any]] = []
+
+    def note(_: Any, __: Any, statement: str, parameters: Any, *___: Any) -> None:
+        asked.append((statement, parameters))
+
+    with database.write() as connection:
+        event.listen(connection, "before_cursor_execute", note)
+        assert series._touched(connection, batch) == {}
+        explain = "EXPLAIN QUERY PLAN" if database.is_sqlite else "EXPLAIN"
+        [(statement, parameters)] = asked
+        told = [str(row) for row in connection.exec_driver_sql(f"{explain} {statement}", parameters)]
+    if database.is_sqlite:
+        assert "SEARCH series USING INDEX ix_series_loop_end (loop_id=? AND end_ns>?)" in str(told)
+    else:
+        assert "Nested Loop" in str(told)
+        assert "Hash Join" not in str(told)
 
 
 def test_no_loop_and_no_stretch_is_nothing_found(database: Database) -> None:

@@ -15,7 +15,7 @@ import pytest
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.results import UploadView
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 
 SCRIPT = Path(__file__).with_name("run_process.py")

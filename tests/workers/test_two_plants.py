@@ -11,7 +11,8 @@ from app.queue.application import celery_application
 from app.queue.jobs import queue_names
 from app.services.backend import Backend
 from app.services.intake import uploads
-from app.services.upkeep.operations import migrate, sweep
+from app.services.upkeep.sweep import sweep
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.workers.conftest import QUICK, Plant, export
 

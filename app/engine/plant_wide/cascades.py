@@ -158,6 +158,8 @@ def _pairs(ops: Mapping[str, _Signal], sps: Mapping[str, _Signal]) -> Iterator[C
 
 def _looked_at(ops: Mapping[str, _Signal], sps: Mapping[str, _Signal]) -> Iterator[tuple[str, str]]:
     """The pairs of two loops, outer and inner, that are almost alike."""
+    if not ops or not sps:
+        return  # what is new in the signals of a plant takes seconds, and is beside nothing
     new_ops, new_sps = _Signals.of(ops), _Signals.of(sps)
     in_time = new_sps.begin()
     for some in (in_time[at : at + AT_ONCE] for at in range(0, len(in_time), AT_ONCE)):

@@ -23,7 +23,7 @@ from app.services.auditing import warming
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.results import UploadView
-from app.services.upkeep import operations
+from app.services.upkeep.sweep import sweep
 
 LONGEST_S = 600.0
 KINDS = 500  # loops are simulated so often; the others are these again, each with noise of its own
@@ -138,7 +138,7 @@ def _until_read(backend: Backend, upload_id: str) -> UploadView:
         if now - started > LONGEST_S:
             raise SkippedError(f"the file was not read within {LONGEST_S:.0f} s")
         if now - looked > backend.settings.sweep_s:
-            operations.sweep(backend)
+            sweep(backend)
             looked = now
         time.sleep(0.1)
     return state

@@ -16,7 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.lab.bench.bench import Bench, SkippedError
 from app.lab.bench.measure import children_of
 from app.services.backend import Backend
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import READING_THREADS, Settings
 from app.threads import OF_LINEAR_ALGEBRA
 

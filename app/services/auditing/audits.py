@@ -61,7 +61,7 @@ def start_audit(
 
 
 def announce(backend: Backend, audit_id: int) -> None:
-    """Rings again for a run that nobody works on."""
+    """Rings again for a run that nobody works on, or in which a worker could call no successor."""
     with backend.database.write() as connection:
         left = audits.progress(connection, [audit_id])[audit_id].open
         audits.note_announced(connection, audit_id)

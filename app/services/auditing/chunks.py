@@ -47,8 +47,11 @@ class Result:
     failure: Failure | None = None
 
 
-def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool = False) -> int:
-    """Audits open loops of the run for a while and rings for a successor where some are left; returns how many it did.
+def audit_chunk(
+    backend: Backend, audit_id: int, owner: str, *, watchdog: bool = False, calls_successor: bool = True
+) -> int:
+    """Audits open loops of the run for a while and rings for a successor where some are left; returns how many it
+    began. calls_successor: False where the caller goes on by itself.
 
     May run twice, late, or for a run that has ended: it then finds nothing to do.
     """
@@ -61,11 +64,11 @@ def audit_chunk(backend: Backend, audit_id: int, owner: str, *, watchdog: bool =
     done = 0
     with about(run=audit_id):
         while claims := patiently(lambda: _claim(backend, audit_id, owner), lease_s):
-            _work_off(backend, run, config, claims, watchdog)
-            done += len(claims)
+            done += _work_off(backend, run, config, claims, until, watchdog)
             if time.monotonic() > until:
                 break
-        patiently(lambda: _settle(backend, audit_id), lease_s)
+        if not patiently(lambda: end_if_complete(backend, audit_id), lease_s) and calls_successor:
+            _call_successor(backend, audit_id)
         log.info("loops audited", extra={"loops": done})
     return done
 
@@ -76,28 +79,37 @@ def _run(backend: Backend, audit_id: int) -> AuditRow | None:
 
 
 def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
-    """Looks for loops of lost workers first: while workers are busy, no sweep has its turn."""
+    """Looks for loops of lost workers first: while workers are busy, no sweep has its turn. Whoever was lost has no
+    successor, and one more is called."""
     with backend.database.write() as connection:
-        items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
+        taken = items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
         claims = items.claim(connection, audit_id, owner, backend.settings.chunk_loops, backend.settings.lease_s)
         if claims:
             audits.set_running(connection, audit_id)
+    if taken.reopened:
+        backend.queue.audit_chunks(audit_id, 1)
     return claims
 
 
-def _work_off(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim], watchdog: bool) -> None:
+def _work_off(
+    backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim], until: float, watchdog: bool
+) -> int:
     """Writes what is done before the lease of the rest grows old, and renews the rest; leaves where none of it holds
-    any more, as in a run that was cancelled."""
+    any more, as in a run that was cancelled. At the time `until` it hands back what it has not begun: loops that take
+    long must not outlast the task. How many it began."""
     lease_s = backend.settings.lease_s
-    started, results = time.monotonic(), []
+    started, results, begun = time.monotonic(), [], 0
     waiting = patiently(lambda: _load(backend, run, config, claims), lease_s)
     while waiting:
         results.append(_isolated(backend, waiting.pop(), run, config, watchdog))
-        if time.monotonic() - started > lease_s / 4:
-            if not _write(backend, results, [work.claim for work in waiting]):
-                return
+        begun += 1
+        over = time.monotonic() > until
+        if over or time.monotonic() - started > lease_s / 4:
+            if not _write(backend, results, [work.claim for work in waiting], hands_back=over) or over:
+                return begun
             started, results = time.monotonic(), []
     _write(backend, results, [])
+    return begun
 
 
 def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim]) -> list[Work]:
@@ -178,9 +190,9 @@ def _set_aside(work: Work, code: str, text: str) -> Result:
     return Result(work.claim, failure=Failure(work.claim, code, text))
 
 
-def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]) -> int:
-    """Verdicts of claims that still hold, once; what was lost to another worker is left to it. How many of those that
-    wait still hold."""
+def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim], *, hands_back: bool = False) -> int:
+    """Verdicts of claims that still hold, once; what was lost to another worker is left to it. Those that wait are
+    renewed, or handed back; how many of them still held."""
     new = [result.verdict for result in results if result.verdict is not None]
 
     def write() -> int:
@@ -188,15 +200,29 @@ def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]
             held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
             verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
             items.fail(connection, [result.failure for result in results if result.failure is not None])
+            if hands_back:
+                return items.hand_back(connection, waiting)
             return items.renew(connection, waiting, backend.settings.lease_s)
 
     return patiently(write, backend.settings.lease_s)
 
 
-def _settle(backend: Backend, audit_id: int) -> None:
-    if end_if_complete(backend, audit_id):
-        return
+def _call_successor(backend: Backend, audit_id: int) -> None:
+    """Where loops are left. Workers are told of the run by this: it is announced again only where that broke off."""
+    lease_s = backend.settings.lease_s
+    if patiently(lambda: _left(backend, audit_id), lease_s):
+        told = backend.queue.audit_chunks(audit_id, 1)
+        patiently(lambda: _note_called(backend, audit_id, told), lease_s)
+
+
+def _left(backend: Backend, audit_id: int) -> int:
     with backend.database.read() as connection:
-        left = audits.progress(connection, [audit_id])[audit_id].open
-    if left:
-        backend.queue.audit_chunks(audit_id, 1)
+        return audits.progress(connection, [audit_id])[audit_id].open
+
+
+def _note_called(backend: Backend, audit_id: int, told: bool) -> None:
+    with backend.database.write() as connection:
+        if told:
+            audits.note_called(connection, audit_id)
+        else:
+            audits.forget_announced(connection, audit_id)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection
-from sqlalchemy.exc import SQLAlchemyError
 
 from app.services.audit_json.excerpts import by_tag
 from app.services.audit_json.line import flat_health, flat_reasons
@@ -14,7 +13,7 @@ from app.services.audit_json.rows import as_row, fixed_part
 from app.services.audit_json.swings import candidates
 from app.services.auditing import hearing, standing
 from app.services.auditing.hearing import Heard, Said
-from app.services.backend import Backend
+from app.services.backend import DATABASE_AWAY, Backend
 from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts
@@ -48,7 +47,18 @@ def cancel(backend: Backend, audit_id: int) -> None:
 
 
 def _end(backend: Backend, audit_id: int) -> bool:
+    """A run ends whatever goes wrong with its words: one that never does would keep the nights after it from theirs."""
     heard = _heard(backend, audit_id)
+    try:
+        return _write(backend, audit_id, heard)
+    except DATABASE_AWAY:
+        raise
+    except Exception:
+        log.exception("what other loops tell is not written", extra={"run": audit_id})
+        return _write(backend, audit_id, [])
+
+
+def _write(backend: Backend, audit_id: int, heard: list[Reworded]) -> bool:
     with backend.database.write() as connection:
         ended = audits.end_if_complete(connection, audit_id)
         if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
@@ -60,9 +70,9 @@ def _heard(backend: Backend, audit_id: int) -> list[Reworded]:
     """What other loops tell; nothing where it cannot be worked out, because a run ends whatever is kept of a loop."""
     try:
         return _told(backend, audit_id)
-    except SQLAlchemyError:
+    except DATABASE_AWAY:
         raise
-    except Exception:  # the sweep of all runs comes through here: one that never ends would stop the nights
+    except Exception:
         log.exception("other loops not heard", extra={"run": audit_id})
         return []
 

@@ -85,7 +85,7 @@ def hear(
     standing: Mapping[str, Standing] | None = None,
 ) -> dict[str, Heard]:
     """The loops of which others tell something, by tag. candidates: those that swing. excerpts: those of which OP or SP
-    moves. asked: the loops of whose cascades alone is asked; None: of all. moves_valve: of loops of which somebody
+    moves. asked: the loops of which alone is asked; None: of all. moves_valve: of loops of which somebody
     states it, whether OP moves a valve and not the set point of another loop: whatever was found. standing: the loops
     in which PV does not answer OP; with which others it came to stand goes before what else others tell.
     """
@@ -93,6 +93,10 @@ def hear(
     found = [cascade for cascade in cascades(excerpts, asked) if not stated.get(cascade.outer)]
     without_valve = {tag for tag, has in stated.items() if not has}
     called = {tag for tag, one in said.items() if one.verdict == "stiction"}
+    if asked is not None:
+        concerned = {*asked, *(tag for cascade in found for tag in (cascade.outer, cascade.inner))}
+        called &= concerned & {candidate.tag for candidate in candidates}
+    # Who swings together is found among all or not at all, which takes seconds of a plant.
     shaken = neighbours_doubts(groups(candidates), called, found) if called else {}
     doubted = {tag: replace(said[tag], reliability="not_reliable") for tag in shaken}
     doubts = shaken | cascades_doubts(found, {**said, **doubted}, without_valve)

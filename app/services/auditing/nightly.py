@@ -4,6 +4,7 @@ import logging
 from datetime import UTC, date, datetime, timedelta
 from zoneinfo import ZoneInfo
 
+from app.errors import RequestError
 from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.auditing.audits import start_audit
@@ -24,6 +25,16 @@ def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDUL
     """
     day = day or datetime.now(ZoneInfo(backend.settings.time_zone)).date()
     return start_audit(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
+
+
+def refuse_empty(backend: Backend) -> None:
+    """Raises RequestError("no_loops") where the plant has no loop with samples."""
+    with backend.database.read() as connection:
+        if loops.any_before(connection, datetime.now(UTC)):
+            return
+    settings = backend.settings
+    where = backend.database.url.render_as_string() if settings.database_url else str(settings.data_dir)
+    raise RequestError("no_loops", f"no loop with samples is known in {where}; is it the one of the service?")
 
 
 def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView | None:

@@ -24,6 +24,7 @@ from app.services.digests.digest import Digest, as_html, as_json, as_text, diges
 from app.services.digests.mailing import send_mail
 from app.services.digests.sending import Mail, NotSentError, Post, shown
 from app.services.digests.webhooks import checked_address, send_webhook
+from app.services.heartbeat import Heartbeat
 from app.services.moments import iso_utc
 from app.storage import deliveries
 from app.storage.audits import newest_night
@@ -99,7 +100,8 @@ def deliver_next(
     if claim is None:
         return False
     try:
-        _send(backend, claim, made or partial(digest_of, backend))
+        with Heartbeat(backend, lambda connection, lease_s: deliveries.renew(connection, claim, lease_s)):
+            _send(backend, claim, made or partial(digest_of, backend))
     except NotSentError as error:
         _not_sent(backend, claim, str(error), final=error.final)
     except LoopauditError as error:

@@ -61,19 +61,31 @@ def with_kept(backend: Backend, mapping: TagMapping | None, filename: str) -> Ta
     return (mapping or TagMapping(MappingProxyType({}))).with_kept(kept)
 
 
-def keep(backend: Backend, mapping: bytes, filename: str, who: str) -> None:
-    """What a mapping says of tags holds for later files too. Raises DataError("bad_mapping")."""
-    entries = TagMapping.from_bytes(mapping).entries.values()
-    at = now()
-    rows = {
-        key: KeptTag(*key, storable(entry.tag), storable(entry.loop), entry.signal, at, who)
-        for entry in entries
-        if len(entry.tag) <= LONGEST_TAG  # no file has longer ones
-        for key in [key_of(entry.tag, filename)]
-    }
-    if rows:
-        with backend.database.write() as connection:
+@dataclass(frozen=True)
+class Correction:
+    """What a mapping says of the tags of a file, for later files too, by whom."""
+
+    mapping: bytes
+    filename: str
+    who: str
+
+    def keep(self, connection: Connection) -> None:
+        """Raises DataError("bad_mapping")."""
+        entries = TagMapping.from_bytes(self.mapping).entries.values()
+        at = now()
+        rows = {
+            key: KeptTag(*key, storable(entry.tag), storable(entry.loop), entry.signal, at, self.who)
+            for entry in entries
+            if len(entry.tag) <= LONGEST_TAG  # no file has longer ones
+            for key in [key_of(entry.tag, self.filename)]
+        }
+        if rows:
             stored.keep(connection, list(rows.values()))
+
+
+def lock(connection: Connection) -> None:
+    """Before anything of an upload, where a correction is kept with it: whoever ends reading one takes them so too."""
+    stored.lock(connection)
 
 
 def kept_by_loop(backend: Backend) -> list[list[KeptTag]]:

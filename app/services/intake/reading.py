@@ -44,6 +44,10 @@ FAULTS_IN_ALL = 3
 """Attempts after which a fault of ours is told: it would most likely be the same at the tenth, an hour later."""
 
 
+Attributes = dict[str, dict[str, Any]]
+"""What a mapping says of loops, by casefolded tag."""
+
+
 @dataclass(frozen=True)
 class Prepared:
     """Samples of a loop with all that can be made of them before the data base is asked."""
@@ -108,7 +112,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     set_points = SetPoints()
     try:
         with closing(_batches(export, set_points)) as batches:
-            added = _stored(backend, claim, batches, mapping)
+            added = _stored(backend, claim, batches, {} if mapping is None else _attributes(mapping))
     except NoRoomToPartError as error:
         _refuse_what_never_fits(backend, row, error.parted_bytes / export.share_taken)
         raise
@@ -193,15 +197,14 @@ def _batches(export: Export, set_points: SetPoints) -> Generator[list[LoopSample
         yield batch
 
 
-def _stored(
-    backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], mapping: TagMapping | None
-) -> int:
-    """How many samples were new. A batch is prepared in a thread and written in another while the next one is read."""
+def _stored(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], said: Attributes) -> int:
+    """How many samples were new. A batch is prepared in a thread and written in another while the next one is read.
+    said: what a mapping says of loops."""
     added = 0
     writing: deque[Future[int]] = deque()
 
     def store(prepared: Future[list[Prepared]]) -> int:
-        return patiently(partial(_store, backend, claim, prepared.result(), mapping), backend.settings.lease_s)
+        return patiently(partial(_store, backend, claim, prepared.result(), said), backend.settings.lease_s)
 
     with (
         ThreadPoolExecutor(1, thread_name_prefix="preparing") as preparing,
@@ -227,7 +230,7 @@ def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
     return ready
 
 
-def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], mapping: TagMapping | None) -> int:
+def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: Attributes) -> int:
     """How many samples were new."""
     with backend.database.write() as connection:
         if not uploads.renew(connection, claim, backend.settings.lease_s):
@@ -237,9 +240,8 @@ def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], mapping
         place = Place(claim.receipt_number, receipts.unread_before(connection, claim.receipt_number))
         added = series.add(connection, stretches, claim.upload_id, place)
         uploads.note_loops(connection, claim.upload_id, ids.values())
-        if mapping is not None:
-            found = _attributes(mapping)
-            loops.fill_in(connection, {ids[tag]: found[key] for tag in ids if (key := tag.casefold()) in found})
+        if told := {ids[tag]: said[key] for tag in ids if (key := tag.casefold()) in said}:
+            loops.fill_in(connection, told)
     return added.samples
 
 
@@ -253,9 +255,8 @@ OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description"}
 """What a mapping says of a loop in the rows of its tags: the first row that says it decides."""
 
 
-def _attributes(mapping: TagMapping) -> dict[str, dict[str, Any]]:
-    """What a mapping says about loops, by casefolded tag, as a loop may be spelled in two ways: the spans and the unit
-    of their signals, their type and plant unit."""
+def _attributes(mapping: TagMapping) -> Attributes:
+    """Of a loop, which may be spelled in two ways: the spans and the unit of its signals, its type and plant unit."""
     found: dict[str, dict[str, Any]] = {}
     for entry in mapping.entries.values():
         told = found.setdefault(entry.loop.casefold(), {})

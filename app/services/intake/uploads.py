@@ -19,6 +19,7 @@ from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, withou
 from app.services.backend import Backend
 from app.services.cursors import decode, encode, identifier
 from app.services.intake import places
+from app.services.intake.places import Correction
 from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
@@ -74,44 +75,58 @@ class Receiving:
             raise RequestError("upload_too_large", f"an upload may have at most {most} bytes; send it in parts")
         self._file.write(data)
 
-    def commit(self) -> Receipt:
-        """Bytes and row are on disk when this returns. Raises RequestError("empty_upload") without any bytes."""
+    def commit(self, correction: Correction | None = None) -> Receipt:
+        """Bytes and row are on disk when this returns, and so is the correction that came with it, or none of them.
+        Raises RequestError("empty_upload") without any bytes."""
         if self._file.size == 0:
             raise RequestError("empty_upload", "the upload has no bytes")
         of_bytes = self._file.sync()
         self._file.close()
         fingerprints = [of_bytes] if self._file.content is None else [self._file.content, of_bytes]
         named: bool | None = None
-        while (registered := self._register(fingerprints, named)) is None:
+        while (registered := self._register(fingerprints, named, correction)) is None:
             named = self._takes_its_name()
         receipt, unread = registered
         if unread:
             self._backend.queue.read_upload(int(receipt.upload.id))
         return receipt
 
-    def _register(self, fingerprints: list[str], named: bool | None) -> tuple[Receipt, bool] | None:
+    def _register(
+        self, fingerprints: list[str], named: bool | None, correction: Correction | None
+    ) -> tuple[Receipt, bool] | None:
         """What is answered, and whether it is to be read. fingerprints: of the content, then those by which it may be
         known from earlier. named: whether the name belongs to the content; where that has to be known and is not
         (None), nothing is done."""
-        reading_json = self._values["reading_json"]
         with self._backend.database.write() as connection:
+            if correction is not None:
+                places.lock(connection)
             for fingerprint in sorted(fingerprints):
                 uploads.lock_bytes(connection, fingerprint)  # retention may be about to drop old bytes of that name
-            known = {it: uploads.keys_of(connection, it, reading_json) for it in fingerprints}
-            fingerprint = next((it for it in fingerprints if known[it]), fingerprints[0])
-            name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
-            key, keys = _content_key(fingerprint, reading_json, name), known[fingerprint]
-            if keys and key not in keys and self._values["filename"]:
-                if named is None:
-                    return None
-                key = key if named else keys[0]
-            elif keys and key not in keys:
-                key = keys[0]  # without a name nothing says that it is of another loop
-            self._keep(fingerprint)
-            values = {"filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size, "content_key": key}
-            row, created = uploads.receive(connection, {**self._values, **values})
+            values = self._named(connection, fingerprints, named)
+            if values is None:
+                return None
+            self._keep(values["fingerprint"])
+            row, created = uploads.receive(connection, values)
             again = uploads.try_again(connection, row.id)
+            if correction is not None:
+                correction.keep(connection)
             return Receipt(_whole(connection, str(row.id)), created), created or again
+
+    def _named(self, connection: Connection, fingerprints: list[str], named: bool | None) -> dict[str, Any] | None:
+        """The values of its row: as what it is known, or by its name; None where `named` has to be known."""
+        reading_json = self._values["reading_json"]
+        known = {it: uploads.keys_of(connection, it, reading_json) for it in fingerprints}
+        fingerprint = next((it for it in fingerprints if known[it]), fingerprints[0])
+        name = self._values["filename"] or f"upload-{fingerprint[:NAMELESS_DIGITS]}"
+        key, keys = _content_key(fingerprint, reading_json, name), known[fingerprint]
+        if keys and key not in keys and self._values["filename"]:
+            if named is None:
+                return None
+            key = key if named else keys[0]
+        elif keys and key not in keys:
+            key = keys[0]  # without a name nothing says that it is of another loop
+        own = {"filename": name, "fingerprint": fingerprint, "size_bytes": self._file.size, "content_key": key}
+        return {**self._values, **own}
 
     def _takes_its_name(self) -> bool:
         mapping = json.loads(self._values["reading_json"]).get("mapping")
@@ -188,9 +203,7 @@ def read_again(
         with path.open("rb") as file:
             while part := file.read(COPY_BYTES):
                 receiving.write(part)
-        if keep:
-            places.keep(backend, mapping, row.filename, received_by or "")
-        return receiving.commit()
+        return receiving.commit(Correction(mapping, row.filename, received_by or "") if keep else None)
 
 
 def _over(mapping: bytes, earlier: str | None) -> bytes:

@@ -19,9 +19,8 @@ from sqlalchemy.exc import DatabaseError
 from app.errors import RequestError
 from app.services.backend import away_in_words
 from app.services.intake.uploads import stored_files
-from app.services.upkeep.operations import migrate
 from app.services.upkeep.presence import alone
-from app.services.upkeep.tables import refuse_missing, refuse_newer
+from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer
 from app.settings import Settings, sync_folder
 from app.storage import Database, copying, health, schema
 from app.storage.database import ProgramAddress, program_address

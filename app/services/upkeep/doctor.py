@@ -20,10 +20,10 @@ from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
-from app.services.upkeep.operations import LEAST_FREE_BYTES
+from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
-from app.storage import figures, health, retention, schema, uploads
+from app.storage import figures, health, retention, schema, standstill, uploads
 from app.storage.database import WAL_SAFE_FROM, parsed
 
 State = Literal["ok", "warning", "problem"]
@@ -212,11 +212,10 @@ def workers(backend: Backend) -> Check:
     """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
     with backend.database.read() as connection:
         found = figures.waiting(connection)
-    if found.standstill_s > 10 * backend.settings.stalled_s:
+        silent_s = standstill.standstill_s(connection)
+    if silent_s > 10 * backend.settings.stalled_s:
         advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
-        return Check(
-            "workers", "problem", f"loops have waited for {found.standstill_s:.0f} s and nobody took any", advice
-        )
+        return Check("workers", "problem", f"loops wait, and no worker gave a sign for {silent_s:.0f} s", advice)
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
     none = "no loop waits; whether a worker runs shows only while loops wait"
     return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else none)

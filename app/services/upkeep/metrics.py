@@ -8,7 +8,7 @@ from typing import Literal
 
 from app.services.backend import Backend
 from app.services.plant.arrivals import arrivals
-from app.storage import figures
+from app.storage import figures, standstill
 from app.storage.figures import EndedRun, Figures
 
 
@@ -100,9 +100,9 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
 
 
 def standstill_s(backend: Backend) -> float:
-    """For how many seconds loops have been waiting while no worker holds any; 0 where none waits or one is at work."""
+    """For how many seconds no worker gave a sign although loops wait; 0 where none waits or one is at work."""
     with backend.database.read() as connection:
-        return figures.waiting(connection).standstill_s
+        return standstill.standstill_s(connection)
 
 
 def _ended(name: str, words: str, run: EndedRun | None) -> Iterator[Metric]:

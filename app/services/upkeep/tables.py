@@ -1,14 +1,30 @@
-"""Whether the data base is there and has this version's tables. Imports no engine: `worker` and `beat` ask it first."""
+"""The tables: whether the data base is there and has those of this version, and how it gets them. Imports no engine:
+`worker` and `beat` ask it first."""
 
 import logging
 from pathlib import Path
 
 from app.errors import RequestError
-from app.services.backend import DATABASE_AWAY
+from app.services.backend import DATABASE_AWAY, away_in_words
 from app.settings import Settings
 from app.storage import Database, schema
 
 log = logging.getLogger("loopaudit.upkeep")
+
+
+def migrate(settings: Settings) -> str:
+    """Brings the data base to this version's tables; returns which version that is. Raises
+    RequestError("newer_tables") where a newer loopaudit made them.
+    """
+    settings.prepare_folders()
+    database = Database(settings.resolved_database_url)
+    try:
+        with away_in_words():
+            refuse_newer(schema.current_revision(database))
+            schema.migrate(database)
+            return schema.current_revision(database) or "none"
+    finally:
+        database.close()
 
 
 def refuse_unmigrated(settings: Settings) -> None:

@@ -8,7 +8,7 @@ import pytest
 from app.main import create_app
 from app.services.access import key_text
 from app.services.access.identity import Role
-from app.services.upkeep.operations import migrate
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.api.access.conftest import bearer
 

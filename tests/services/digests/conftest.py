@@ -1,5 +1,6 @@
 """A night of a plant of two units, and who gets its digest: a mail server and a web server that keep what comes."""
 
+import asyncio
 import email
 import email.policy
 import socket
@@ -30,15 +31,17 @@ SIGNED_WITH = "a word of the plant"
 
 @dataclass
 class Mailbox:
-    """A mail server that keeps what it gets; `refuses` is what it says instead."""
+    """A mail server that keeps what it gets, after `waits_s`; `refuses` is what it says instead."""
 
     port: int = 0
+    waits_s: float = 0.0
     mails: list[EmailMessage] = field(default_factory=list)
     refuses: str = ""
 
     async def handle_DATA(self, server: Any, session: Any, envelope: Any) -> str:
         if self.refuses:
             return self.refuses
+        await asyncio.sleep(self.waits_s)
         self.mails.append(email.message_from_bytes(envelope.content, policy=email.policy.default))
         return "250 OK"
 

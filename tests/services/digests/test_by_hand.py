@@ -21,7 +21,7 @@ from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.digest import Digest, digest_of, newest_run
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.sweep import sweep
 from app.storage.tables import audits
 from tests.services.digests.conftest import (
     AddLoops,

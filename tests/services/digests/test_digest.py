@@ -3,6 +3,8 @@
 import json
 import re
 import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -24,7 +26,7 @@ from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
 from app.services.telling.next_steps import Step
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.sweep import sweep
 from app.settings import Settings
 from app.storage.tables import audits, newest_rows, notes, verdicts
 from tests.services.digests.conftest import (
@@ -37,6 +39,7 @@ from tests.services.digests.conftest import (
     let_time_pass,
     states,
 )
+from tests.services.upkeep_plant import with_settings
 
 
 def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, night: str) -> None:
@@ -347,6 +350,23 @@ def test_sent_but_not_marked_is_sent_again_with_the_same_id(
     assert len(receiver.posts) == 2
     assert len({heads["webhook-id"] for heads, _ in receiver.posts}) == 1
     assert len({body for _, body in receiver.posts}) == 1
+
+
+def test_a_mail_server_that_takes_its_time_gets_it_once(backend: Backend, night: str, mailbox: Mailbox) -> None:
+    """Longer than a lease: another worker would send it again meanwhile, and one more after that."""
+    short = with_settings(backend, lease_s=1.5, digest_webhooks="")
+    mailbox.waits_s = 4.0
+    sweep(short)
+    with ThreadPoolExecutor(1) as worker:
+        sending = worker.submit(deliveries.deliver_next, short, "slow")
+        time.sleep(0.2)
+        while not sending.done():
+            sweep(short)
+            assert not deliveries.deliver_next(short, "quick")
+            time.sleep(0.1)
+        assert sending.result()
+    assert len(mailbox.mails) == 1
+    assert states(short, night) == {"mailto": ("done", 1)}
 
 
 def test_a_receiver_that_fails_is_tried_later_and_in_the_end_given_up(

@@ -10,7 +10,7 @@ from app.cli.messages import ExitCode
 from app.services.backend import Backend
 from app.services.digests import deliveries, webhooks
 from app.services.upkeep import doctor
-from app.services.upkeep.operations import sweep
+from app.services.upkeep.sweep import sweep
 from app.settings import Settings
 from tests.services.digests.conftest import (
     deliver_all,

@@ -1,0 +1,52 @@
+"""Whether the service can work: its data base, the schema, the disk and the broker."""
+
+import shutil
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.services.backend import Backend
+from app.services.moments import iso_utc
+from app.services.results import Readiness
+from app.settings import Settings
+from app.storage import schema, uploads
+
+LEAST_FREE_BYTES = 100 << 20
+
+
+def readiness(backend: Backend) -> Readiness:
+    """Data base, schema and disk must be well; a broker that is away only slows things down."""
+    checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": _free(backend.settings)}
+    checks["schema"] = "current" if checks["database"] == "ok" and _schema_is_current(backend) else "not current"
+    checks["broker"] = "ok" if backend.queue.reachable() else "away"
+    well = checks["database"] == "ok" and checks["schema"] == "current"
+    if well:
+        checks |= _waiting_for_room(backend)
+    if not well or _free(backend.settings) < LEAST_FREE_BYTES:
+        return Readiness("not_ready", checks)
+    return Readiness("ready" if checks["broker"] == "ok" else "degraded", checks)
+
+
+def _database(backend: Backend) -> str:
+    try:
+        backend.database.answers()
+    except SQLAlchemyError as error:
+        return f"away: {type(error).__name__}"
+    return "ok"
+
+
+def _waiting_for_room(backend: Backend) -> dict[str, object]:
+    """Uploads that there is no room to read, and since when the first of them waits."""
+    with backend.database.read() as connection:
+        count, longest = uploads.waiting_for_room(connection)
+    return {
+        "uploads_waiting_for_room": count,
+        "waiting_for_room_since": iso_utc(longest.waits_since if longest else None),
+    }
+
+
+def _schema_is_current(backend: Backend) -> bool:
+    return schema.current_revision(backend.database) == schema.newest_revision()
+
+
+def _free(settings: Settings) -> int:
+    return shutil.disk_usage(settings.data_dir).free

@@ -1,0 +1,137 @@
+"""How long a worker goes on with a run, and how many of them are called: a task ends in time, and calls do not pile
+up."""
+
+import time
+from collections import deque
+from typing import Any
+
+import pytest
+from sqlalchemy import select, update
+
+from app.engine.audit import Audit
+from app.services.auditing import audits, chunks
+from app.services.backend import Backend
+from app.services.upkeep.sweep import sweep
+from app.storage import items
+from app.storage.tables import audit_items
+from app.storage.tables import audits as audits_table
+from tests.services.audited_plant import AddLoops
+from tests.services.upkeep_plant import with_settings
+
+LOOPS = tuple(f"FIC{number}" for number in range(8))
+LOOP_S = 0.05
+
+
+@pytest.fixture
+def rung(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> deque[int]:
+    """The messages that wait for a worker, the oldest first."""
+    waiting: deque[int] = deque()
+
+    def ring(audit_id: int, messages: int) -> bool:
+        waiting.extend([audit_id] * messages)
+        return True
+
+    monkeypatch.setattr(backend.queue, "audit_chunks", ring)
+    return waiting
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each audit takes a while."""
+    once = chunks.audit
+
+    def slowly(*given: Any) -> Audit:
+        time.sleep(LOOP_S)
+        return once(*given)
+
+    monkeypatch.setattr(chunks, "audit", slowly)
+
+
+def answer(backend: Backend, waiting: deque[int]) -> int:
+    """A worker takes the oldest message; how many loops it audited."""
+    return chunks.audit_chunk(backend, waiting.popleft(), "w")
+
+
+def items_of(backend: Backend) -> list[tuple[str, int, str | None]]:
+    columns = (audit_items.c.state, audit_items.c.attempts, audit_items.c.owner)
+    with backend.database.read() as connection:
+        return [tuple(row) for row in connection.execute(select(*columns))]
+
+
+def time_passes(backend: Backend, seconds: float) -> None:
+    """As if the run had been announced by so much earlier."""
+    with backend.database.write() as connection:
+        connection.execute(update(audits_table).values(announced_s=audits_table.c.announced_s - seconds))
+
+
+@pytest.mark.usefixtures("slow")
+def test_a_task_that_is_over_its_time_hands_back_what_it_has_not_begun(
+    backend: Backend, add_loops: AddLoops, rung: deque[int]
+) -> None:
+    """A claim of slow loops would outlast the task's hard limit, at which its process is killed."""
+    add_loops(*LOOPS)
+    impatient = with_settings(backend, chunk_budget_s=1.5 * LOOP_S)
+    run = audits.start_audit(impatient)
+    assert 1 <= answer(impatient, rung) <= 3
+    left = [item for item in items_of(backend) if item[0] != "done"]
+    assert left
+    assert set(left) == {("open", 0, None)}
+    while rung:
+        assert answer(impatient, rung) <= 3
+    ended = audits.get_audit(backend, run.id)
+    assert (ended.state, ended.done) == ("done", len(LOOPS))
+
+
+def test_a_run_that_is_worked_on_is_not_announced_again(
+    backend: Backend, add_loops: AddLoops, rung: deque[int]
+) -> None:
+    """Its messages would pile up, each with its own successors, and the audit of one loop waits behind all of them."""
+    add_loops(*LOOPS)
+    by_two = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=2)
+    run = audits.start_audit(by_two)
+    assert len(rung) == 2
+    while audits.get_audit(backend, run.id).open > 1:
+        time_passes(backend, 2 * backend.settings.stalled_s)
+        assert answer(by_two, rung) == 1
+        time_passes(backend, backend.settings.stalled_s / 2)
+        assert sweep(by_two).announced == 0
+        assert len(rung) <= 2
+    assert answer(by_two, rung) == 1
+    assert audits.get_audit(backend, run.id).state == "done"
+
+
+def test_a_run_of_which_a_worker_could_call_no_successor_is_announced_again(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where others could, a moment later: as many as before are to work on it."""
+    add_loops(*LOOPS)
+    by_two = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=2)
+    audits.start_audit(by_two)
+    with monkeypatch.context() as away:
+        away.setattr(backend.queue, "audit_chunks", lambda *_: False)
+        assert answer(by_two, rung) == 1
+    assert answer(by_two, rung) == 1
+    assert len(rung) == 1
+    assert sweep(by_two).announced == 1
+    assert len(rung) == 3
+    assert sweep(by_two).announced == 0
+
+
+def test_for_a_worker_that_was_lost_another_is_called(backend: Backend, add_loops: AddLoops, rung: deque[int]) -> None:
+    add_loops(*LOOPS)
+    by_two = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=2)
+    run = audits.start_audit(by_two)
+    with backend.database.write() as connection:
+        assert items.claim(connection, int(run.id), "lost", 1, -1.0)
+    rung.popleft()
+    assert answer(by_two, rung) == 1
+    assert len(rung) == 2
+
+
+def test_who_goes_on_by_itself_calls_nobody(backend: Backend, add_loops: AddLoops, rung: deque[int]) -> None:
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    run = audits.start_audit(one_each)
+    rung.clear()
+    assert chunks.audit_chunk(one_each, int(run.id), "cron", calls_successor=False) == 1
+    assert not rung

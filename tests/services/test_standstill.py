@@ -1,0 +1,96 @@
+"""Whether workers get on: told by what they leave in the data base, and not by how old a run is."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import update
+
+from app.cli.worker import refuse_standstill
+from app.errors import RequestError
+from app.services.auditing.audits import start_audit
+from app.services.backend import Backend
+from app.services.explaining.explanations import ask
+from app.services.intake.uploads import receive
+from app.services.upkeep import doctor
+from app.services.upkeep.metrics import standstill_s
+from app.services.upkeep.sweep import sweep
+from app.storage import deliveries, explanations, items, uploads
+from app.storage.tables import audit_items, audits
+from app.storage.types import clock_s
+from tests.services.audited_plant import AddLoops
+
+AGE_S = 1200.0
+
+
+@pytest.fixture
+def old_run(backend: Backend, add_loops: AddLoops) -> int:
+    """A run of twenty minutes ago, of which nobody has heard since."""
+    add_loops("A", "B")
+    run = int(start_audit(backend).id)
+    ago = {"created_at": datetime.now(UTC) - timedelta(seconds=AGE_S), "announced_s": clock_s() - AGE_S}
+    with backend.database.write() as connection:
+        connection.execute(update(audits).values(ago))
+    return run
+
+
+def holds_a_loop(backend: Backend, run: int) -> None:
+    with backend.database.write() as connection:
+        assert items.claim(connection, run, "w", 1, backend.settings.lease_s)
+
+
+def reads_an_upload(backend: Backend, _: int) -> None:
+    with receive(backend, filename="a.csv") as receiving:
+        receiving.write(b"time,A.PV,A.OP\n")
+        upload = int(receiving.commit().upload.id)
+    with backend.database.write() as connection:
+        assert uploads.claim(connection, upload, "w", backend.settings.lease_s, 3)
+
+
+def explains(backend: Backend, _: int) -> None:
+    ask(backend, "A")
+    with backend.database.write() as connection:
+        assert explanations.claim_next(connection, "w", backend.settings.lease_s)
+
+
+def sends_a_digest(backend: Backend, run: int) -> None:
+    with backend.database.write() as connection:
+        deliveries.plan(connection, run, ["mailto:a@example.org"])
+        assert deliveries.claim_next(connection, "w", backend.settings.lease_s)
+
+
+def sweeps(backend: Backend, _: int) -> None:
+    sweep(backend)
+
+
+def test_no_worker_that_gives_a_sign_is_a_standstill(backend: Backend, old_run: int) -> None:
+    assert standstill_s(backend) == pytest.approx(AGE_S, abs=60.0)
+    assert doctor.workers(backend).state == "problem"
+
+
+def test_a_worker_that_died_with_loops_in_its_hands_gives_no_sign(backend: Backend, old_run: int) -> None:
+    holds_a_loop(backend, old_run)
+    with backend.database.write() as connection:
+        connection.execute(update(audit_items).values(lease_until_s=audit_items.c.lease_until_s - AGE_S))
+    assert standstill_s(backend) > AGE_S / 2
+
+
+@pytest.mark.parametrize("work", [holds_a_loop, reads_an_upload, explains, sends_a_digest, sweeps])
+def test_a_worker_that_is_at_work_is_none_however_old_the_run(
+    backend: Backend, old_run: int, work: Callable[[Backend, int], None]
+) -> None:
+    work(backend, old_run)
+    assert standstill_s(backend) < 60.0
+    assert doctor.workers(backend).state == "ok"
+
+
+def test_a_new_run_hides_no_older_one_that_nobody_takes(backend: Backend, old_run: int) -> None:
+    start_audit(backend)
+    assert standstill_s(backend) > AGE_S / 2
+
+
+def test_a_standstill_is_told_to_health_checks(backend: Backend, old_run: int) -> None:
+    with pytest.raises(RequestError, match="no worker gave a sign for"):
+        refuse_standstill(backend.settings)
+    sweep(backend)
+    refuse_standstill(backend.settings)
