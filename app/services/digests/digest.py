@@ -1,5 +1,6 @@
 """The digest of a run: the worst loops of each unit, and what changed, in words, for a mail or a webhook."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
@@ -90,6 +91,31 @@ class Area:
 
 
 @dataclass(frozen=True)
+class Unlisted:
+    """How many more valves stick, to be relied on (`reliable`) or not (`unsure`), and in how many more loops PV does
+    not answer OP."""
+
+    reliable: int = 0
+    unsure: int = 0
+    unanswered: int = 0
+
+    @property
+    def sticking(self) -> int:
+        return self.reliable + self.unsure
+
+    @property
+    def words(self) -> str:
+        """Empty where every loop is listed."""
+        counted = (
+            (self.reliable, "valves that stick, to be relied on"),
+            (self.unsure, "valves that stick, to be looked at first"),
+            (self.unanswered, "loops in which PV does not answer OP"),
+        )
+        told = ", ".join(f"{what} ({count:,} more)" for count, what in counted if count)
+        return f"These weigh most; the table of the plant has all: {told}" if told else ""
+
+
+@dataclass(frozen=True)
 class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long
     as it is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by
@@ -98,7 +124,8 @@ class Digest:
     apart. `work`: what to do first in the plant. `shelf`: the loops that were shelved when the run began, which
     `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the valves that stick can be
     relied on. `new_besides`, `other_changes`: which loops are newly said to stick, and how many verdicts changed
-    otherwise, beyond `changes`. `retired`: how many of the run's loops are retired and left out."""
+    otherwise, beyond `changes`. `unlisted`: how many loops there is something to do about that `work` has no room for.
+    `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -123,10 +150,16 @@ class Digest:
     why_old: str = ""
     new_besides: list[str] = field(default_factory=list)
     other_changes: int = 0
+    unlisted: Unlisted = field(default_factory=lambda: Unlisted())
 
     @property
     def doings(self) -> list[Doing]:
         return doings(self.work, self.new)
+
+    def more_of(self, doing: Doing) -> str:
+        """Which step is wanted is known of those that are listed alone."""
+        left = self.unlisted.sticking if doing.verdict == "stiction" else self.unlisted.unanswered
+        return f"and {'at least ' if left else ''}{doing.more} more"
 
     @property
     def new(self) -> set[str]:
@@ -185,6 +218,10 @@ class _Changed:
     new_besides: list[str]
     others: int
 
+    @property
+    def new(self) -> set[str]:
+        return {change.loop for change in self.listed if change.kind == "new"} | set(self.new_besides)
+
 
 NOTHING_CHANGED = _Changed([], [], 0)
 TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
@@ -228,6 +265,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         compared = plant.any_run_before(connection, number)
         changed = _changed(connection, number, backend.clock) if compared else NOTHING_CHANGED
         notes_until = _notes_until(connection, run)
+        to_be_done = digests.to_be_done(connection, number, since_ns, shelved.left_out)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     told = tally(counted)
     refused_loops: dict[str, list[str]] = {}
@@ -244,6 +282,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         before = of_before({**row._mapping, **window}, iso_utc(written.get(row.tag, Standing()).repaired_at))
         return replace(_loop(row, url, *words), of_before_repair=before)
 
+    work = work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until, besides=changed.new)
     return Digest(
         plant=backend.settings.plant,
         run=run,
@@ -251,7 +290,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=told.refused,
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began, reach),
-        work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
+        work=work,
+        unlisted=_unlisted(to_be_done, work),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
         changes=changed.listed,
@@ -280,7 +320,7 @@ def subject(digest: Digest) -> str:
     of_them = "" if digest.new_besides or all(new) else f" ({sum(new)} can be relied on)"
     news = f", {len(digest.new)} new{of_them}" if digest.new else ""
     day = digest.clock.date(datetime.fromisoformat(digest.run.created_at))
-    return f"{words}: {sticking} valves stick{relied}{news} ({day})"
+    return f"{words}: {sticking} {'valve sticks' if sticking == 1 else 'valves stick'}{relied}{news} ({day})"
 
 
 def as_text(digest: Digest) -> str:
@@ -299,7 +339,8 @@ def as_text(digest: Digest) -> str:
     lines += _change_lines(digest) or [_no_change(digest)]
     lines += [f"  {digest.besides}"] if digest.besides else []
     lines += ["", "WHAT TO DO"] if digest.work else []
-    lines += [line for doing in digest.doings for line in _doing_lines(doing, digest.public_url)]
+    lines += [line for doing in digest.doings for line in _doing_lines(doing, digest)]
+    lines += ["", f"{digest.unlisted.words}."] if digest.unlisted.words else []
     if digest.repairs:
         lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
         lines += [_repair_line(repair, digest.clock) for repair in digest.repairs]
@@ -401,6 +442,20 @@ def _old_lines(digest: Digest, place: int, loop: DigestLoop) -> list[str]:
     return [f"{head}, {digest.recorded(loop)}", *others]
 
 
+def _unlisted(to_be_done: Sequence[Any], work: Sequence[Work]) -> Unlisted:
+    """to_be_done: rows with verdict, reliability and how many loops."""
+    counted, listed = Counter[str](), Counter(_kind(one.verdict, one.reliability) for one in work)
+    for row in to_be_done:
+        counted[_kind(row.verdict, row.reliability)] += row.loops
+    return Unlisted(**(counted - listed))
+
+
+def _kind(verdict: str, reliability: str) -> str:
+    if verdict != "stiction":
+        return "unanswered"
+    return "reliable" if reliability == "reliable" else "unsure"
+
+
 def _why_old(since_ns: int | None, clock: PlantClock) -> str:
     """Since when they are old, and why they have a list of their own."""
     if since_ns is None:
@@ -415,7 +470,8 @@ def _counted(digest: Digest) -> str:
     """How many loops of the run have a verdict, so that the counts below add up to it."""
     gone = digest.retired
     retired = f"; {gone} more {'have' if gone > 1 else 'has'} been retired since" if gone else ""
-    return f"{digest.run.done - gone} of {digest.run.total - gone} loops have a verdict{retired}"
+    total = digest.run.total - gone
+    return f"{digest.run.done - gone} of {total} {'loop has' if total == 1 else 'loops have'} a verdict{retired}"
 
 
 def _listed(title: str, told: Callable[[int, Any], list[str]], found: Sequence[Any]) -> list[str]:
@@ -426,11 +482,11 @@ def _listed(title: str, told: Callable[[int, Any], list[str]], found: Sequence[A
     return lines
 
 
-def _doing_lines(doing: Doing, url: str) -> list[str]:
+def _doing_lines(doing: Doing, digest: Digest) -> list[str]:
     """The step once, and under it a line a loop."""
-    more = [f"  - and {doing.more} more"] if doing.more else []
+    more = [f"  - {digest.more_of(doing)}"] if doing.more else []
     head = f"{doing.told[:1].upper()}{doing.told[1:]}. {doing.step}"
-    return ["", head, *(_asked_line(one, url) for one in doing.loops), *more]
+    return ["", head, *(_asked_line(one, digest.public_url) for one in doing.loops), *more]
 
 
 def _asked_line(one: Asked, url: str) -> str:

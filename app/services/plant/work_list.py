@@ -1,6 +1,6 @@
 """What to do first in the plant: one list over all units, with what wants a look today at its head."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import takewhile
@@ -36,6 +36,7 @@ class Work:
     size: str
     since: str
     written: str
+    reliability: str = "not_reliable"
     judged: str = ""
     shelved: str = ""
 
@@ -52,6 +53,7 @@ def work_list(
     since_ns: int | None = None,
     most: int = MOST,
     notes_until: datetime | None = None,
+    besides: Collection[str] = (),
 ) -> list[Work]:
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
     sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
@@ -81,7 +83,9 @@ def work_list(
         room = most - len(work)
         sticking = listed(room and room + len(again), verdict=("stiction",), reliability=reliability)
         work += [one for one in sticking if one.loop not in again][:room]
-    return work
+    # Of these valves, which stick, `most` may have left no room.
+    left = tuple(sorted(set(besides) - {one.loop for one in work}))
+    return work + (listed(len(left), tags=left, verdict=("stiction",)) if left else [])
 
 
 def _work(
@@ -95,6 +99,7 @@ def _work(
         loop=row["loop"],
         unit=row["unit"],
         verdict=row["verdict"],
+        reliability=row["reliability"],
         told=f"{VERDICT_WORDS[row['verdict']]}, {brief(row)}",
         step=row["step"],
         size=_size(row),
