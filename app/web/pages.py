@@ -49,6 +49,12 @@ class TableForm(BaseModel):
     cursor: str = Field("", max_length=2000)
     column: list[str] = Field([], max_length=len(COLUMNS))
 
+    @property
+    def narrows(self) -> bool:
+        """Whether a loop that has a verdict may be left out, but for one that is retired."""
+        asked = (self.search, self.unit, self.verdict, self.reliability, self.likely_cause, self.cursor)
+        return any(asked) or self.retired == "true"
+
     def filters(self) -> RowFilter:
         return RowFilter(
             verdict=(self.verdict,) if self.verdict else None,
@@ -107,7 +113,6 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         columns=COLUMNS,
         units=plants.unit_names(backend),
         address=query_without(told),
-        export=query_without(told, "column", **({"sort": form.sort} if form.sort else {})),
         told=told,
         query_without=query_without,
     )

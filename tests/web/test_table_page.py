@@ -3,6 +3,7 @@
 import pytest
 from sqlalchemy import select, update
 
+from app.main import create_app
 from app.storage.tables import loops as stored_loops
 from app.web.columns import COLUMNS
 from tests.web.conftest import seen
@@ -88,3 +89,20 @@ def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(
         assert told() == [True, False]
     finally:
         client.patch("/v1/loops/FIC101", json={"importance": 1}).raise_for_status()
+
+
+@pytest.mark.parametrize("query", ["likely_cause=nothing", "unit=Elsewhere", "retired=true", "search=nothing"])
+def test_a_filter_that_leaves_no_loop_says_nothing_of_audits(client, query):
+    texts = seen(client, f"/table?{query}").texts
+    assert "No loop fits." in texts
+    assert not any("been audited yet" in text for text in texts)
+
+
+def test_a_unit_that_is_asked_for_is_shown_though_no_loop_names_it(client):
+    assert "<option selected>Else&lt;where&gt;</option>" in client.get("/table?unit=Else%3Cwhere%3E").text
+
+
+def test_a_plant_without_an_audit_says_so(serve, open_plant):
+    with serve(create_app(open_plant().settings)) as empty:
+        assert "No loop in service has been audited yet." in seen(empty, "/table").texts
+        assert "No loop has been audited yet." in seen(empty, "/table?retired=any").texts
