@@ -16,9 +16,10 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
-from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, newest_run, subject
+from app.services.digests.digest import Digest, digest_of, newest_run
 from app.services.digests.doings import Doing, doings
 from app.services.digests.sending import NotSentError, Post, shown
+from app.services.digests.telling import as_html, as_json, as_text, subject
 from app.services.plant.notes import add_note, withdraw_repair
 from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
