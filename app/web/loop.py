@@ -98,7 +98,8 @@ def _loop_page(
     row, shelved = loops.find(backend, tag), shelf(backend)
     found = loops.view_of(row)
     told: dict[str, Any] = loop_head(backend, row, shelved)
-    told |= {"tag": found.tag, "notes": notes.list_notes(backend, row), "typed": typed}
+    written = notes.note_page(backend, row, notes.SHOWN)
+    told |= {"tag": found.tag, "notes": written.rows, "older_notes": bool(written.next_cursor), "typed": typed}
     told["as_set"] = _as_set(found)
     told["settings"] = settings or told["as_set"]
     explanation = told["explanation"] = newest_in_words(backend, tag)

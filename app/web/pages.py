@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
 from app.http.backend import Services
+from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant import reliability
@@ -46,7 +47,7 @@ class TableForm(BaseModel):
     likely_cause: str = Field("", max_length=100)
     retired: Literal["", "false", "true", "any"] = ""
     sort: str = Field("-priority", max_length=60)
-    cursor: str = Field("", max_length=2000)
+    cursor: str = Field("", max_length=LONGEST_CURSOR)
     column: list[str] = Field([], max_length=len(COLUMNS))
 
     @property

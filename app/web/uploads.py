@@ -25,6 +25,7 @@ from app.services.intake import uploads as service
 from app.web.rendering import page
 
 SHOWN = 50
+SHOWN_TAGS, SHOWN_REJECTS = 600, 300
 FIELDS = 10
 
 
@@ -63,7 +64,8 @@ def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
 def _upload_page(backend: Backend, upload_id: str, typed: Typed = NOTHING_TYPED) -> HTMLResponse:
     found = service.get_upload(backend, upload_id)
     in_service = service.loops_in_service(backend, found)
-    return page("upload.html", backend.clock, upload=found, in_service=in_service, typed=typed)
+    told = {"upload": found, "in_service": in_service, "typed": typed}
+    return page("upload.html", backend.clock, shown_tags=SHOWN_TAGS, shown_rejects=SHOWN_REJECTS, **told)
 
 
 @router.post("/uploads/{upload_id}/mapping")

@@ -60,3 +60,9 @@ def test_a_failed_audit_is_told_with_its_run_and_reason(client, web_backend, fai
     for tag in (HOSTILE, NEW):
         assert "Its newest audit" not in page(client, tag)
         assert 'class="verdict"' in page(client, tag)
+
+
+def test_failures_that_are_not_shown_are_counted(client, failed, monkeypatch):
+    assert "more failed" not in client.get(f"/runs/{failed}").text
+    monkeypatch.setattr("app.web.runs.SHOWN_FAILURES", 1)
+    assert "The first 1 are listed; 1 more failed." in client.get(f"/runs/{failed}").text

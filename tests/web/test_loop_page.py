@@ -305,6 +305,19 @@ def test_settings_that_somebody_else_has_changed_meanwhile_are_not_overwritten(c
     client.patch("/v1/loops/LIC7", json={name: before[name] for name in ("unit", "description", "importance")})
 
 
+def test_what_is_not_shown_of_a_loop_has_its_address(client, monkeypatch):
+    before = client.get("/loops/LIC7").text
+    assert "older-nights" not in before
+    assert "older-notes" not in before
+    monkeypatch.setattr("app.services.plant.loop_sheet.NIGHTS", 1)
+    monkeypatch.setattr("app.services.plant.notes.SHOWN", 1)
+    written = [client.post("/v1/loops/LIC7/notes", json={"text": text}) for text in ("one", "two")]
+    assert [answer.status_code for answer in written] == [201, 201]
+    page = client.get("/loops/LIC7").text
+    assert '<p class="weak" id="older-nights">The last 1; <a href="/v1/loops/LIC7/verdicts">' in page
+    assert 'id="older-notes">Older ones: <a href="/v1/loops/LIC7/notes">' in page
+
+
 def test_what_has_no_vote_is_folded_away_from_what_was_seen(client):
     page = client.get("/loops/LIC7").text
     heard, _, rest = page.partition('<details id="also-heard">')[2].partition("</details>")

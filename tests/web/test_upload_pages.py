@@ -116,3 +116,15 @@ def test_a_mapping_that_cannot_be_taken_is_shown_again_with_what_is_wrong(client
     assert str(escape(typed)) in answer.text
     assert 'name="keep" value="1" checked' not in answer.text  # the box was not ticked
     assert client.post("/uploads/99/mapping", data={"mapping": typed}).status_code == 404
+
+
+def test_tags_and_refusals_that_are_not_shown_are_counted(client, monkeypatch):
+    assert "all of them, JSON" not in client.get("/uploads/1").text
+    monkeypatch.setattr("app.web.uploads.SHOWN_TAGS", 2)
+    monkeypatch.setattr("app.web.uploads.SHOWN_REJECTS", 1)
+    told = client.get("/v1/uploads/1").json()
+    tags = sum(1 for loop in told["tags"] for name in ("pv", "op", "sp", "mode") if loop[name])
+    page = client.get("/uploads/1").text
+    assert f'{tags - 2} more tags: <a href="/v1/uploads/1">' in page
+    assert f'{len(told["rejects"]) - 1} more with what was got: <a href="/v1/uploads/1">' in page
+    assert page.count("<tr data-tag=") == 2

@@ -55,6 +55,7 @@ def loop_sheet(
         "why_first": why_first(detail.get("rivals", ()), row["rival_winner"]),
         "groups_known": soon(backend) is not None,
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
+        "most_nights": NIGHTS,
         "history": loops.chained_history(backend, found, NIGHTS),
         "groups": groups_of(backend, it.tag),
         "repair": repair,
