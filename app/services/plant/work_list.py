@@ -1,6 +1,6 @@
 """What to do first in the plant: one list over all units, with what wants a look today at its head."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import takewhile
@@ -53,7 +53,7 @@ def work_list(
     since_ns: int | None = None,
     most: int = MOST,
     notes_until: datetime | None = None,
-    besides: Collection[str] = (),
+    besides: Sequence[str] = (),
 ) -> list[Work]:
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
     sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
