@@ -275,7 +275,9 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         before = of_before({**row._mapping, **window}, iso_utc(written.get(row.tag, Standing()).repaired_at))
         return replace(_loop(row, url, *words), of_before_repair=before)
 
-    work = work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until, besides=sorted(changed.new))
+    work = work_list(
+        backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until, besides=sorted(changed.new)
+    )
     return Digest(
         plant=backend.settings.plant,
         run=run,
