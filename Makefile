@@ -1,7 +1,9 @@
 # Two commands do everything on a fresh machine with Python, git and make: `make demo` and `make test`.
 PYTHON ?= python3
-# Packages and the browser are fetched side by side.
+# Packages and the browser are fetched side by side; of several goals one comes after the other.
+ifeq ($(words $(MAKECMDGOALS)),1)
 MAKEFLAGS += --jobs=2
+endif
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed

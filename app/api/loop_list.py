@@ -43,7 +43,9 @@ async def change_many(request: Request, backend: Services) -> Any:
     20,000 loops.
     """
     kind = request.headers.get("content-type", JSON).split(";")[0].strip().lower()
-    return await run_in_threadpool(_taken, backend, await request.body(), kind)
+    body = await request.body()
+    async with request.app.state.mapping_places:  # taken apart it has many times its size, as a mapping
+        return await run_in_threadpool(_taken, backend, body, kind)
 
 
 def _taken(backend: Backend, body: bytes, kind: str) -> LoopsChanged:

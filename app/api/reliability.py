@@ -18,6 +18,7 @@ from app.services.auditing.audits import get_audit
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.plant import reliability as service
+from app.services.plant.loop_list import BYTE_ORDER_MARK
 from app.services.plant.loops import RETIRED
 from app.services.spreadsheet import csv_lines
 
@@ -56,6 +57,9 @@ class TableQuery(BaseModel):
         max_length=4000,
         description="Columns in the order wanted, with commas between: the fields of a row and "
         f"{', '.join(service.OF_LOOP)}; none: all fields. As JSON, rows then have these alone.",
+    )
+    byte_order_mark: bool = Field(
+        False, description="As CSV: begins with the mark by which spreadsheets know UTF-8; programs want none."
     )
     verdict: Annotated[list[VerdictName], BeforeValidator(parted)] = Field(
         [], description="Only these verdicts; may be given several times, or several with commas between."
@@ -112,7 +116,8 @@ def reliability(
     is given, none of loops that are retired. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor. It
-    has no byte order mark, which programs would take for a part of the first column's name.
+    has no byte order mark, which programs would take for a part of the first column's name, unless `byte_order_mark`
+    asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
     columns = query.wanted_columns()
@@ -130,7 +135,7 @@ def reliability(
             "Content-Disposition": 'attachment; filename="reliability.csv"',
             "X-Next-Cursor": page.next_cursor or "",
         }
-        text = "".join(csv_lines(page.rows, columns or COLUMNS))
+        text = (BYTE_ORDER_MARK if query.byte_order_mark else "") + "".join(csv_lines(page.rows, columns or COLUMNS))
         return tagged(request, text, "text/csv; charset=utf-8", headers)
     # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
     answer = service.reliability_json(backend, **wanted, columns=columns)

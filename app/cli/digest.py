@@ -60,7 +60,8 @@ def digest(
 
       loopaudit digest --send --again
     """
-    from app.services.digests.digest import as_html, as_json, as_text, digest_of, newest_run
+    from app.services.digests.digest import digest_of, newest_run
+    from app.services.digests.telling import as_html, as_json, as_text
 
     if again and send is False:
         raise RequestError("dry_run_sends", "--again sends the digest, and --dry-run only prints it: give one of them")

@@ -11,12 +11,24 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.http.problems import respond
 from app.http.receiving import LARGEST_MAPPING
 from app.http.spooling import FORM_OVERHEAD_BYTES
+from app.services.explaining.simulations import LARGEST_TRACE
+from app.services.plant.loop_list import MOST_LOOPS
 from app.settings import Settings
 
 UPLOADS = ("/v1/uploads", "/uploads")
 MAPPING = re.compile(r"/uploads/[^/]+/mapping")
 LIMIT_BYTES = 4 << 20
 DEADLINE_S = 30.0
+LOOP_BYTES = 800
+"""Of a line of the loop list with every column, as JSON: 320 where its texts are as long as a plant's usually are."""
+VALUE_BYTES = 48
+"""Of a value of a trace and its time, as JSON with digits to spare."""
+LARGE = (
+    (re.compile(r"/v1/loops|/loop-list"), LOOP_BYTES * MOST_LOOPS + FORM_OVERHEAD_BYTES),
+    (re.compile(r"/v1/loops/.+/explanations"), VALUE_BYTES * LARGEST_TRACE),
+    (MAPPING, LARGEST_MAPPING + FORM_OVERHEAD_BYTES),
+)
+"""Routes that take as much as they say of a whole plant, or of a long record, and how many bytes that is."""
 
 
 class LimitBodies:
@@ -54,8 +66,9 @@ class LimitBodies:
         """Bytes and seconds."""
         if path in UPLOADS:
             return self._max_upload_bytes, self._upload_deadline_s
-        if MAPPING.fullmatch(path):
-            return LARGEST_MAPPING + FORM_OVERHEAD_BYTES, self._upload_deadline_s
+        for route, limit in LARGE:
+            if route.fullmatch(path):
+                return limit, self._upload_deadline_s
         return LIMIT_BYTES, min(DEADLINE_S, self._upload_deadline_s)
 
 

@@ -31,12 +31,18 @@ def figure(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:z.{digits}f}"
 
 
+def importance(value: float) -> str:
+    """As it was set: one of 0.04 is not none."""
+    return f"{value:g}"
+
+
 FILTERS: dict[str, Callable[..., Any]] = {
     "brief": brief,
     "cause_words": cause_words,
     "figure": figure,
     "first_reasons": first_reasons,
     "headline": headline,
+    "importance": importance,
     "health": health,
     "measured_probability": measured_probability,
     "probability": probability,

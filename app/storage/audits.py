@@ -1,5 +1,6 @@
 """Audit runs: planned, running, ended."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -79,6 +80,11 @@ class LoopFilter:
     type: str | None = None
 
 
+WHOLE = json.dumps(vars(LoopFilter()))
+"""How a run is stored that was asked for without a filter."""
+
+ONE_BY_ONE = 705162
+
 COLUMNS = [audits.c[name] for name in AuditRow.__dataclass_fields__]
 
 
@@ -128,6 +134,27 @@ def newest_night(
         nights = nights.where(with_results)
     query = select(audits.c.id).where(audits.c.id == nights.scalar_subquery(), with_results)
     return connection.scalar(query if at_most_old is None else query.where(audits.c.ended_at > now() - at_most_old))
+
+
+def newest_whole(connection: Connection) -> AuditRow | None:
+    """The run of the whole plant that goes on, or else the newest one, of whatever state; one without loops is none."""
+    query = select(*COLUMNS).where(_whole(), audits.c.total > 0)
+    going_on_first = (GOING_ON.desc(), audits.c.id.desc())
+    row = connection.execute(query.order_by(*going_on_first).limit(1)).one_or_none()
+    return None if row is None else AuditRow(*row)
+
+
+def whole_going_on(connection: Connection) -> int | None:
+    """The run of the whole plant that goes on. Until the transaction has ended nobody else is told that there is none:
+    of two who ask at once only one starts a run."""
+    if connection.dialect.name == "postgresql":
+        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({ONE_BY_ONE})")
+    going_on = select(audits.c.id).where(_whole(), GOING_ON)
+    return connection.scalar(going_on.order_by(audits.c.id.desc()).limit(1))
+
+
+def _whole() -> ColumnElement[bool]:
+    return or_(of_a_night(), audits.c.filter_json.in_((WHOLE, "{}")))
 
 
 def page(connection: Connection, limit: int, before_id: int | None) -> list[AuditRow]:

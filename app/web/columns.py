@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 from urllib.parse import urlencode
 
-Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "time", "recorded", "reasons"]
+Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "time", "recorded", "reasons", "code"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ COLUMNS: Mapping[str, Column] = {
     "oscillation_strength": Column("Oscillation strength", "number", 2, "-oscillation_strength"),
     "oscillation_regularity": Column("Regularity", "number", 1, "-oscillation_regularity"),
     "yper_pct": Column("Yper, %", "number", 1, "-yper_pct"),
-    "table2_reading": Column("Table 2", "text"),
+    "table2_reading": Column("Table 2", "code"),
     "filled_share": Column("Filled share", "number", 2, "-filled_share"),
     "samples": Column("Samples", "number", 0),
     "sampling_interval_s": Column("Sampling interval, s", "number", 1),

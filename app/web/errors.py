@@ -1,10 +1,12 @@
 """What went wrong, as a page for people: in words, with the code and the request's name, and a way back."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from starlette.responses import HTMLResponse
 
+from app.http.problems import LONGEST_ECHO
 from app.web.rendering import page
 
 HEADINGS = {
@@ -15,6 +17,7 @@ HEADINGS = {
     405: "This address cannot be asked that way",
     408: "It took too long to arrive",
     409: "It is too late for that",
+    412: "It has changed since",
     413: "This is too large",
     415: "This kind of file is not read",
     421: "This service does not answer to that name",
@@ -28,24 +31,56 @@ HEADINGS = {
 NEXT = {
     401: "Log in with a key of yours, or ask whoever runs this service for one.",
     403: "Ask whoever runs this service for a key with the role that this needs.",
-    404: "The tag may be spelled in another way: look it up in the table.",
+    404: "It may have been removed since, or the address is not whole.",
     405: "Come from the page that has the button for it.",
+    409: "Load its page again and look how it stands now.",
+    412: "Load its page again and look how it stands now.",
+    421: "Whoever runs this service sets the names that it answers to.",
+    429: "Wait a little, then send it again as it is: go back in the browser, what you typed is still there.",
     500: "It is not your fault. Whoever runs the service finds this request in its log, by the name below.",
     503: "Try again in a few seconds.",
     504: "Look whether it is there before you ask for it again.",
+    507: "Nothing is wrong with what you sent. Tell whoever runs this service that its disk is full.",
 }
+NEXT_BY_CODE = {
+    "csrf_token": "You have logged in anew since that page was loaded. Load it again, and send the form anew.",
+    "cross_site": "Open this service by its own address, and send it from its own page.",
+    "invalid_key": "Log in with another key, or ask whoever runs this service for one.",
+    "unknown_loop": "The tag may be spelled in another way: look it up in the table.",
+    "not_audited": "The next audit of the plant brings its verdict.",
+    "unknown_audit": "The runs that there are stand under Runs; those of long ago are not kept.",
+    "unknown_upload": "The files that there are stand under Uploads; those of long ago are not kept.",
+    "no_such_route": "The address may be mistyped, or of another version of this service.",
+}
+"""What is said where the status alone would say something else."""
+DETAIL_BY_CODE = {"key_needed": "You are not logged in, or your login has ended; nothing was done."}
+"""In place of what clients are told, who carry their key in a header."""
 TRY_AGAIN = "Go back in the browser: what you typed is still there. Change it and send it again."
+
+ACTION = re.compile(
+    r"(/loops/.+)/(?:audit|continues|explanations|notes|notes/[^/]+/(?:withdraw|unshelve)|settings)"
+    r"|(/uploads)/kept/forget|(/uploads/[^/]+)/(?:audit|mapping)|(/runs/[^/]+)/cancel|(/runs|/uploads|/loop-list)"
+)
+"""What a form is sent to, and the page that has it."""
 
 
 def error_page(problem: Mapping[str, Any]) -> HTMLResponse:
     """`problem`: the fields of the problem that a machine would be told."""
-    status = int(problem["status"])
+    status, code = int(problem["status"]), problem["code"]
     found = page(
         "error.html",
         heading=HEADINGS.get(status, problem["title"]),
-        next_step=NEXT.get(status, TRY_AGAIN),
+        detail=DETAIL_BY_CODE.get(code, problem["detail"]),
+        next_step=NEXT_BY_CODE.get(code) or NEXT.get(status, TRY_AGAIN),
+        form_page=form_page(problem["instance"]),
         problem=problem,
         request_name=problem.get("request_id"),
     )
     found.status_code = status
     return found
+
+
+def form_page(instance: str) -> str | None:
+    """The page of the form that was sent to this path, cut where it is too long to be told; None: there is none."""
+    found = ACTION.fullmatch(instance) if len(instance) < LONGEST_ECHO else None
+    return next(filter(None, found.groups())) if found else None

@@ -43,4 +43,4 @@ def newest_in_words(backend: Backend, tag: str) -> dict[str, Any] | None:
     found = explanations.newest(backend, tag)
     if found is None:
         return None
-    return in_words(found)
+    return in_words(found, backend.clock)

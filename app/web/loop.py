@@ -1,8 +1,10 @@
 """The page of a loop, and what can be done on it."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from hashlib import sha256
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Query
@@ -18,13 +20,12 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant import loops, notes
 from app.services.plant.arrivals import current_ns
-from app.services.plant.arrivals import newest_in_words as newest_sample_in_words
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
-from app.services.plant.continuing import goes_on_as, maybe_before
+from app.services.plant.continuing import maybe_before
 from app.services.plant.groups import unnamed
 from app.services.plant.loop_list import number
-from app.services.plant.loop_sheet import loop_sheet
+from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.worst import worst_tags
@@ -34,7 +35,7 @@ from app.services.telling.rival_wording import worth_a_look
 from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
-SEE_OTHER, BAD_REQUEST = 303, 400
+SEE_OTHER, BAD_REQUEST, CONFLICT = 303, 400, 409
 ANSWERS = {"": None, "yes": True, "no": False}
 
 
@@ -57,10 +58,13 @@ LONGEST_FIELD = 2 * loops.LONGEST_WORDS  # as typed; what is too long to be kept
 
 @dataclass(frozen=True)
 class Settings:
-    """What stands in the form of a loop's settings; `wrong`: why a field was not taken, by its name."""
+    """What stands in the form of a loop's settings; `wrong`: why a field was not taken, by its name; `version`: which
+    settings of the loop it was filled with; overtaken: somebody else has changed these meanwhile."""
 
     values: Mapping[str, str]
     wrong: Mapping[str, str] = field(default_factory=dict)
+    version: str = ""
+    overtaken: bool = False
 
 
 Field = Annotated[str, Form(max_length=LONGEST_FIELD)]
@@ -93,13 +97,13 @@ def _loop_page(
 ) -> HTMLResponse:
     row, shelved = loops.find(backend, tag), shelf(backend)
     found = loops.view_of(row)
-    told: dict[str, Any] = {"it": found, "tag": found.tag, "notes": notes.list_notes(backend, row), "typed": typed}
-    told["settings"] = settings or _as_set(found)
+    told: dict[str, Any] = loop_head(backend, row, shelved)
+    written = notes.note_page(backend, row, notes.SHOWN)
+    told |= {"tag": found.tag, "notes": written.rows, "older_notes": bool(written.next_cursor), "typed": typed}
+    told["as_set"] = _as_set(found)
+    told["settings"] = settings or told["as_set"]
     explanation = told["explanation"] = newest_in_words(backend, tag)
-    told["newest"] = newest_sample_in_words(found.samples_to, backend.clock)
-    told["shelved"] = shelved.of(found.tag)
-    told |= {"maybe_before": maybe_before(backend, found.tag), "goes_on_as": goes_on_as(backend, found.tag)}
-    told["failure"] = loops.newest_failure(backend, row)
+    told["maybe_before"] = maybe_before(backend, found.tag)
     try:
         sheet = loop_sheet(backend, row, explanation, shelved)
     except NotFoundError as error:
@@ -189,21 +193,29 @@ def settings(
     moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
     retired: Annotated[Literal["", "yes"], Form()] = "",
     continues: Field = "",
+    version: Field = "",
 ) -> Response:
     words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit, "continues": continues}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
     numbers, wrong = _numbers({"importance": importance, **spans})
     stated = {"moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}
+    overtaken = False
+    only_if = (lambda view: _as_set(view).version == version) if version else None
     try:
         if not wrong:
-            loops.patch_loop(backend, tag, {**words, **numbers, **stated})
+            loops.patch_loop(backend, tag, {**words, **numbers, **stated}, only_if)
     except FieldError as error:
         wrong[error.field] = error.message
-    if not wrong:
+    except RequestError as error:
+        if error.code != "changed_meanwhile":
+            raise
+        overtaken = True
+    if not (wrong or overtaken):
         return back_to(tag, "settings")
     typed = {"importance": importance, **words, **spans, "moves_valve": moves_valve, "retired": retired}
-    page_again = _loop_page(backend, tag, settings=Settings(typed, wrong))
-    page_again.status_code = BAD_REQUEST
+    kept = "" if overtaken else version
+    page_again = _loop_page(backend, tag, settings=Settings(typed, wrong, kept, overtaken))
+    page_again.status_code = CONFLICT if overtaken else BAD_REQUEST
     return page_again
 
 
@@ -223,7 +235,8 @@ def _as_set(it: LoopView) -> Settings:
     names = ("importance", *loops.WORDS, *SPANS)
     told = {name: "" if (value := getattr(it, name)) is None else str(value) for name in names}
     answer = next(answer for answer, stated in ANSWERS.items() if stated is it.moves_valve)
-    return Settings({**told, "moves_valve": answer, "retired": "yes" if it.retired else ""})
+    values = {**told, "moves_valve": answer, "retired": "yes" if it.retired else ""}
+    return Settings(values, version=sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32])
 
 
 def back_to(tag: str, place: str) -> RedirectResponse:

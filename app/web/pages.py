@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
 from app.http.backend import Services
+from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant import reliability
@@ -46,8 +47,14 @@ class TableForm(BaseModel):
     likely_cause: str = Field("", max_length=100)
     retired: Literal["", "false", "true", "any"] = ""
     sort: str = Field("-priority", max_length=60)
-    cursor: str = Field("", max_length=2000)
+    cursor: str = Field("", max_length=LONGEST_CURSOR)
     column: list[str] = Field([], max_length=len(COLUMNS))
+
+    @property
+    def narrows(self) -> bool:
+        """Whether a loop that has a verdict may be left out, but for one that is retired."""
+        asked = (self.search, self.unit, self.verdict, self.reliability, self.likely_cause, self.cursor)
+        return any(asked) or self.retired == "true"
 
     def filters(self) -> RowFilter:
         return RowFilter(
@@ -108,7 +115,6 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         columns=COLUMNS,
         units=plants.unit_names(backend),
         address=query_without(told),
-        export=query_without(told, "column", **({"sort": form.sort} if form.sort else {})),
         told=told,
         query_without=query_without,
     )

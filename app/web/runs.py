@@ -5,7 +5,7 @@ from fastapi.responses import HTMLResponse
 from starlette.responses import RedirectResponse
 
 from app.http.backend import Caller, Identifier, Services
-from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit
+from app.services.auditing.audits import cancel_audit, failures, list_audits, start_audit, whole_run
 from app.services.auditing.run_figures import run_figures
 from app.services.digests.deliveries import deliveries_of
 from app.web.rendering import page
@@ -18,12 +18,15 @@ router = APIRouter()
 
 @router.get("/runs")
 def runs(backend: Services, cursor: str = "") -> HTMLResponse:
-    return page("runs.html", backend.clock, found=list_audits(backend, SHOWN, cursor or None))
+    newest = whole_run(backend)
+    going_on = newest if newest and not newest.ended else None
+    return page("runs.html", backend.clock, found=list_audits(backend, SHOWN, cursor or None), going_on=going_on)
 
 
 @router.post("/runs")
 def start(backend: Services, caller: Caller) -> RedirectResponse:
-    run_started = start_audit(backend, trigger="request", started_by=caller.who)
+    """Who clicks twice gets one run: the second click leads to the one that goes on."""
+    run_started = start_audit(backend, trigger="request", started_by=caller.who, unless_going_on=True)
     return RedirectResponse(f"/runs/{run_started.id}", 303)
 
 

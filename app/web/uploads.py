@@ -3,6 +3,7 @@ and the audit of what came."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
@@ -10,18 +11,34 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from starlette.datastructures import FormData
-from starlette.responses import RedirectResponse
+from starlette.responses import RedirectResponse, Response
 
+from app.errors import DataError, NotFoundError, RequestError
 from app.http.backend import Caller, Identifier, Services
+from app.http.problems import status_of
 from app.http.receiving import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of, store
 from app.http.spooling import FORM_OVERHEAD_BYTES, spooled
 from app.services.auditing.audits import LoopFilter, start_audit
+from app.services.backend import Backend
 from app.services.intake import places
 from app.services.intake import uploads as service
 from app.web.rendering import page
 
 SHOWN = 50
+SHOWN_TAGS, SHOWN_REJECTS = 600, 300
 FIELDS = 10
+
+
+@dataclass(frozen=True)
+class Typed:
+    """What stands in the form of a mapping, and why it was not taken."""
+
+    mapping: str = "tag,loop,signal\n"
+    keep: bool = True
+    refused: str | None = None
+
+
+NOTHING_TYPED = Typed()
 
 router = APIRouter()
 
@@ -41,19 +58,33 @@ async def receive(request: Request, backend: Services) -> RedirectResponse:
 
 @router.get("/uploads/{upload_id}")
 def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
+    return _upload_page(backend, upload_id)
+
+
+def _upload_page(backend: Backend, upload_id: str, typed: Typed = NOTHING_TYPED) -> HTMLResponse:
     found = service.get_upload(backend, upload_id)
-    return page("upload.html", backend.clock, upload=found, in_service=service.loops_in_service(backend, found))
+    in_service = service.loops_in_service(backend, found)
+    told = {"upload": found, "in_service": in_service, "typed": typed}
+    return page("upload.html", backend.clock, shown_tags=SHOWN_TAGS, shown_rejects=SHOWN_REJECTS, **told)
 
 
 @router.post("/uploads/{upload_id}/mapping")
-async def read_again(request: Request, backend: Services, caller: Caller, upload_id: Identifier) -> RedirectResponse:
+async def read_again(request: Request, backend: Services, caller: Caller, upload_id: Identifier) -> Response:
     async with mapping_form(request, backend) as form, request.app.state.mapping_places:
         given = form.get("mapping")
         if given is None or is_empty(given):
             raise RequestValidationError([{"loc": ("body", "mapping"), "msg": "Field required"}])
         mapping = await mapping_of(given)
         keep = bool(form.get("keep"))
-        receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping, caller.who, keep)
+        try:
+            receipt = await run_in_threadpool(service.read_again, backend, upload_id, mapping, caller.who, keep)
+        except (DataError, RequestError) as error:
+            if isinstance(error, NotFoundError):
+                raise
+            typed = Typed(mapping.decode("utf-8", "replace"), keep, error.message)
+            page_again = await run_in_threadpool(_upload_page, backend, upload_id, typed)
+            page_again.status_code = status_of(error)
+            return page_again
     return RedirectResponse(f"/uploads/{receipt.upload.id}", 303)
 
 

@@ -1,6 +1,7 @@
 """Explanations over HTTP: what a client sends and gets; what a worker would do is done here by calling its service."""
 
 import json
+from datetime import UTC, datetime, timedelta
 from urllib.parse import quote
 
 import pytest
@@ -12,6 +13,7 @@ from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.comparisons import Columns, read_comparison
 from app.services.explaining.line import explanation_line
+from app.services.explaining.simulations import LARGEST_TRACE
 from app.services.explaining.working import explain_next
 from app.services.intake.reading import read_upload
 
@@ -137,10 +139,20 @@ def test_a_model_with_no_number_is_refused(client, tag, model):
 
 
 def test_a_body_that_is_too_large(client, tag):
-    answer = client.post(URL, json={"csv": "x" * (5 << 20)})
+    answer = client.post(URL, json={"csv": "x" * (10 << 20)})
     assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
     answer = client.post(URL, json={"trace": {"values": [0] * 200_001}})
     assert (answer.status_code, answer.json()["code"]) == (413, "simulation_too_large")
+
+
+def test_the_longest_trace_can_be_sent(client):
+    begin = datetime(2026, 1, 1, tzinfo=UTC)
+    times = [(begin + timedelta(seconds=k)).isoformat().replace("+00:00", "Z") for k in range(LARGEST_TRACE)]
+    trace = {"values": [50.123456 + k % 7 for k in range(LARGEST_TRACE)], "time": times}
+    body = json.dumps({"trace": trace})
+    assert len(body) > 6e6
+    answer = client.post("/v1/loops/none/explanations", content=body, headers={"Content-Type": "application/json"})
+    assert (answer.status_code, answer.json()["code"]) == (404, "unknown_loop")  # read, and nothing to compare it with
 
 
 # The page

@@ -110,6 +110,15 @@ def test_a_backup_of_postgresql_is_not_for_sqlite(plant, tmp_path):
     assert refused.value.code == "backup_kind"
 
 
+def test_without_its_exports_no_backup_is_made(plant, tmp_path):
+    """It would look whole."""
+    folder = plant.settings.uploads_dir
+    folder.rename(folder.with_name("elsewhere"))
+    with pytest.raises(RequestError, match="cannot be looked into"):
+        backups.backup(plant.settings, tmp_path / "kept")
+    assert not (tmp_path / "kept").exists()
+
+
 def test_a_backup_is_made_while_others_write(plant, tmp_path):
     import threading
 

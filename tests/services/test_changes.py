@@ -9,7 +9,8 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
-from app.services.digests.digest import as_text, digest_of, newest_run
+from app.services.digests.digest import digest_of, newest_run
+from app.services.digests.telling import as_text
 from app.services.plant import changes, worst
 from app.services.plant.loops import loop_health
 from app.services.telling.wording import headline, probability

@@ -2,7 +2,8 @@
 
 import pytest
 
-from app.services.explaining.wording import VERDICT_WORDS, verdict_in_words
+from app.services.explaining.wording import VERDICT_WORDS, verdict_in_words, windows_in_words
+from app.services.moments import PlantClock
 
 NAMED, UNSURE = VERDICT_WORDS["missing_physics"], "which, the record hardly tells"
 
@@ -20,3 +21,15 @@ NAMED, UNSURE = VERDICT_WORDS["missing_physics"], "which, the record hardly tell
 )
 def test_a_name_that_is_not_likely_is_not_announced_as_found(verdict, probabilities, told):
     assert verdict_in_words(verdict, [{"probability": p} for p in probabilities]) == told
+
+
+@pytest.mark.parametrize(
+    ("start", "told"),
+    [
+        ("2026-01-31T21:30:00Z", "2026-01-31 22:30:05 to 22:40:00, 2026-01-31 23:30:00 to 2026-02-01 00:30:00"),
+        ("1970-01-01T00:00:00Z", "5–600 s, 3600–7200 s"),
+        (None, "5–600 s, 3600–7200 s"),
+    ],
+)
+def test_windows_are_told_by_the_clock_of_the_chart_beside_them(start, told):
+    assert windows_in_words([[5.0, 600.0], [3600.0, 7200.0]], start, PlantClock("Europe/Berlin")) == told

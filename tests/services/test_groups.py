@@ -1,6 +1,7 @@
 """Which loops swing together."""
 
 import threading
+import time
 
 import pytest
 
@@ -8,6 +9,7 @@ from app.services.backend import Backend
 from app.services.plant import groups
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loops import patch_loop
+from app.services.reports.documents import loop_report, plant_report
 
 
 def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
@@ -42,6 +44,23 @@ def test_pages_that_cannot_wait_share_one_search_for_groups(
     going.set()
     assert groups.plant_groups(backend) == ()
     assert len(asked) == 2
+
+
+@pytest.mark.parametrize("report", [plant_report, lambda backend: loop_report(backend, "A")])
+def test_reports_wait_for_the_groups(
+    backend: Backend, two_runs: tuple[dict[str, int], int], monkeypatch: pytest.MonkeyPatch, report: object
+) -> None:
+    search = groups.groups
+
+    def slow(candidates: object) -> object:
+        time.sleep(5 * groups.PATIENCE_S)
+        return search(candidates)
+
+    monkeypatch.setattr(groups, "groups", slow)
+    assert groups.soon(backend) is None
+    text = report(backend)
+    assert "being worked out" not in text
+    assert "4 loops with a period of" in text or "together with 3 other loops" in text
 
 
 def test_a_search_for_groups_that_failed_is_made_again(

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import insert, select, update
 
+from app.errors import RequestError
 from app.services.access import trail
 from app.services.backend import Backend
 from app.services.intake import uploads
@@ -299,6 +300,14 @@ def test_what_is_no_export_among_them_is_left_alone(plant):
     aged(plant, 400)
     assert retention.retain(plant)["files"] == 1
     assert {file.name for file in folder.iterdir()} == {"lost+found", "old", "f" * 64, "notes.txt"}
+
+
+def test_a_folder_that_cannot_be_looked_into_is_not_done_with(plant):
+    folder = plant.settings.uploads_dir
+    folder.rename(folder.with_name("elsewhere"))
+    with pytest.raises(RequestError) as refused:
+        retention.retain(plant)
+    assert refused.value.code == "no_exports_folder"
 
 
 def test_the_sweeper_does_it(plant):

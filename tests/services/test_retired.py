@@ -12,7 +12,8 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import announce_explanations, nightly, refuse_empty
 from app.services.backend import Backend
-from app.services.digests.digest import as_text, digest_of, newest_run
+from app.services.digests.digest import digest_of, newest_run
+from app.services.digests.telling import as_text
 from app.services.moments import ns_of
 from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant

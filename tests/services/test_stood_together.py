@@ -15,7 +15,8 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.standing import of_lines, of_plant
 from app.services.backend import Backend
-from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of
+from app.services.digests.digest import Digest, digest_of
+from app.services.digests.telling import as_html, as_json, as_text
 from app.services.plant import notes
 from app.services.plant.changes import changes
 from app.services.plant.loop_sheet import loop_sheet

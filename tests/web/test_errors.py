@@ -4,11 +4,13 @@ import re
 
 import httpx
 import pytest
+from markupsafe import escape
 
 from app.main import create_app
 from app.services.access.identity import Role
 from app.services.access.keys import create_key
-from app.web.errors import HEADINGS
+from app.web.errors import HEADINGS, error_page, form_page
+from tests.web.conftest import HOSTILE_PAGE
 
 BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
 HOSTILE = "<script>alert(1)</script>"
@@ -84,4 +86,68 @@ def test_a_role_that_is_too_low_and_no_key_at_all(serve, web_backend):
     with serve(create_app(web_backend.settings, keys_required=True)) as client:
         bearer = BROWSER | {"Authorization": f"Bearer {key}"}
         told(client.post("/runs", headers=bearer), 403, "role")
-        assert '<a href="/login">' in told(client.post("/runs", headers=BROWSER), 401, "key_needed")
+        text = told(client.post("/runs", headers=BROWSER), 401, "key_needed")
+        assert '<a href="/login?next=/runs">' in text
+        assert "your login has ended; nothing was done" in text
+        assert "Bearer" not in text  # that is for clients
+
+
+def test_a_form_of_another_login_is_loaded_again(serve, web_backend):
+    key = create_key(web_backend, "audits", Role.audit, lifetime=None).text
+    with serve(create_app(web_backend.settings, keys_required=True)) as client:
+        client.post("/login", data={"key": key})
+        note = client.post("/loops/FIC101/notes", data={"text": "x", "csrf_token": "old"}, headers=BROWSER)
+        text = told(note, 403, "csrf_token")
+        assert '<a href="/loops/FIC101">the page of the form</a>' in text
+        assert "Load it again" in text
+        assert "for a key with the role" not in text
+        client.post("/logout", data={"csrf_token": form_token(client)})
+        text = told(client.post(f"{HOSTILE_PAGE}/notes", data={"text": "x"}, headers=BROWSER), 401, "key_needed")
+        (next_page,) = re.findall(r'href="(/login\?next=[^"]*)"', text)
+        assert f'value="{escape(HOSTILE_PAGE)}"' in client.get(next_page).text
+
+
+def form_token(client: httpx.Client) -> str:
+    return re.search(r'name="csrf-token" content="([\w-]+)"', client.get("/").text)[1]
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "said"),
+    [
+        (429, "too_many_requests", "send it again as it is"),
+        (507, "disk_full", "its disk is full"),
+        (409, "wrong_state", "look how it stands now"),
+        (404, "unknown_audit", "stand under Runs"),
+        (404, "unknown_upload", "stand under Uploads"),
+        (404, "unknown_loop", "look it up in the table"),
+        (403, "cross_site", "by its own address"),
+        (403, "role", "a key with the role"),
+        (400, "bad_sort", "Change it and send it again"),
+    ],
+)
+def test_the_advice_is_that_of_the_error(status, code, said):
+    text = error_page(problem(status, code, "/x")).body.decode()
+    assert said in text
+    assert ("Change it" in text) is (code == "bad_sort")
+
+
+@pytest.mark.parametrize(
+    ("sent_to", "page"),
+    [
+        ("/loops/a%2Fb/notes", "/loops/a%2Fb"),
+        ("/loops/a/notes/7/withdraw", "/loops/a"),
+        ("/uploads/5/mapping", "/uploads/5"),
+        ("/uploads/kept/forget", "/uploads"),
+        ("/runs/5/cancel", "/runs/5"),
+        ("/runs", "/runs"),
+        ("//evil.example/notes", None),
+        ("/logout", None),
+        ("/loops/" + "x" * 300 + "/notes", None),
+    ],
+)
+def test_a_form_leads_back_to_its_page(sent_to, page):
+    assert form_page(sent_to) == page
+
+
+def problem(status: int, code: str, instance: str) -> dict[str, object]:
+    return {"status": status, "code": code, "instance": instance, "title": "t", "detail": "d"}

@@ -141,8 +141,8 @@ def test_a_size_whose_interval_holds_zero_says_so_but_not_a_part_of_a_wave() -> 
     cosine = {"value": -0.1, "unit": "PV", "low": -0.2, "high": 0.03}
     said = parameters_in_words({"change": change, "cosine": cosine})
     assert said == ["change = 0.5 share of gain (-0.4 to 1.4; it may be zero)", "cosine = -0.1 PV (-0.2 to 0.03)"]
-    assert windows_in_words([[0, 10], [20, 30]]) == "0–10 s, 20–30 s"
-    assert windows_in_words([[k, k + 1] for k in range(6)]).endswith("3–4 s and 2 more")
+    assert windows_in_words([[0, 10], [20, 30]], None, UTC_CLOCK) == "0–10 s, 20–30 s"
+    assert windows_in_words([[k, k + 1] for k in range(6)], None, UTC_CLOCK).endswith("3–4 s and 2 more")
 
 
 def test_a_fitted_stiction_says_that_it_is_no_size():
@@ -156,9 +156,14 @@ def test_a_fitted_stiction_says_that_it_is_no_size():
         "windows": [],
         "evidence": [],
     }
-    told = effect_in_words(effect)
+    told = effect_in_words(effect, None, UTC_CLOCK)
     assert (told["parameters"], told["no_size"]) == (["S = 13.8 OP (no interval)"], NO_SIZE)
-    assert effect_in_words(effect | {"effect": "sensor.drift"})["no_size"] == ""
+    assert effect_in_words(effect | {"effect": "sensor.drift"}, None, UTC_CLOCK)["no_size"] == ""
     html = part(DONE | {"told_effects": [told | {"no_size": NO_SIZE}]})
     assert "<summary>of the model, not the size</summary>S = 13.8 OP" in html
     assert "in 11 of 33 loops" in html
+
+
+def test_its_wide_tables_are_scrolled_by_keyboard_and_have_names():
+    html = part(DONE)
+    assert html.count('<div class="wide" tabindex="0" role="group" aria-label="') == html.count('class="wide"') == 3

@@ -10,6 +10,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
+from app.services.reports.documents import loop_report
 from tests.web.conftest import HOSTILE, wide
 
 NEW = "TIC9"
@@ -51,8 +52,17 @@ def test_a_failed_audit_is_told_with_its_run_and_reason(client, web_backend, fai
     assert before not in new
     assert "not been audited" not in new
     assert "Its newest audit" not in untouched
+    report = loop_report(web_backend, HOSTILE)
+    assert f"<b>Its newest audit, in run {failed}, failed:</b> {why}. {before}" in report
+    assert "Its newest audit" not in loop_report(web_backend, "FIC101")
 
     audit_chunk(web_backend, int(start_audit(web_backend, LoopFilter((HOSTILE, NEW))).id), "test")
     for tag in (HOSTILE, NEW):
         assert "Its newest audit" not in page(client, tag)
         assert 'class="verdict"' in page(client, tag)
+
+
+def test_failures_that_are_not_shown_are_counted(client, failed, monkeypatch):
+    assert "more failed" not in client.get(f"/runs/{failed}").text
+    monkeypatch.setattr("app.web.runs.SHOWN_FAILURES", 1)
+    assert "The first 1 are listed; 1 more failed." in client.get(f"/runs/{failed}").text

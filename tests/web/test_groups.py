@@ -82,3 +82,14 @@ def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_b
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert "oscillates together with" in told
     assert "LIC7" not in told
+
+
+def test_groups_that_are_not_shown_are_counted_and_links_to_them_lead_there(client, web_backend, monkeypatch):
+    members = plant_groups(web_backend)[0].members
+    shaken = [GroupView(str(k), 300.0, True, False, 0.001, "LIC7", members) for k in range(1, 104)]
+    crowded = [GroupView(str(k), 300.0, True, True, 0.84, None, members) for k in range(104, 206)]
+    monkeypatch.setattr(groups, "soon", lambda backend: (*shaken, *crowded))
+    found = client.get("/groups").text
+    assert '3 more: <a href="/v1/groups">' in found
+    assert '2 more: <a href="/v1/groups">' in found
+    assert all(f'id="group-{number}"' in found for number in (1, 103, 104, 205))

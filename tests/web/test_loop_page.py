@@ -282,6 +282,42 @@ def test_settings_that_cannot_be_taken_are_shown_again_with_what_is_wrong_at_eac
     assert client.get(f"/v1/loops/{tag_in_url(HOSTILE)}").json() == before
 
 
+def test_settings_that_somebody_else_has_changed_meanwhile_are_not_overwritten(client):
+    def version() -> str:
+        return re.search(r'name="version" value="(\w{32})"', client.get("/loops/LIC7").text)[1]
+
+    before = client.get("/v1/loops/LIC7").json()
+    seen_first = version()
+    client.patch("/v1/loops/LIC7", json={"unit": "U<9>", "description": "by another"})
+    told = {"importance": "1", "unit": "U8", "version": seen_first}
+    answer = client.post("/loops/LIC7/settings", data=told, headers={"Accept": "text/html"})
+    assert answer.status_code == 409
+    assert '<details class="card" id="settings" open>' in answer.text
+    assert "somebody else has changed these settings" in answer.text
+    assert "<li>unit: U&lt;9&gt;</li>" in answer.text
+    assert re.search(r'name="unit"[^>]* value="U8"', answer.text)
+    assert client.get("/v1/loops/LIC7").json()["unit"] == "U<9>"
+    again = re.search(r'name="version" value="(\w{32})"', answer.text)[1]
+    assert again == version()
+    assert client.post("/loops/LIC7/settings", data=told | {"version": again}).status_code == 303
+    after = client.get("/v1/loops/LIC7").json()
+    assert (after["unit"], after["description"]) == ("U8", None)
+    client.patch("/v1/loops/LIC7", json={name: before[name] for name in ("unit", "description", "importance")})
+
+
+def test_what_is_not_shown_of_a_loop_has_its_address(client, monkeypatch):
+    before = client.get("/loops/LIC7").text
+    assert "older-nights" not in before
+    assert "older-notes" not in before
+    monkeypatch.setattr("app.services.plant.loop_sheet.NIGHTS", 1)
+    monkeypatch.setattr("app.services.plant.notes.SHOWN", 1)
+    written = [client.post("/v1/loops/LIC7/notes", json={"text": text}) for text in ("one", "two")]
+    assert [answer.status_code for answer in written] == [201, 201]
+    page = client.get("/loops/LIC7").text
+    assert '<p class="weak" id="older-nights">The last 1; <a href="/v1/loops/LIC7/verdicts">' in page
+    assert 'id="older-notes">Older ones: <a href="/v1/loops/LIC7/notes">' in page
+
+
 def test_what_has_no_vote_is_folded_away_from_what_was_seen(client):
     page = client.get("/loops/LIC7").text
     heard, _, rest = page.partition('<details id="also-heard">')[2].partition("</details>")

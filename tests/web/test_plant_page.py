@@ -2,7 +2,12 @@
 
 import pytest
 
+from app.services.auditing.audits import cancel_audit, start_audit
+from app.services.plant import groups
+from app.services.plant.changes import Changes
+from app.services.plant.judged import Judged, ToManual
 from app.services.plant.nights import Night
+from app.services.results import ChangeView
 from app.web import loop as loop_page
 from app.web import pages
 from tests.web.conftest import HOSTILE, seen
@@ -44,3 +49,51 @@ def test_the_last_nights_stand_behind_a_verdict(client, monkeypatch, path):
     html = client.get(path).text
     assert '<span class="no_stiction">–</span><span class="stiction unsure">S</span>' in html
     assert "2026-03-01 no stiction (rely on it); 2026-03-02 valve sticks (look first)" in html
+
+
+BUTTON = "Audit the whole plant now"
+
+
+def test_while_a_run_goes_on_its_link_stands_in_place_of_the_button(client, web_backend):
+    assert client.get("/").text.count(BUTTON) == client.get("/runs").text.count(BUTTON) == 1
+    run = start_audit(web_backend)
+    told = " ".join(seen(client, "/").texts)
+    assert f"run {run.id} of " in told
+    assert " goes on, 0 of 3 loops are audited; what is said of the others is of earlier runs" in told
+    for path in ("/", "/runs"):
+        page = client.get(path).text
+        assert BUTTON not in page
+        assert f'<a href="/runs/{run.id}">Run {run.id} goes on</a>' in page
+    assert client.post("/runs").headers["location"] == f"/runs/{run.id}"  # of a page that was loaded before
+    cancel_audit(web_backend, run.id)
+    assert client.get("/").text.count(BUTTON) == 1
+
+
+def test_what_changed_leaves_nothing_out(client, monkeypatch):
+    def change(number: int) -> ChangeView:
+        of_now = ("", 50.0, "reliable", "stiction")
+        return ChangeView(f"C{number}", None, "new", "no_stiction", "stiction", "loop", "because", *of_now)
+
+    judged = Judged("2026-01-01T00:00:00Z", "2026-01-01T01:00:00Z", True)
+    manual = [ToManual(f"M{number}", None, "stiction", "reliable", judged) for number in range(12)]
+    found = Changes("1", "2026-01-01T02:00:00Z", [change(number) for number in range(15)], True, True, manual)
+    monkeypatch.setattr("app.services.plant.plant_sheet.changes", lambda *_, **__: found)
+    texts = seen(client, "/").texts
+    assert "5 or more verdicts that changed, 2 more loops that went to manual" in texts
+    assert {f"C{number}" for number in range(15)} | {f"M{number}" for number in range(12)} <= set(texts)
+
+
+def test_before_a_run_has_ended_nothing_is_compared_with_it(client, monkeypatch):
+    monkeypatch.setattr("app.services.plant.plant_sheet.changes", lambda *_, **__: Changes(None, None, [], False))
+    texts = seen(client, "/").texts
+    assert "No run of the plant has ended yet: there is nothing to compare with." in texts
+    assert not any("that run" in text for text in texts)
+
+
+def test_groups_that_are_not_known_yet_are_said_to_be(client, monkeypatch):
+    for path in ("/", "/loops/FIC101"):
+        assert 'id="groups-awaited"' not in client.get(path).text
+    monkeypatch.setattr(groups, "soon", lambda backend: None)
+    monkeypatch.setattr("app.services.plant.loop_sheet.soon", lambda backend: None)
+    for path in ("/", "/loops/FIC101"):
+        assert 'id="groups-awaited"' in client.get(path).text

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from datetime import UTC, datetime, timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,11 +13,15 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
+from app.services.explaining.wording import SIMULATION_WORDS
 from app.services.moments import UTC_CLOCK
-from app.services.plant.loops import loop_health
-from app.services.plant.notes import add_note
+from app.services.plant import loop_sheet
+from app.services.plant.groups import plant_groups
+from app.services.plant.loops import loop_health, patch_loop
+from app.services.plant.notes import add_note, withdraw_shelving
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
+from app.services.results import GroupView
 from app.services.telling.next_steps import next_step
 from app.storage import loops
 
@@ -85,6 +90,58 @@ def test_a_loops_report_tells_what_its_page_tells(two_nights):
         assert heading in texts
     assert "<b-evil>looked</b-evil> at it" in texts
     assert "10.1016/S0959-1524(02)00007-0" in texts
+
+
+def words_of(html: str) -> str:
+    return " ".join(" ".join(Document(html).texts).split())
+
+
+def test_a_report_says_of_its_loop_what_the_page_says_at_its_head(two_nights):
+    told = words_of(reports.loop_report(two_nights, "FIC101"))
+    assert re.search(r"newest sample 2026-01-01 00:49, \d+ days ago", told)
+    until = datetime.now(UTC) + timedelta(days=30)
+    note = add_note(two_nights, "FIC101", "<b-evil>spare part", "WO-8", None, "anna", until)
+    patch_loop(two_nights, "FIC101", {"moves_valve": False})
+    told = words_of(reports.loop_report(two_nights, "FIC101"))
+    assert re.search(r"Shelved until [^.]+ \(work order WO-8\)\. By anna on [^:]+:\d\d: <b-evil>spare part", told)
+    sticks = loop_health(two_nights, "FIC101")["verdict"] == "stiction"
+    assert ("How large is the stiction" in told) is sticks
+    patch_loop(two_nights, "FIC101", {"moves_valve": None})
+    withdraw_shelving(two_nights, "FIC101", note.id, "anna")
+
+
+def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):
+    patch_loop(two_nights, "LIC7", {"continues": "FIC101"})
+    try:
+        add_note(two_nights, "LIC7", "goes on")
+        assert "Until it got this tag it was FIC101" in words_of(reports.loop_report(two_nights, "LIC7"))
+        assert "It goes on as LIC7" in words_of(reports.loop_report(two_nights, "FIC101"))
+        assert re.search(r"\w FIC101 (yes|look first|look today)", words_of(reports.loop_report(two_nights, "LIC7")))
+    finally:
+        patch_loop(two_nights, "LIC7", {"continues": None})
+        patch_loop(two_nights, "FIC101", {"retired": False})
+
+
+def test_a_period_that_is_shared_by_chance_is_no_company(two_nights, monkeypatch):
+    crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(two_nights)[0].members)
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda backend, tag: [crowded])
+    told = words_of(of_loop(two_nights))
+    assert "Its period is shared by 2 other loops, likely by chance." in told
+    assert "oscillates together" not in told
+
+
+def test_no_probability_of_a_report_is_told_as_certain(two_nights, monkeypatch):
+    effect = {"effect": "valve.stiction", "alternatives": [], "probability": 0.999, "block": "valve", "windows": []}
+    effect |= {"condition": "after OP reverses", "parameters": {}, "evidence": []}
+    found = {"state": "done", "effects": [effect], "verdict": "missing_physics", "simulation": "own", "fit": None}
+    found |= {"closed_loop": None, "evidence": [], "remarks": [], "window_start": "2026-01-01T00:00:00Z"}
+    found["window_end"] = "2026-01-01T01:00:00Z"
+    found["simulation"] = next(iter(SIMULATION_WORDS))
+    monkeypatch.setattr(reports.explanations, "newest", lambda *_: found)
+    monkeypatch.setattr(loop_sheet, "contradiction", lambda *_: None)
+    monkeypatch.setattr(loop_sheet, "derivative", lambda *_: None)
+    html = of_loop(two_nights)
+    assert '<td class="number">over 0.99</td><td>valve, after OP reverses' in html
 
 
 def test_the_routes_send_files_to_keep(client, two_nights):

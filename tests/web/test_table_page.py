@@ -3,6 +3,8 @@
 import pytest
 from sqlalchemy import select, update
 
+from app.main import create_app
+from app.services.cursors import LONGEST
 from app.storage.tables import loops as stored_loops
 from app.web.columns import COLUMNS
 from tests.web.conftest import seen
@@ -27,7 +29,7 @@ def test_columns_without_an_order_have_no_link(client):
 def test_what_is_seen_of_the_table_can_be_exported(client):
     links = seen(client, "/table?search=fic&column=yper_pct&column=verdict&sort=-yper_pct").links
     as_seen = next(link for link in links if "columns=" in link)
-    lines = client.get(as_seen).text.splitlines()
+    lines = client.get(as_seen).text.removeprefix("\ufeff").splitlines()
     assert lines[0] == "loop,yper_pct,verdict"
     assert len(lines) == 2
     assert lines[1].startswith("FIC101,")
@@ -36,7 +38,7 @@ def test_what_is_seen_of_the_table_can_be_exported(client):
 def test_every_column_of_the_table_can_be_exported(client):
     every = "&".join(f"column={name}" for name in COLUMNS)
     as_seen = next(link for link in seen(client, f"/table?{every}").links if "columns=" in link)
-    assert client.get(as_seen).text.splitlines()[0] == ",".join(["loop", *COLUMNS])
+    assert client.get(as_seen).text.removeprefix("\ufeff").splitlines()[0] == ",".join(["loop", *COLUMNS])
     one = client.get("/v1/reliability?format=csv&columns=loop,importance,type,priority&search=LIC7").text.splitlines()[
         1
     ]
@@ -88,3 +90,45 @@ def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(
         assert told() == [True, False]
     finally:
         client.patch("/v1/loops/FIC101", json={"importance": 1}).raise_for_status()
+
+
+@pytest.mark.parametrize("query", ["likely_cause=nothing", "unit=Elsewhere", "retired=true", "search=nothing"])
+def test_a_filter_that_leaves_no_loop_says_nothing_of_audits(client, query):
+    texts = seen(client, f"/table?{query}").texts
+    assert "No loop fits." in texts
+    assert not any("been audited yet" in text for text in texts)
+
+
+def test_a_unit_that_is_asked_for_is_shown_though_no_loop_names_it(client):
+    assert "<option selected>Else&lt;where&gt;</option>" in client.get("/table?unit=Else%3Cwhere%3E").text
+
+
+def test_a_plant_without_an_audit_says_so(serve, open_plant):
+    with serve(create_app(open_plant().settings)) as empty:
+        assert "No loop in service has been audited yet." in seen(empty, "/table").texts
+        assert "No loop has been audited yet." in seen(empty, "/table?retired=any").texts
+
+
+def test_what_a_spreadsheet_opens_begins_with_its_mark(client):
+    (link,) = [link for link in seen(client, "/table").links if "byte_order_mark" in link]
+    assert client.get(link).content.startswith(b"\xef\xbb\xbfloop,unit,verdict")
+    others = [link for link in seen(client, "/table").links if "format=csv" in link and "byte_order_mark" not in link]
+    assert [client.get(other).content[:10] for other in others] == [b"recording,"]
+
+
+def test_a_small_importance_is_not_none_and_a_reading_is_in_words(client):
+    client.patch("/v1/loops/FIC101", json={"importance": 0.04})
+    try:
+        path = "/table?search=FIC101&column=importance&column=table2_reading"
+        texts = [text.strip() for text in seen(client, path).texts]
+        assert "0.04" in texts
+        assert not any("_stiction" in text for text in texts)
+        assert any(text.startswith(("high ", "low ")) for text in texts)
+        assert "importance 0.04" in client.get("/loops/FIC101").text
+    finally:
+        client.patch("/v1/loops/FIC101", json={"importance": 1})
+
+
+def test_a_cursor_as_long_as_they_are_made_is_taken(client):
+    assert client.get("/table?cursor=" + "x" * LONGEST).status_code != 422
+    assert client.get("/table?cursor=" + "x" * (LONGEST + 1)).status_code == 422

@@ -3,12 +3,13 @@
 import gzip
 
 import pytest
+from markupsafe import escape
 
 from app.services.auditing.audits import cancel_audit, list_audits
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
 from app.storage import uploads as stored_uploads
-from tests.web.conftest import seen
+from tests.web.conftest import Seen, seen
 
 
 def test_the_loops_of_an_upload_are_audited_from_its_page(client, web_backend):
@@ -103,3 +104,27 @@ def test_a_file_can_be_sent_without_scripts(client, web_backend):
     answer = client.post("/uploads", files={"file": ("more.csv", b"time,PV,OP\n0,1,2\n1,2,3\n", "text/csv")})
     assert answer.status_code == 303
     assert list_uploads(web_backend).rows[0].filename == "more.csv"
+
+
+def test_a_mapping_that_cannot_be_taken_is_shown_again_with_what_is_wrong(client):
+    typed = "tag,loop,signal\nLIC7.PV,<b-evil>,SPEED\n"
+    answer = client.post("/uploads/1/mapping", data={"mapping": typed}, headers={"Accept": "text/html"})
+    assert answer.status_code in (400, 422)
+    found = Seen(answer.text)
+    assert any(text.startswith("Not read again: ") and "SPEED" in text for text in found.texts)
+    assert found.forbidden == []
+    assert str(escape(typed)) in answer.text
+    assert 'name="keep" value="1" checked' not in answer.text  # the box was not ticked
+    assert client.post("/uploads/99/mapping", data={"mapping": typed}).status_code == 404
+
+
+def test_tags_and_refusals_that_are_not_shown_are_counted(client, monkeypatch):
+    assert "all of them, JSON" not in client.get("/uploads/1").text
+    monkeypatch.setattr("app.web.uploads.SHOWN_TAGS", 2)
+    monkeypatch.setattr("app.web.uploads.SHOWN_REJECTS", 1)
+    told = client.get("/v1/uploads/1").json()
+    tags = sum(1 for loop in told["tags"] for name in ("pv", "op", "sp", "mode") if loop[name])
+    page = client.get("/uploads/1").text
+    assert f'{tags - 2} more tags: <a href="/v1/uploads/1">' in page
+    assert f'{len(told["rejects"]) - 1} more with what was got: <a href="/v1/uploads/1">' in page
+    assert page.count("<tr data-tag=") == 2

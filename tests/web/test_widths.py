@@ -6,7 +6,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.services.auditing.audits import list_audits
-from app.services.digests.digest import as_html, digest_of
+from app.services.digests.digest import digest_of
+from app.services.digests.telling import as_html
 from app.services.plant.notes import add_note
 from tests.web.test_browser import NARROW, narrow, opened, settled, width
 

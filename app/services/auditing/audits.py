@@ -17,7 +17,7 @@ from app.storage.audits import AuditRow, LoopFilter, Progress
 
 LISTED_FAILURES = 100
 
-__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit"]
+__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "whole_run"]
 
 
 def start_audit(
@@ -27,10 +27,12 @@ def start_audit(
     trigger: str = "request",
     nightly_for: str | None = None,
     started_by: str = "",
+    unless_going_on: bool = False,
 ) -> AuditView:
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
 
-    The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. Raises RequestError
+    The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. unless_going_on: while
+    a run of the whole plant goes on it is that one. Raises RequestError
     ("unknown_loops") where a named tag is not there, ("no_loops") where a filter leaves no loop with samples.
     """
     wanted = wanted or LoopFilter()
@@ -48,6 +50,9 @@ def start_audit(
         "window_samples": settings.window_samples,
     }
     with backend.database.write() as connection:
+        going_on = audits.whole_going_on(connection) if unless_going_on else None
+        if going_on is not None:
+            return _seen(connection, str(going_on))
         audit_id = audits.plan(connection, values, wanted)
         _refuse_none(connection, audit_id, wanted)
         night = None if audit_id is not None else audits.by_night(connection, settings.plant, nightly_for or "")
@@ -77,6 +82,13 @@ def _ring(backend: Backend, audit_id: int, left: int) -> None:
 def get_audit(backend: Backend, audit_id: str) -> AuditView:
     with backend.database.read() as connection:
         return _seen(connection, audit_id)
+
+
+def whole_run(backend: Backend) -> AuditView | None:
+    """The run of the whole plant that goes on, or else the newest one, without its failures."""
+    with backend.database.read() as connection:
+        row = audits.newest_whole(connection)
+        return None if row is None else _view(row, audits.progress(connection, [row.id])[row.id], [])
 
 
 def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) -> Page[AuditView]:

@@ -1,9 +1,9 @@
 """The digest of a run: the worst loops of each unit, and what changed, in words, for a mail or a webhook."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
-from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -14,7 +14,7 @@ from app.services.addresses import loop_address
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.digests.doings import Asked, Doing, doings
+from app.services.digests.doings import Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.changes import change_of, for_all, kind_of, second_night
@@ -25,23 +25,15 @@ from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.work_list import Work, work_list
-from app.services.plant.worst import nothing_worst
-from app.services.rendering import document
 from app.services.results import AuditView, ChangeView
 from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import (
-    CHANGE_WORDS,
     PRIOR_ONLY,
-    VERDICT_RANK,
     VERDICT_WORDS,
     brief,
-    cause_words,
     codes_of,
-    health,
     probability,
-    starter_words,
-    unusual_importance,
 )
 from app.storage import digests, notes, plant
 from app.storage.audits import newest_night
@@ -91,6 +83,31 @@ class Area:
 
 
 @dataclass(frozen=True)
+class Unlisted:
+    """How many more valves stick, to be relied on (`reliable`) or not (`unsure`), and in how many more loops PV does
+    not answer OP."""
+
+    reliable: int = 0
+    unsure: int = 0
+    unanswered: int = 0
+
+    @property
+    def sticking(self) -> int:
+        return self.reliable + self.unsure
+
+    @property
+    def words(self) -> str:
+        """Empty where every loop is listed."""
+        counted = (
+            (self.reliable, "valves that stick, to be relied on"),
+            (self.unsure, "valves that stick, to be looked at first"),
+            (self.unanswered, "loops in which PV does not answer OP"),
+        )
+        told = ", ".join(f"{what} ({count:,} more)" for count, what in counted if count)
+        return f"These weigh most; the table of the plant has all: {told}" if told else ""
+
+
+@dataclass(frozen=True)
 class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long
     as it is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by
@@ -99,7 +116,8 @@ class Digest:
     apart. `work`: what to do first in the plant. `shelf`: the loops that were shelved when the run began, which
     `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the valves that stick can be
     relied on. `new_besides`, `other_changes`: which loops are newly said to stick, and how many verdicts changed
-    otherwise, beyond `changes`. `retired`: how many of the run's loops are retired and left out."""
+    otherwise, beyond `changes`. `unlisted`: how many loops there is something to do about that `work` has no room for.
+    `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -124,10 +142,16 @@ class Digest:
     why_old: str = ""
     new_besides: list[str] = field(default_factory=list)
     other_changes: int = 0
+    unlisted: Unlisted = field(default_factory=lambda: Unlisted())
 
     @property
     def doings(self) -> list[Doing]:
         return doings(self.work, self.new)
+
+    def more_of(self, doing: Doing) -> str:
+        """Which step is wanted is known of those that are listed alone."""
+        left = self.unlisted.sticking if doing.verdict == "stiction" else self.unlisted.unanswered
+        return f"and {'at least ' if left else ''}{doing.more} more"
 
     @property
     def new(self) -> set[str]:
@@ -144,7 +168,9 @@ class Digest:
     @property
     def besides(self) -> str:
         """Of what changed, what is not told loop by loop."""
-        told = [f"newly said to stick as well: {', '.join(map(_line, self.new_besides))}"] if self.new_besides else []
+        told = (
+            [f"newly said to stick as well: {', '.join(map(one_line, self.new_besides))}"] if self.new_besides else []
+        )
         told += [f"and {self.other_changes} more that changed otherwise"] if self.other_changes else []
         return "; ".join(told)
 
@@ -185,6 +211,10 @@ class _Changed:
     listed: list[ChangeView]
     new_besides: list[str]
     others: int
+
+    @property
+    def new(self) -> set[str]:
+        return {change.loop for change in self.listed if change.kind == "new"} | set(self.new_besides)
 
 
 NOTHING_CHANGED = _Changed([], [], 0)
@@ -235,6 +265,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         compared = plant.any_run_before(connection, number)
         changed = _changed(connection, number, backend.clock, together) if compared else NOTHING_CHANGED
         notes_until = _notes_until(connection, run)
+        to_be_done = digests.to_be_done(connection, number, since_ns, left_out)
         written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
     told = tally(counted)
     refused_loops: dict[str, list[str]] = {}
@@ -251,6 +282,9 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         before = of_before({**row._mapping, **window}, iso_utc(written.get(row.tag, Standing()).repaired_at))
         return replace(_loop(row, url, *words), of_before_repair=before)
 
+    work = work_list(
+        backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until, besides=sorted(changed.new)
+    )
     return Digest(
         plant=backend.settings.plant,
         run=run,
@@ -258,7 +292,8 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         refused=told.refused,
         refused_loops=refused_loops,
         arrivals=of_run(backend, number, began, reach),
-        work=work_list(backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until),
+        work=work,
+        unlisted=_unlisted(to_be_done, work),
         areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
         old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
         changes=changed.listed,
@@ -278,94 +313,9 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
     )
 
 
-def subject(digest: Digest) -> str:
-    """One line whatever the plant is called: it becomes the head of a mail."""
-    words = _line(digest.plant)
-    sticking = digest.verdicts.get("stiction", 0)
-    relied = f" ({digest.reliable} can be relied on)" if sticking else ""
-    new = [change.reliability == "reliable" for change in digest.changes if change.kind == "new"]
-    of_them = "" if digest.new_besides or all(new) else f" ({sum(new)} can be relied on)"
-    news = f", {len(digest.new)} new{of_them}" if digest.new else ""
-    day = digest.clock.date(datetime.fromisoformat(digest.run.created_at))
-    return f"{words}: {sticking} valves stick{relied}{news} ({day})"
-
-
-def as_text(digest: Digest) -> str:
-    run = digest.run
-    lines = [
-        f"Audit of {_line(digest.plant)}, run {run.id}, {digest.clock.told(run.created_at)}:",
-        f"{_counted(digest)}.",
-    ]
-    for name in VERDICT_RANK:
-        lines.append(f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}")
-        if name == "not_auditable":
-            lines += [f"         {told}" for told in _refused(digest)]
-    lines += [f"  {run.failed:6d} failed"] if run.failed else []
-    lines += digest.arrivals
-    lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
-    lines += _change_lines(digest) or [_no_change(digest)]
-    lines += [f"  {digest.besides}"] if digest.besides else []
-    lines += ["", "WHAT TO DO"] if digest.work else []
-    lines += [line for doing in digest.doings for line in _doing_lines(doing, digest.public_url)]
-    if digest.repairs:
-        lines += ["", "REPAIRS OF THE LAST FORTNIGHT", ""]
-        lines += [_repair_line(repair, digest.clock) for repair in digest.repairs]
-        lines += ["  ... and more"] if digest.more_repairs else []
-    for area in digest.others:
-        title = f"WORST OF {_line(area.unit) if area.unit else 'THE LOOPS WITHOUT A UNIT'}, OF THE OTHERS"
-        lines += _listed(title, _loop_lines, area.loops)
-    if not digest.areas:
-        lines += ["", _nothing_worst(digest)]
-    lines += _listed(f"WORST OF OLD RECORDS: {digest.why_old}", partial(_old_lines, digest), digest.old)
-    lines += _shelved_lines(digest)
-    lines += ["", f"The whole plant: {digest.public_url}/" if digest.public_url else "", "", HOW_TO_READ]
-    return "\n".join(lines) + "\n"
-
-
-def as_html(digest: Digest) -> str:
-    return document(
-        "digest.html",
-        digest=digest,
-        counted=_counted(digest),
-        refused=_refused(digest),
-        no_change=_no_change(digest),
-        nothing_worst=_nothing_worst(digest),
-        how_to_read=HOW_TO_READ,
-        addresses=_addresses(digest),
-    )
-
-
-def as_json(digest: Digest) -> dict[str, Any]:
-    """What a webhook gets, flat where it can be."""
-    told = asdict(digest)
-    run, shelved = told.pop("run"), told.pop("shelf")["listed"]
-    del told["public_url"], told["clock"]
-    for work in told["work"]:
-        work["step"] = work["step"]["text"]
-    return (
-        {"type": "loopaudit.digest", "subject": subject(digest), "text": as_text(digest)}
-        | told
-        | {
-            "audit_id": run["id"],
-            "audited_at": run["created_at"],
-            "loops": run["total"],
-            "failed": run["failed"],
-            "address": digest.public_url,
-            "shelved": shelved,
-        }
-    )
-
-
-HOW_TO_READ = (
-    "What is newly said to stick comes first, then what lacks most to full health, times its importance. "
-    "The worst are told of loops that stick, may, or show no answer of PV to OP; the page of the plant has all. "
-    "'Look first' means that the evidence does not suffice: look at the loop before a valve is taken out."
-)
-
-
 def _to_manual(backend: Backend, number: int) -> list[str]:
     return [
-        f"{_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is of "
+        f"{one_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is of "
         f"before: {one.judged.words(backend.clock)}"
         for one in to_manual(backend, number)[:CHANGES]
     ]
@@ -382,30 +332,18 @@ def _of_old_record(loop: DigestLoop, newest_ns: int) -> DigestLoop:
     return replace(loop, recorded_to=iso_utc(moment_of(newest_ns)), of_old_record=True)
 
 
-def _refused(digest: Digest) -> list[str]:
-    """Why loops were not auditable, and which: whoever mends a transmitter looks for its tag."""
-    told = []
-    for cause, count in digest.refused.items():
-        named = [_line(tag) for tag in digest.refused_loops.get(cause, ())]
-        more = ", ..." if count > len(named) else ""
-        listed = f"{', '.join(named)}{more}" if named else "shelved"
-        told.append(f"{count} not auditable: {cause_words(cause)} ({listed})")
-    return told
+def _unlisted(to_be_done: Sequence[Any], work: Sequence[Work]) -> Unlisted:
+    """to_be_done: rows with verdict, reliability and how many loops."""
+    counted, listed = Counter[str](), Counter(_kind(one.verdict, one.reliability) for one in work)
+    for row in to_be_done:
+        counted[_kind(row.verdict, row.reliability)] += row.loops
+    return Unlisted(**(counted - listed))
 
 
-def _loop_lines(place: int, loop: DigestLoop) -> list[str]:
-    told = f"{VERDICT_WORDS[loop.verdict]} ({loop.told})"
-    weight = unusual_importance(loop)
-    state = f"health {health(loop.health)}{f', {weight}' if weight else ''}"
-    head = f"  {place}. {_line(loop.loop)}: {told}, {state}"
-    of_time = [f"     {loop.judged}"] if loop.judged else []
-    shelved = [f"     {loop.shelved}"] if loop.shelved else []
-    return [head, *of_time, *shelved, f"     {_line(loop.why)}", *([f"     {loop.address}"] if loop.address else [])]
-
-
-def _old_lines(digest: Digest, place: int, loop: DigestLoop) -> list[str]:
-    head, *others = _loop_lines(place, loop)
-    return [f"{head}, {digest.recorded(loop)}", *others]
+def _kind(verdict: str, reliability: str) -> str:
+    if verdict != "stiction":
+        return "unanswered"
+    return "reliable" if reliability == "reliable" else "unsure"
 
 
 def _why_old(since_ns: int | None, clock: PlantClock) -> str:
@@ -418,82 +356,6 @@ def _why_old(since_ns: int | None, clock: PlantClock) -> str:
     )
 
 
-def _counted(digest: Digest) -> str:
-    """How many loops of the run have a verdict, so that the counts below add up to it."""
-    gone = digest.retired
-    retired = f"; {gone} more {'have' if gone > 1 else 'has'} been retired since" if gone else ""
-    return f"{digest.run.done - gone} of {digest.run.total - gone} loops have a verdict{retired}"
-
-
-def _listed(title: str, told: Callable[[int, Any], list[str]], found: Sequence[Any]) -> list[str]:
-    """Each under its title, with its place; nothing where there is none."""
-    lines = ["", title, ""] if found else []
-    for place, one in enumerate(found, 1):
-        lines += told(place, one)
-    return lines
-
-
-def _doing_lines(doing: Doing, url: str) -> list[str]:
-    """The step once, and under it a line a loop."""
-    more = [f"  - and {doing.more} more"] if doing.more else []
-    head = f"{doing.told[:1].upper()}{doing.told[1:]}. {doing.step}"
-    return ["", head, *(_asked_line(one, url) for one in doing.loops), *more]
-
-
-def _asked_line(one: Asked, url: str) -> str:
-    facts = ("NEW" if one.new else "", _line(one.facts), loop_address(url, one.loop))
-    told = "; ".join(fact for fact in facts if fact)
-    unit = f" ({_line(one.unit)})" if one.unit else ""
-    return f"  - {_line(one.loop)}{unit}{f': {told}' if told else ''}"
-
-
-def _change_lines(digest: Digest) -> list[str]:
-    return [_change_line(change) for change in digest.changes] + [f"  {told}" for told in digest.to_manual]
-
-
-def _change_line(change: ChangeView) -> str:
-    before = VERDICT_WORDS[change.before] if change.before else "not audited"
-    words = f"{CHANGE_WORDS[change.kind]} ({before} -> {VERDICT_WORDS[change.now]})"
-    sure = "" if change.reliability == "reliable" else f", {brief(change.said)}"
-    return f"  {_line(change.loop)}: {words}{sure}; {change.because}"
-
-
-def _repair_line(repair: RepairView, clock: PlantClock) -> str:
-    told = f"; {repair.verdicts}" if repair.verdicts else ""
-    return f"  {_line(repair.loop)}, repaired {clock.short(repair.repaired_at)}: {repair.words}{told}"
-
-
-def _no_change(digest: Digest) -> str:
-    if not digest.compared:
-        return "This is the first run: there is nothing to compare with."
-    return "No verdict is another one than in the run before."
-
-
-def _nothing_worst(digest: Digest) -> str:
-    return nothing_worst(digest.verdicts.get("stiction", 0), bool(digest.old))
-
-
-def _shelved_lines(digest: Digest) -> list[str]:
-    if not digest.shelf.listed:
-        return []
-    told = [
-        f"  {_line(one.loop)}, {one.words(digest.clock)}; by {_line(starter_words(one.by))}; now: {one.said}"
-        for one in digest.shelf.listed
-    ]
-    return ["", digest.shelf.count_words.upper(), "", *told]
-
-
-def _addresses(digest: Digest) -> dict[str, str]:
-    named = (
-        [one.loop for one in digest.work]
-        + digest.new_besides
-        + [change.loop for change in digest.changes]
-        + [repair.loop for repair in digest.repairs]
-        + [one.loop for one in digest.shelf.listed]
-    )
-    return {tag: loop_address(digest.public_url, tag) for tag in named}
-
-
-def _line(text: str) -> str:
+def one_line(text: str) -> str:
     """A tag may hold anything, a line end too."""
     return " ".join(text.split())

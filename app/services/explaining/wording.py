@@ -1,8 +1,10 @@
 """An explanation in plain words, for pages and reports."""
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
 from typing import Any
 
+from app.services.moments import PlantClock, iso_utc
 from app.services.telling.wording import LIKELY
 
 LEAST_P = 0.001
@@ -141,19 +143,32 @@ def interval_in_words(name: str, parameter: Mapping[str, Any]) -> str:
     return f"{number(low)} to {number(high)}" + ("; it may be zero" if about_zero else "")
 
 
-def windows_in_words(windows: Sequence[Sequence[float]]) -> str:
-    """The first of the windows, in seconds from the start of the record."""
-    shown = ", ".join(f"{start:.0f}–{end:.0f} s" for start, end in windows[:SHOWN_WINDOWS])
+def windows_in_words(windows: Sequence[Sequence[float]], start: str | None, clock: PlantClock) -> str:
+    """The first of the windows, by the plant's clock as the chart beside them; in seconds from the start of a record
+    that has no date (`start`, ISO 8601, None: not known)."""
+    first = windows[:SHOWN_WINDOWS]
+    if start is None or not clock.dated(start):
+        told = [f"{begin:.0f}–{end:.0f} s" for begin, end in first]
+    else:
+        told = [_stretch(start, window, clock) for window in first]
+    shown = ", ".join(told)
     left = len(windows) - SHOWN_WINDOWS
     return f"{shown} and {left} more" if left > 0 else shown
 
 
-def in_words(found: dict[str, Any]) -> dict[str, Any]:
+def _stretch(start: str, window: Sequence[float], clock: PlantClock) -> str:
+    """2026-01-31 04:00:00 to 04:10:00."""
+    began = datetime.fromisoformat(start)
+    first, last = (clock.to_the_second(iso_utc(began + timedelta(seconds=at)) or "") for at in window)
+    return f"{first} to {last[11:] if first[:10] == last[:10] else last}"
+
+
+def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
     """An explanation with what pages and reports say of it."""
     return found | {
         "verdict_words": verdict_in_words(found["verdict"], found["effects"]),
         "simulation_words": SIMULATION_WORDS[found["simulation"]],
-        "told_effects": [effect_in_words(effect) for effect in found["effects"]],
+        "told_effects": [effect_in_words(effect, found["window_start"], clock) for effect in found["effects"]],
         "errors": errors(found["fit"]),
         "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
@@ -169,7 +184,7 @@ def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) 
     return words if verdict != "missing_physics" or likeliest >= LIKELY else f"{words}; which, the record hardly tells"
 
 
-def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
+def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock) -> dict[str, Any]:
     sized = effect["effect"] in SIZED_ELSEWHERE and effect["parameters"]
     return {
         "code": effect["effect"],
@@ -180,7 +195,7 @@ def effect_in_words(effect: dict[str, Any]) -> dict[str, Any]:
         "condition": effect["condition"],
         "parameters": parameters_in_words(effect["parameters"]),
         "no_size": NO_SIZE if sized else "",
-        "windows": windows_in_words(effect["windows"]),
+        "windows": windows_in_words(effect["windows"], start, clock),
         "reasons": [reason["text"] for reason in effect["evidence"]],
     }
 

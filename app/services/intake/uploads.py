@@ -250,9 +250,14 @@ def path_of(backend: Backend, fingerprint: str) -> Path:
 
 def stored_files(settings: Settings) -> Iterator[Path]:
     """The exports that are kept, by name. What else lies in their folder (lost+found, somebody's old ones) is no
-    upload's, and is left alone."""
-    named = (file for file in sorted(settings.uploads_dir.glob("*")) if STORED.fullmatch(file.name))
-    return (file for file in named if file.is_file())
+    upload's, and is left alone. Raises RequestError where the folder cannot be looked into: nothing is known of them.
+    """
+    try:
+        there = sorted(settings.uploads_dir.iterdir())
+    except OSError as error:
+        text = f"{settings.uploads_dir} cannot be looked into: {error.strerror}; the exports belong there"
+        raise RequestError("no_exports_folder", text) from error
+    return (file for file in there if STORED.fullmatch(file.name) and file.is_file())
 
 
 def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:

@@ -1,12 +1,14 @@
-"""What the page of a loop and its report both tell of its newest verdict."""
+"""What the page of a loop and its report both tell of it and of its newest verdict."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from app.services.backend import Backend
 from app.services.plant import glossary, loops, notes
+from app.services.plant.arrivals import newest_in_words
 from app.services.plant.before_after import compared
-from app.services.plant.groups import groups_of
+from app.services.plant.continuing import goes_on_as
+from app.services.plant.groups import groups_of, soon
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
 from app.services.plant.shelving import Shelf
@@ -17,6 +19,18 @@ from app.services.telling.why_rely import contradiction, derivative, points
 from app.storage.loops import LoopRow
 
 NIGHTS = 60
+
+
+def loop_head(backend: Backend, found: LoopRow, shelved: Shelf) -> dict[str, Any]:
+    """By the names of the templates, what both tell of a loop whether it was ever audited or not."""
+    it = loops.view_of(found)
+    return {
+        "it": it,
+        "newest": newest_in_words(it.samples_to, backend.clock),
+        "shelved": shelved.of(it.tag),
+        "goes_on_as": goes_on_as(backend, it.tag),
+        "failure": loops.newest_failure(backend, found),
+    }
 
 
 def loop_sheet(
@@ -40,7 +54,9 @@ def loop_sheet(
         "judged": judged(backend, [it.tag]).get(it.tag),
         "periods": periods(backend, found, row, detail),
         "why_first": why_first(detail.get("rivals", ()), row["rival_winner"]),
+        "groups_known": soon(backend) is not None,
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
+        "most_nights": NIGHTS,
         "history": loops.chained_history(backend, found, NIGHTS),
         "groups": groups_of(backend, it.tag),
         "stood_with": _stood_with(backend, row),

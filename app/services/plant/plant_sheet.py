@@ -6,6 +6,7 @@ from app.services.backend import Backend
 from app.services.plant import groups
 from app.services.plant.arrivals import LATE, Arrivals
 from app.services.plant.changes import changes
+from app.services.plant.newest_run import newest_run as newest_run_of
 from app.services.plant.overview import overview
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import shelf
@@ -25,6 +26,8 @@ def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
         "together": together,
         "arrivals": of_now(backend, newest_run, reach) if seen.audited else [],
         "late_days": LATE.days,
+        "newest_run": newest_run_of(backend),
+        "groups_known": groups.soon(backend) is not None,
         "repairs": repairs(backend),
         "shelf": shelved,
         "groups": [group for group in groups.soon(backend) or () if not group.by_chance],

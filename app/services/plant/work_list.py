@@ -39,6 +39,7 @@ class Work:
     size: str
     since: str
     written: str
+    reliability: str = "not_reliable"
     judged: str = ""
     shelved: str = ""
     stood_with: tuple[str, ...] = ()
@@ -59,6 +60,7 @@ def work_list(
     since_ns: int | None = None,
     most: int = MOST,
     notes_until: datetime | None = None,
+    besides: Sequence[str] = (),
 ) -> list[Work]:
     """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
     sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
@@ -90,7 +92,9 @@ def work_list(
         room = most - len(work)
         sticking = listed(room and room + len(again), verdict=("stiction",), reliability=reliability)
         work += [one for one in sticking if one.loop not in again][:room]
-    return work
+    # Of these valves, which stick, `most` may have left no room.
+    left = tuple(sorted(set(besides) - {one.loop for one in work}))
+    return work + (listed(len(left), tags=left, verdict=("stiction",)) if left else [])
 
 
 def _work(
@@ -104,6 +108,7 @@ def _work(
         loop=row["loop"],
         unit=row["unit"],
         verdict=row["verdict"],
+        reliability=row["reliability"],
         told=f"{VERDICT_WORDS[row['verdict']]}, {brief(row)}",
         step=row["step"],
         size=_size(row),

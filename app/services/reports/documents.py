@@ -15,10 +15,12 @@ from app.services.moments import PlantClock, iso_utc
 from app.services.plant import loops, notes
 from app.services.plant.arrivals import arrivals
 from app.services.plant.charts import charts
+from app.services.plant.groups import plant_groups, told_apart
 from app.services.plant.judged import judged
-from app.services.plant.loop_sheet import loop_sheet
+from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import table
+from app.services.plant.shelving import shelf
 from app.services.plant.work_list import work_list
 from app.services.plant.worst import complaints_of_old, complaints_of_units, nothing_worst
 from app.services.rendering import document
@@ -38,13 +40,19 @@ def loop_report(backend: Backend, tag: str) -> str:
     """Raises NotFoundError for a loop that there is not, or that was never audited."""
     found = loops.find(backend, tag)
     explained = explanations.newest(backend, tag)
-    sheet = loop_sheet(backend, found, explained)
+    plant_groups(backend)  # a page is loaded again when they are known, a file is not
+    shelved = shelf(backend)
+    sheet = loop_sheet(backend, found, explained, shelved)
+    together, by_chance = told_apart(sheet["groups"])
     drawn = charts(backend, tag)
+    written = notes.list_notes(backend, found)
     return document(
         "loop_report.html",
-        **sheet,
-        notes=notes.list_notes(backend, found)[:NOTES],
-        explanation=in_words(explained) if explained and explained["state"] == "done" else None,
+        **(loop_head(backend, found, shelved) | sheet | {"groups": together}),
+        by_chance=by_chance,
+        notes=written[:NOTES],
+        more_notes=max(len(written) - NOTES, 0),
+        explanation=in_words(explained, backend.clock) if explained and explained["state"] == "done" else None,
         trend=_trend(drawn, backend.clock),
         damage=drawn["damage"],
         path=_path(drawn),
@@ -58,6 +66,7 @@ def loop_report(backend: Backend, tag: str) -> str:
 def plant_report(backend: Backend) -> str:
     """Raises NotFoundError where nothing has been audited."""
     reach = arrivals(backend)
+    plant_groups(backend)
     sheet = plant_sheet(backend, reach)
     seen, shelved, since_ns = sheet["seen"], sheet["shelf"], reach.current_ns
     if not seen.audited:

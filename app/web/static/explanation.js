@@ -43,13 +43,23 @@
     }
   }
 
+  function loggedOut(part) {
+    const told = document.createElement("p");
+    told.className = "error";
+    told.setAttribute("role", "alert");
+    told.textContent = "Your login has ended: what comes of this is shown once you have logged in and loaded the page again.";
+    part.querySelector(".card").prepend(told);
+  }
+
   async function watch() {
     const part = document.getElementById("explanation");
     if (!part || part.dataset.state !== "open") return draw();
     await new Promise((wake) => setTimeout(wake, POLL_MS));
     try {
       const answer = await fetch(part.dataset.part);
-      if (answer.ok) part.outerHTML = await answer.text();
+      if (answer.redirected) return loggedOut(part);
+      const fresh = answer.ok ? new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("explanation") : null;
+      if (fresh && !fresh.isEqualNode(part)) part.replaceWith(document.adoptNode(fresh)); // else whoever reads it would lose the place
     } catch { /* the service may be away for a moment; it is asked again */ }
     return watch();
   }

@@ -3,18 +3,22 @@
 "use strict";
 const treemap = document.getElementById("treemap");
 const WORDS = { stiction: "valve sticks", no_stiction: "no stiction", inconclusive: "cannot tell", not_auditable: "not auditable" };
-const SCALE = [[0, "#b3261e"], [0.6, "#e0a030"], [0.8, "#9bb84a"], [1, "#2f8f57"]];
+// The chart library knows no colour of "not evaluated" beside a scale: it is one below its least value, -1.
+const LEAST = -1, GREY = "#8794a3", place = (health) => (health - LEAST) / (100 - LEAST);
+const SCALE = [[0, GREY], [place(-0.6), GREY], [place(-0.5), "#b3261e"], [place(0), "#b3261e"], [place(60), "#e0a030"], [place(80), "#9bb84a"], [1, "#2f8f57"]];
+const colour = (health) => health ?? LEAST;
 const INK = (health) => (health < 20 ? "#ffffff" : "#000000"); // of the two the one that stands out against the scale there: at least 4.5 to 1
 const LIGHT = 0.001; // so that a loop of no importance can be seen
 const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
 const WHOLE = new Intl.NumberFormat("en", { maximumFractionDigits: 0, roundingMode: "halfEven" }); // as the tables round: 38.5 is 38
 const known = (health) => (health === null ? "not evaluated" : WHOLE.format(health));
+const loopsOf = (count) => (count === 1 ? "1 loop" : `${count} loops`);
 const key = (unit) => `u:${unit ?? ""}`;
 
 function nodes(units, loops) {
   const found = { ids: [], labels: [], parents: [], values: [], colours: [], inks: [], texts: [] };
   const add = (id, label, parent, value, health, text) => {
-    found.ids.push(id); found.labels.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(health ?? 50); found.inks.push(INK(health ?? 50)); found.texts.push(text);
+    found.ids.push(id); found.labels.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(colour(health)); found.inks.push(INK(health ?? 100)); found.texts.push(text);
   };
   const rest = new Map(units.map(([name, count, importance]) => [key(name), { count, weight: Math.max(importance, LIGHT * count), share: 0, shown: 0 }]));
   for (const [tag, unit, importance, verdict, health] of loops) {
@@ -28,13 +32,13 @@ function nodes(units, loops) {
   for (const [name, count, , health] of units) {
     const { weight, share, shown } = rest.get(key(name));
     const others = count - shown;
-    if (others > 0) add(`o:${name ?? ""}`, `${others} others`, key(name), Math.max(weight - share, LIGHT), health, "healthier ones");
+    if (others > 0) add(`o:${name ?? ""}`, others === 1 ? "1 other" : `${others} others`, key(name), Math.max(weight - share, LIGHT), health, "less urgent, or not evaluated");
     const sum = others > 0 ? share + Math.max(weight - share, LIGHT) : share;
-    add(key(name), name ?? "no unit named", "plant", sum, health, `${count} loops<br>health ${known(health)}`);
+    add(key(name), name ?? "no unit named", "plant", sum, health, `${loopsOf(count)}<br>health ${known(health)}`);
     total += sum;
     if (health !== null) { judged += sum; weighed += sum * health; }
   }
-  add("plant", "Plant", "", total, judged ? weighed / judged : null, `${units.reduce((sum, unit) => sum + unit[1], 0)} loops`);
+  add("plant", "Plant", "", total, judged ? weighed / judged : null, loopsOf(units.reduce((sum, unit) => sum + unit[1], 0)));
   return found;
 }
 
@@ -43,7 +47,7 @@ function traceOf(units, loops, level) {
   return {
     type: "treemap", ids: found.ids, labels: found.labels, parents: found.parents, values: found.values, text: found.texts, level,
     branchvalues: "total", maxdepth: units.length > 12 ? 2 : 3, hovertemplate: "%{label}<br>%{text}<extra></extra>", textinfo: "label+text", textfont: { color: found.inks },
-    marker: { colors: found.colours, colorscale: SCALE, cmin: 0, cmax: 100, showscale: true, colorbar: { title: { text: "health" }, thickness: 12 }, line: { width: 1, color: paint("--paper") } },
+    marker: { colors: found.colours, colorscale: SCALE, cmin: LEAST, cmax: 100, showscale: true, colorbar: { title: { text: "health" }, thickness: 12 }, line: { width: 1, color: paint("--paper") } },
     tiling: { pad: 2 }, pathbar: { visible: true },
   };
 }

@@ -1,5 +1,6 @@
 // A run while it goes on: progress from server-sent events; when it has ended, the page with what it came to.
 "use strict";
+const AGAIN_MS = 5000;
 const run = document.getElementById("run");
 if (run && run.dataset.ended === "no") {
   const events = new EventSource(run.dataset.events);
@@ -14,5 +15,7 @@ if (run && run.dataset.ended === "no") {
     state.textContent = told.state;
   };
   events.addEventListener("progress", show);
+  // A browser asks again by itself, but not after an answer that is no stream: the session has ended, or all places are taken.
+  events.addEventListener("error", () => { if (events.readyState === EventSource.CLOSED) setTimeout(() => location.reload(), AGAIN_MS); });
   events.addEventListener("end", () => { events.close(); location.reload(); });
 }

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from app.services.plant.loop_list import MOST_LOOPS
 from app.services.spreadsheet import plain_cell, safe_cell
 from app.storage import loops
 from tests.api.routes.exports import HOSTILE
@@ -207,3 +208,15 @@ def test_lines_of_json_are_as_strict_as_one_loop(client):
     told = client.patch("/v1/loops", json={"loops": lines}).json()
     assert sorted(row["code"] for row in told["refused"]) == ["bad_value", "bad_value", "no_tag", "no_tag"]
     assert told["changed"] == 0
+
+
+def test_a_list_of_as_many_loops_as_are_taken_can_be_sent(client):
+    named = {"description": "x" * 200, "unit": "CRUDE DISTILLATION", "pv_unit": "kg/h", "pv_low": 0.0, "pv_high": 150.0}
+    lines = [{"tag": f"NONE{k}", "importance": 2.5, **named} for k in range(MOST_LOOPS)]
+    body = json.dumps({"loops": lines})
+    assert len(body) > 6e6
+    answer = client.patch("/v1/loops", content=body, headers=JSON)
+    assert answer.status_code == 200, answer.text[:300]
+    assert len(answer.json()["refused"]) == MOST_LOOPS
+    answer = client.patch("/v1/loops", content=body[:-2] + " " * (12 << 20) + "]}", headers=JSON)
+    assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")

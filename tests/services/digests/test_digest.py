@@ -18,9 +18,10 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries, mailing, webhooks
-from app.services.digests.digest import Digest, as_html, as_json, as_text, digest_of, newest_run, subject
-from app.services.digests.doings import doings
+from app.services.digests.digest import Digest, digest_of, newest_run
+from app.services.digests.doings import Doing, doings
 from app.services.digests.sending import NotSentError, Post, shown
+from app.services.digests.telling import as_html, as_json, as_text, subject
 from app.services.plant.notes import add_note, withdraw_repair
 from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
@@ -204,6 +205,45 @@ def test_what_is_newly_said_to_stick_never_falls_off_the_lists(
     assert (len(doing.loops), doing.more) == (15, 4)
     (all_new,) = doings(work, {one.loop for one in work})
     assert (len(all_new.loops), all_new.more) == (19, 0)
+
+
+def test_a_large_plant_is_told_how_many_are_not_listed_and_of_all_that_is_new(
+    backend: Backend, night: str, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ids = add_loops("A1", "A2", "B1", HOSTILE, n=0)
+    sticks = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
+    told = {"A1": sticks | {"health": 90.0}, "A2": sticks | {"health": 2.0}, HOSTILE: sticks | {"health": 1.0}}
+    told["B1"] = sticks | {"reliability": "not_reliable"}
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).where(verdicts.c.audit_id != int(night)).values(verdict="stiction"))
+        before = (verdicts.c.audit_id != int(night), verdicts.c.loop_id == ids["A1"])
+        connection.execute(update(verdicts).where(*before).values(verdict="no_stiction"))
+        for tag, values in told.items():
+            mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id == ids[tag])
+            connection.execute(update(verdicts).where(*mine).values(**values))
+    assert digest_of(backend, night).unlisted.words == ""
+    monkeypatch.setattr("app.services.digests.digest.ALL_WORK", 1)
+    found = digest_of(backend, night)
+    assert [one.loop for one in found.work] == [HOSTILE, "A1"]  # the one that weighs least is new
+    assert (found.unlisted.reliable, found.unlisted.unsure, found.unlisted.unanswered) == (1, 1, 0)
+    left = "valves that stick, to be relied on (1 more), valves that stick, to be looked at first (1 more)"
+    assert left in as_text(found)
+    assert left in as_html(found)
+    assert "A1 (U1): NEW" in as_text(found)
+    assert found.more_of(Doing("stiction", "", "", [], 3)) == "and at least 3 more"
+    assert found.more_of(Doing("inconclusive", "", "", [], 3)) == "and 3 more"
+
+
+def test_of_one_it_speaks_of_one(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("A1", n=600)
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    with backend.database.write() as connection:
+        mine = verdicts.c.loop_id == ids["A1"]
+        connection.execute(update(verdicts).where(mine).values(verdict="stiction", reliability="reliable"))
+    found = digest_of(backend, run.id)
+    assert " 1 valve sticks (1 can be relied on)" in subject(found)
+    assert "1 of 1 loop has a verdict." in as_text(found)
 
 
 def shelved_before(backend: Backend, audit_id: str, tag: str, **then: object) -> None:

@@ -1,0 +1,66 @@
+"""What became of the newest run of the plant: where a night did not run, goes on or failed in part, older verdicts look
+like its own."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from app.services.auditing.audits import whole_run
+from app.services.auditing.nightly import latest_hour, told
+from app.services.backend import Backend
+from app.services.moments import PlantClock
+from app.services.results import AuditView
+from app.storage import audits, loops, plant
+
+STARTED_BY = timedelta(minutes=15)
+"""So long after its hour a night that has not begun is missed: workers and schedule may just be restarting."""
+
+
+@dataclass(frozen=True)
+class NewestRun:
+    """run: of the whole plant, the one that goes on or else the newest; None: there was none. words: what became of it.
+    missed: which night has not run, empty: none is missed."""
+
+    run: AuditView | None
+    words: str
+    missed: str
+
+    @property
+    def going_on(self) -> bool:
+        return self.run is not None and not self.run.ended
+
+
+def newest_run(backend: Backend, now: datetime | None = None) -> NewestRun:
+    run = whole_run(backend)
+    words = "" if run is None else _in_words(run, _any_before(backend, run), backend.clock)
+    return NewestRun(run, words, _missed(backend, run, now or datetime.now(UTC)))
+
+
+def _any_before(backend: Backend, run: AuditView) -> bool:
+    with backend.database.read() as connection:
+        return plant.any_run_before(connection, int(run.id))
+
+
+def _in_words(run: AuditView, any_before: bool, clock: PlantClock) -> str:
+    """run 812 of 2026-11-26 02:00 goes on, 9,100 of 14,000 loops are audited; what is said of the
+    others is of earlier runs."""
+    name = f"run {run.id} of {clock.short(run.created_at)}"
+    audited = f"{run.done:,} of {run.total:,} loops"
+    of_others = "; what is said of the others is of earlier runs" if any_before else ""
+    if not run.ended:
+        return f"{name} goes on, {audited} are audited{of_others}"
+    if run.cancelled:
+        return f"{name} was cancelled, {audited} were audited{of_others}"
+    if run.failed:
+        return f"{name} audited {audited}, {run.failed:,} failed{of_others}"
+    return f"{name} audited all of its {run.total:,} loops"
+
+
+def _missed(backend: Backend, run: AuditView | None, now: datetime) -> str:
+    """The night whose hour has come, where neither it nor another run of the whole plant has begun since."""
+    hour = latest_hour(backend, now)
+    if now - hour < STARTED_BY or (run is not None and datetime.fromisoformat(run.created_at) >= hour):
+        return ""
+    with backend.database.read() as connection:
+        planned = audits.by_night(connection, backend.settings.plant, hour.date().isoformat())
+        wanted = planned is None and loops.any_before(connection, hour)
+    return f"The nightly audit of {told(hour)} has not run." if wanted else ""

@@ -1,0 +1,144 @@
+"""What the scripts of pages do where something fails on the way: an answer that does not come, a login that ends."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from app.services.auditing.audits import cancel_audit, start_audit
+from app.services.explaining import explanations
+from app.services.intake.reading import read_upload
+from app.services.intake.uploads import list_uploads
+from tests.web.test_browser import settled
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def opened(chromium: Browser, client) -> Iterator[Page]:
+    """Of every answer that fails Chromium itself writes an error to the console."""
+    page = chromium.new_page(base_url=str(client.base_url))
+    page.set_default_timeout(20_000)
+    yield page
+    page.close()
+
+
+def csv(tag: str) -> dict[str, object]:
+    return {"name": f"{tag}.csv", "mimeType": "text/csv", "buffer": f"time,{tag}.PV,{tag}.OP\n0,1,2\n1,2,3\n".encode()}
+
+
+def test_an_upload_is_waited_for_though_an_answer_was_lost(opened: Page, client, web_backend):
+    number = client.post("/v1/uploads?filename=lost.csv", content=b"time,L1.PV,L1.OP\n0,1,2\n1,2,3\n").json()["id"]
+    asked = []
+
+    def lost_at_first(route):
+        asked.append(route.request.url)
+        route.abort() if len(asked) == 1 else route.continue_()
+
+    opened.route(f"**/v1/uploads/{number}", lost_at_first)
+    opened.goto(f"/uploads/{number}")
+    expect(opened.locator("#upload")).to_have_attribute("data-state", "received")
+    while len(asked) < 2:
+        opened.wait_for_timeout(100)
+    read_upload(web_backend, int(number), "test")
+    expect(opened.locator("#upload")).to_have_attribute("data-state", "done")
+
+
+def test_all_files_that_are_dropped_are_sent(opened: Page, web_backend):
+    opened.goto("/uploads")
+    opened.get_by_label("Drop an export").set_input_files([csv("D1"), csv("D2"), csv("D3")])
+    with opened.expect_navigation(url=re.compile("/uploads$")):
+        opened.get_by_role("button", name="Send").click()
+    assert {"D1.csv", "D2.csv", "D3.csv"} <= {upload.filename for upload in list_uploads(web_backend).rows}
+
+
+def test_of_some_files_those_are_named_that_were_not_taken(opened: Page, web_backend):
+    opened.goto("/uploads")
+    opened.get_by_label("Drop an export").set_input_files([csv("E1"), {**csv("E2"), "buffer": b""}, csv("E3")])
+    opened.get_by_role("button", name="Send").click()
+    expect(opened.locator("#sending")).to_contain_text("2 of 3 files were taken. E2.csv: not taken: ")
+
+
+def test_lines_that_were_typed_into_a_mapping_stay_when_a_row_is_changed(opened: Page):
+    opened.goto("/uploads/1")
+    text, loop = opened.locator("#mapping-text"), opened.get_by_label("Loop of FIC101.PV")
+    text.fill("tag,loop,signal\nOTHER.X,O1,PV\nFIC101.PV,OLD,PV")
+    loop.fill("NEW")
+    expect(text).to_have_value("tag,loop,signal\nOTHER.X,O1,PV\nFIC101.PV,NEW,PV\n")
+    opened.get_by_label("Signal of LIC7.OP").select_option("SP")
+    loop.fill("N,$&2")
+    expect(text).to_have_value('tag,loop,signal\nOTHER.X,O1,PV\nFIC101.PV,"N,$&2",PV\nLIC7.OP,LIC7,SP\n')
+    loop.fill("FIC101")
+    expect(text).to_have_value("tag,loop,signal\nOTHER.X,O1,PV\nLIC7.OP,LIC7,SP\n")
+
+
+def test_the_treemap_shows_loops_without_a_health_in_grey(opened: Page):
+    loops = [
+        ["FIC101", "A", 1.0, "not_auditable", None],
+        ["LIC7", "A", 1.0, "stiction", 0],
+        ["X", "A", 1, "stiction", 50],
+    ]
+    tiles = {"units": [["A", 5, 5.0, 50.0], ["B", 1, 1.0, None]], "loops": loops}
+    opened.route("**/plant/tiles*", lambda route: route.fulfill(json=tiles))
+    settled(opened, "/")
+
+    def fill(text: str) -> str:
+        slice_ = opened.locator("#treemap .slice", has_text=text).last
+        return slice_.locator("path.surface").evaluate("part => getComputedStyle(part).fill")
+
+    assert fill("FIC101") == "rgb(135, 148, 163)"
+    assert fill("LIC7") == "rgb(179, 38, 30)"
+    assert fill("X") not in (fill("FIC101"), fill("LIC7"))
+    expect(opened.locator("#treemap .slice", has_text="2 others")).to_contain_text("less urgent, or not evaluated")
+
+
+def test_a_run_is_watched_on_after_a_refused_stream(opened: Page, web_backend):
+    run = start_audit(web_backend)
+    refused = []
+
+    def refused_at_first(route):
+        refused.append(route.request.url)
+        route.fulfill(status=503, body="") if len(refused) == 1 else route.continue_()
+
+    opened.route("**/events", refused_at_first)
+    opened.goto(f"/runs/{run.id}")
+    while len(refused) < 2:
+        opened.wait_for_timeout(200)
+    cancel_audit(web_backend, run.id)
+    expect(opened.locator("#run")).to_have_attribute("data-ended", "yes")
+
+
+OPEN = {
+    "id": "7",
+    "loop": "LIC7",
+    "state": "open",
+    "asked_at": "2026-01-01T00:00:00Z",
+    "located": None,
+}
+
+
+def test_a_part_that_has_not_changed_keeps_the_keyboard_and_a_login_is_no_part(opened: Page, monkeypatch):
+    monkeypatch.setattr(explanations, "newest", lambda *_: OPEN | {"effects": [], "verdict": None})
+    monkeypatch.setattr("app.web.explanation.in_words", lambda found, clock: found)
+    monkeypatch.setattr("app.services.plant.loop_sheet.contradiction", lambda *_: None)
+    monkeypatch.setattr("app.services.plant.loop_sheet.derivative", lambda *_: None)
+    asked = []
+
+    def answered(route):
+        asked.append(route.request.url)
+        if len(asked) < 3:
+            route.continue_()
+        else:
+            route.fulfill(status=303, headers={"Location": "/glossary"})  # as to the login
+
+    opened.route("**/explanation", answered)
+    opened.goto("/loops/LIC7")
+    opened.locator("#explanation a", has_text="JSON").focus()
+    while len(asked) < 3:
+        assert opened.evaluate("document.activeElement.textContent") == "JSON"
+        opened.wait_for_timeout(200)
+    expect(opened.locator("#explanation [role=alert]")).to_contain_text("Your login has ended")
+    assert opened.locator("header").count() == 1
+    opened.wait_for_timeout(2500)
+    assert len(asked) == 3
