@@ -71,6 +71,12 @@ def test_who_died_in_another_record_says_nothing_of_today():
     assert [len(group.stands) for group in found if group.since_s >= START] == [8]
 
 
+@pytest.mark.parametrize("reach_s", [900.0, 1200.0, 3600.0])
+def test_records_shorter_than_a_shutdown_show_no_three_together(reach_s):
+    """Within half an hour is all the time that they have."""
+    assert stood_together(stands([0.0, 1000.0, 1700.0], reach_s=reach_s)) == ()
+
+
 def test_neither_order_nor_the_clock_changes_anything():
     given = [*shut_down(), *ONE]
     later = [replace(one, since_s=one.since_s + 1e6) for one in reversed(given)]

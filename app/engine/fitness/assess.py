@@ -116,7 +116,7 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     is refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands
     at a limit, or where too much had to be filled.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts; but whether PV stands
-    at its set point is asked in one unit of both.
+    at its set point, and on which side of one that moves it is, is asked in one unit of both.
     """
     config = config or FitnessConfig()
     aligned = align(recording, config)

@@ -138,7 +138,7 @@ def _counts(since: FloatArray, width_s: float) -> IntArray:
 
 def _chance(counts: IntArray, since: FloatArray, reach_s: FloatArray, width_s: float) -> FloatArray:
     """(N,) the bound of `stood_together` for so many from each time on."""
-    around_s = float(np.median(reach_s))
+    around_s = max(float(np.median(reach_s)), width_s)  # of all that are counted
     low, high = np.searchsorted(since, since - around_s), np.searchsorted(since, since + around_s, side="right")
     shares = np.concatenate(([0.0], np.cumsum(np.minimum(width_s / np.maximum(reach_s, width_s), 1.0))))
     n = high - low

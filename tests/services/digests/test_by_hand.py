@@ -164,7 +164,7 @@ def test_without_a_night_the_digest_is_that_of_a_run_of_the_plant(backend: Backe
     audit_chunk(backend, int(run.id), "test")
     assert newest_run(backend) == run.id
     (said,) = [option.help for option in get_command(cli).commands["digest"].params if option.name == "audit"]
-    assert "where no night began within the day before" in said
+    assert "if no night began in the 24 hours before" in said
 
 
 def test_a_night_within_the_day_before_is_told_of_by_when_it_began(backend: Backend, night: str) -> None:

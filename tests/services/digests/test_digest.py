@@ -394,8 +394,8 @@ def test_sent_but_not_marked_is_sent_again_with_the_same_id(
 
 def test_a_mail_server_that_takes_its_time_gets_it_once(backend: Backend, night: str, mailbox: Mailbox) -> None:
     """Longer than a lease: another worker would send it again meanwhile, and one more after that."""
-    short = with_settings(backend, lease_s=1.5, digest_webhooks="")
-    mailbox.waits_s = 4.0
+    short = with_settings(backend, lease_s=3.0, digest_webhooks="")
+    mailbox.waits_s = 6.0
     sweep(short)
     with ThreadPoolExecutor(1) as worker:
         sending = worker.submit(deliveries.deliver_next, short, "slow")
