@@ -27,11 +27,13 @@ from app.services.plant.work_list import Work, work_list
 from app.services.plant.worst import listed_first, worst_tags
 from app.services.reports.documents import loop_report, plant_report
 from app.services.telling.next_steps import Ask
+from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter
 from app.storage.standing import unanswered
 from app.storage.tables import newest_rows, verdicts
 from tests.services.audited_plant import rewrite
-from tests.services.standing_plant import later, stored
+from tests.services.standing_plant import SAMPLES, later, stored
+from tests.services.upkeep_plant import with_settings
 
 DOWN = ("D0", "D1", "D2", "D3")
 DAY = 1440
@@ -43,6 +45,13 @@ def audited(backend: Backend, wanted: LoopFilter | None = None) -> int:
     run = int(start_audit(backend, wanted).id)
     audit_chunk(backend, run, "test")
     return run
+
+
+def night_after(plant: Backend, nights: int, adds: bool = True) -> Backend:
+    """With records of as long as the first, each from where that before it ended, and windows of one of them."""
+    if adds:
+        later(plant, {**dict.fromkeys(DOWN, 900), "X1": 400, "R1": None}, nights * SAMPLES)
+    return with_settings(plant, window_samples=SAMPLES)
 
 
 def rows_of(backend: Backend) -> dict[str, dict[str, Any]]:
@@ -164,9 +173,8 @@ def test_loops_without_newer_samples_are_told_of_as_one_among_the_old(plant: Bac
 
 def test_a_unit_that_stays_down_is_told_of_as_one_when_no_record_reaches_back_to_its_end(plant: Backend) -> None:
     """The next windows begin when PV stood already: since when is what the night before knew."""
-    for fortnight in (1, 2):
-        later(plant, {**dict.fromkeys(DOWN, 900), "X1": 400, "R1": None}, fortnight * 15 * DAY)
-        run = audited(plant)
+    for night in (1, 2):
+        run = audited(night_after(plant, night))
         rows = rows_of(plant)
         assert "h or longer, up to the end" in rows["D3"]["reasons_text"]
         assert {rows[tag]["stood_together_since"] for tag in DOWN} == {SINCE}
@@ -176,6 +184,41 @@ def test_a_unit_that_stays_down_is_told_of_as_one_when_no_record_reaches_back_to
             ("D0", "since 2025-06-16 06:06"),
             ("X1", "since 2025-06-15 21:46"),
         ]
+
+
+def test_a_unit_that_runs_between_two_records_is_not_down_since_the_first(plant: Backend) -> None:
+    """Of the time between them nothing is told, or was not looked at: they stand as long as the second record or
+    longer, each by itself."""
+    later(plant, dict(zip(DOWN, (2300, 2305, 2310, 2315), strict=True)) | {"X1": None, "R1": None}, DAY)
+    audited(with_settings(plant, window_samples=500))
+    rows = rows_of(plant)
+    for tag in DOWN:
+        assert rows[tag]["likely_cause"] == UNANSWERED
+        assert [rows[tag][name] for name in ("unanswered_since", "stood_with", "stood_together_since")] == [None] * 3
+
+
+def test_since_when_is_known_after_a_night_that_was_not_heard(plant: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as failing:
+        failing.setattr("app.services.auditing.ending.unanswered", None)
+        audited(night_after(plant, 1))
+    assert {rows_of(plant)[tag]["unanswered_since"] for tag in DOWN} == {None}
+    audited(night_after(plant, 2))
+    assert {rows_of(plant)[tag]["stood_together_since"] for tag in DOWN} == {SINCE}
+
+
+def test_since_when_is_known_of_a_loop_that_another_run_judges_before_the_night_has_ended(plant: Backend) -> None:
+    by_one = with_settings(night_after(plant, 1), chunk_loops=1, chunk_budget_s=1e-6)
+    night = int(start_audit(by_one).id)
+    for _ in range(4):
+        audit_chunk(by_one, night, "test", calls_successor=False)
+    audited(by_one, LoopFilter(tags=("D1",)))
+    audit_chunk(night_after(plant, 1, adds=False), night, "test")
+    assert rows_of(plant)["D1"]["audit_id"] != rows_of(plant)["D0"]["audit_id"]
+    audited(night_after(plant, 2))
+    rows = rows_of(plant)
+    assert rows["D1"]["unanswered_since"] == "2025-06-16T06:11:40Z"
+    assert {rows[tag]["stood_with"] for tag in DOWN} == {3}
+    assert sorted(today(plant)) == [DOWN, ("X1",)]
 
 
 def test_what_changed_is_told_of_the_one_that_speaks_for_all(backend: Backend, warm_kernels: None) -> None:
