@@ -47,7 +47,7 @@ def stood_together(connection: Connection, reason: str, audit_id: int | None = N
     end = loops.c.newest_ns if audit_id is None else verdicts.c.input_end_ns
     told = (
         *(loops.c.id, loops.c.tag, loops.c.unit, end.label("end_ns")),
-        *(verdicts.c.sampling_interval_s, verdicts.c.extra_json),
+        *(verdicts.c.audit_id, verdicts.c.sampling_interval_s, verdicts.c.extra_json),
     )
     if audit_id is None:
         source = NEWEST_ROWS.join(verdicts, is_newest(verdicts))

@@ -244,6 +244,30 @@ def test_one_that_runs_again_is_no_longer_among_them(plant: Backend) -> None:
     assert sorted(today(plant)) == [DOWN[1:], ("X1",)]
 
 
+def test_one_that_is_audited_later_is_told_of_with_them_though_it_came_to_stand_first(plant: Backend) -> None:
+    stored(plant, {"Z": 895}, {"Z": "U1"})
+    run = audited(plant, LoopFilter(tags=("Z",)))
+    since = {tag: row["stood_together_since"] for tag, row in rows_of(plant).items()}
+    assert (since["Z"], since["D0"]) == ("2025-06-16T06:01:40Z", SINCE)
+    assert sorted(today(plant)) == [(*DOWN, "Z"), ("X1",)]
+    together = as_one(plant).of("Z")
+    assert (together.since, together.words) == (since["Z"], "PV of 5 loops came to stand within 20 minutes, all of U1")
+    assert loop_sheet(plant, find(plant, "Z"), None)["stood_with"] == list(DOWN)
+    assert as_one(plant, audit_id=run).by_tag == {}
+
+
+def test_groups_that_one_run_tells_apart_stay_apart(plant: Backend) -> None:
+    """As if a card had failed ten minutes after another."""
+    with plant.database.write() as connection:
+        for row in connection.execute(select(verdicts.c.loop_id, verdicts.c.extra_json)).all():
+            extra = json.loads(row.extra_json)
+            if extra["unanswered_since"] in ("2025-06-16T06:16:40Z", "2025-06-16T06:21:40Z"):
+                extra["stood_together_since"] = "2025-06-16T06:16:40Z"
+            changed = update(verdicts).where(verdicts.c.loop_id == row.loop_id)
+            connection.execute(changed.values(extra_json=json.dumps(extra)))
+    assert sorted(one.loops for one in as_one(plant).by_tag.values()) == [("D0", "D1"), ("D2", "D3")]
+
+
 def test_without_the_others_its_verdict_is_the_same_and_retired_loops_are_not_heard(plant: Backend) -> None:
     before = rows_of(plant)["D2"]
     for tag in DOWN[:2]:
