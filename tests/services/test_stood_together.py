@@ -24,14 +24,14 @@ from app.services.plant.reliability import reliability_json, reliability_page
 from app.services.plant.shelving import shelf
 from app.services.plant.stood_together import as_one
 from app.services.plant.work_list import Work, work_list
-from app.services.plant.worst import listed_first, worst_tags
+from app.services.plant.worst import listed_first, look_today, worst_tags
 from app.services.reports.documents import loop_report, plant_report
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter
 from app.storage.standing import unanswered
 from app.storage.tables import newest_rows, verdicts
-from tests.services.audited_plant import rewrite
+from tests.services.audited_plant import rewrite, rewrite_newest
 from tests.services.standing_plant import SAMPLES, later, stored
 from tests.services.upkeep_plant import with_settings
 
@@ -235,6 +235,52 @@ def test_what_changed_is_told_of_the_one_that_speaks_for_all(backend: Backend, w
     digest = digest_of(backend, str(run))
     assert [change.loop for change in digest.changes if change.loop in DOWN] == ["D0"]
     assert digest.other_changes == 3
+
+
+@pytest.fixture
+def all_but_the_weightiest_changed(backend: Backend, warm_kernels: None) -> Backend:
+    """A unit that was shut down in the second night; of its first loop the same was said before, and X1 weighs more."""
+    ids = stored(backend, {**dict.fromkeys(DOWN), "X1": 400, "R1": None}, dict.fromkeys(DOWN, "U1"))
+    first = audited(backend)
+    later(backend, dict(zip(DOWN, (2400, 2405, 2410, 2415), strict=True)) | {"X1": 400, "R1": None}, 1400)
+    audited(backend)
+    patch_loop(backend, "X1", {"importance": 3.0})
+    for tag in ids:
+        rewrite(
+            backend, first, ids[tag], verdict="no_stiction" if tag in DOWN[1:] else rows_of(backend)[tag]["verdict"]
+        )
+    return backend
+
+
+def test_what_changed_tells_of_those_that_are_news_where_the_weightiest_is_not(
+    all_but_the_weightiest_changed: Backend,
+) -> None:
+    backend = all_but_the_weightiest_changed
+    (told,) = changes(backend, together=as_one(backend)).rows
+    assert told.loop == "D1"
+    assert told.because.endswith(f"; 2 more with it: {WORDS}")
+    digest = digest_of(backend, rows_of(backend)["D0"]["audit_id"])
+    assert ([change.loop for change in digest.changes], digest.other_changes) == (["D1"], 2)
+
+
+def test_a_group_in_which_any_is_news_comes_first_of_what_wants_a_look_today(
+    all_but_the_weightiest_changed: Backend,
+) -> None:
+    backend = all_but_the_weightiest_changed
+    assert today(backend) == [("X1",), DOWN]
+    together = as_one(backend)
+    rows = look_today(backend, changes(backend, together=together), together=together)
+    assert [row["loop"] for row in rows] == ["D0", "X1"]
+
+
+def test_what_changed_of_one_alone_counts_no_others(all_but_the_weightiest_changed: Backend) -> None:
+    backend = all_but_the_weightiest_changed
+    for tag in DOWN[1:3]:
+        rewrite_newest(backend, find(backend, tag).id, verdict_before="inconclusive")
+    (told,) = changes(backend, together=as_one(backend)).rows
+    assert told.loop == "D3"
+    assert told.because.endswith(f"; {WORDS}")
+    assert "more with it" not in told.because
 
 
 def test_one_that_runs_again_is_no_longer_among_them(plant: Backend) -> None:

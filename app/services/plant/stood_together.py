@@ -1,8 +1,8 @@
 """Loops whose PV came to stand together, as lists tell of them: once, by the weightiest of those that are listed."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
@@ -34,16 +34,27 @@ class Together:
 
 @dataclass(frozen=True)
 class AsOne:
-    """by_tag: those that are told of as one, by the tag of the loop that speaks for them. left_out: ids of the others,
-    which are in no list for themselves."""
+    """by_tag: those that are told of as one, by the tag of the loop that speaks for them. ids: of all of them, by
+    tag."""
 
     by_tag: Mapping[str, Together]
-    left_out: tuple[int, ...] = ()
+    ids: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def others(self) -> frozenset[str]:
         """The tags of those that are in no list for themselves."""
         return frozenset(tag for one in self.by_tag.values() for tag in one.others)
+
+    @property
+    def left_out(self) -> tuple[int, ...]:
+        """Their ids."""
+        return tuple(self.ids[tag] for one in self.by_tag.values() for tag in one.others)
+
+    def among(self, tags: Container[str]) -> "AsOne":
+        """In a list that has only these loops: of each group the weightiest of them speaks, if for itself alone."""
+        listed = [tuple(tag for tag in one.loops if tag in tags) for one in self.by_tag.values()]
+        groups = zip(self.by_tag.values(), listed, strict=True)
+        return AsOne({some[0]: replace(one, loops=some) for one, some in groups if some}, self.ids)
 
     def of(self, tag: str) -> Together | None:
         """Those that this loop is one of."""
@@ -64,8 +75,8 @@ def as_one(
         rows = stored.stood_together(connection, STOOD_TOGETHER, audit_id)
     left_out = frozenset(() if shelved is None else shelved.left_out)
     groups = _listed_alike([row for row in rows if row.id not in left_out], since_ns)
-    others = tuple(row.id for group in groups for row in group[1:])
-    return AsOne({group[0].tag: _told(group) for group in groups}, others)
+    ids = {row.tag: row.id for group in groups for row in group}
+    return AsOne({group[0].tag: _told(group) for group in groups}, ids)
 
 
 def _listed_alike(rows: Sequence[Any], since_ns: int | None) -> list[list[Any]]:
