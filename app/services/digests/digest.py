@@ -204,9 +204,8 @@ def _changed(connection: Connection, number: int, clock: PlantClock, together: A
     rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
     told = {row.tag: for_all(change_of(row, clock), changed) for row in rows} | again
     new_besides = [tag for tag in besides if kinds[tag] == "new"]
-    return _Changed(
-        [told[tag] for tag in listed if tag in told], new_besides, len(besides) + len(others) - len(new_besides)
-    )
+    shown = [told[tag] for tag in listed if tag in told]
+    return _Changed(shown, new_besides, len(besides) + len(others) - len(new_besides))
 
 
 def ended_run(backend: Backend, audit_id: str) -> AuditView:
