@@ -1,6 +1,6 @@
 """The plant as a whole: what its units come to, and whose verdict is another one than in the run before."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import timedelta
 from typing import Any
 
@@ -20,6 +20,7 @@ from sqlalchemy import (
 
 from app.engine.codes import UNANSWERED
 from app.storage.audits import WITH_RESULTS, of_a_night
+from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
@@ -121,6 +122,31 @@ def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequ
 
     The worst of them first, by importance x health.
     """
+    listed = _changed(since_audit)
+    listed = listed.where(rows.c.loop_id.not_in(left_out)) if left_out else listed
+    # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
+    found = listed.order_by(*worst_first(rows)).limit(limit).subquery()
+    joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))
+    query = select(
+        *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health),
+        *told_of_both(newest, before),
+    ).select_from(
+        joined.outerjoin(
+            before, and_(before.c.loop_id == found.c.loop_id, before.c.audit_id == found.c.before_audit_id)
+        )
+    )
+    return list(connection.execute(query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)))
+
+
+def changed_of(connection: Connection, since_audit: int, loop_ids: Collection[int]) -> frozenset[str]:
+    """Which of these loops `changes` would list, by tag, however many there are."""
+    if not loop_ids:
+        return frozenset()
+    listed = _changed(since_audit).where(among_many(connection, rows.c.loop_id, loop_ids)).subquery()
+    return frozenset(connection.scalars(select(listed.c.tag)))
+
+
+def _changed(since_audit: int) -> Select[Any]:
     # A row knows the verdict before it; where a loop was audited again since the run, that may be the run's own.
     again = rows.c.audit_id > since_audit
     verdict_before = case((again, _last_before(since_audit, verdicts.c.verdict)), else_=rows.c.verdict_before)
@@ -135,20 +161,7 @@ def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequ
     ).select_from(NEWEST_ROWS)
     # Asked of the loop itself, SQLite would begin with the loops and look up the wide row of each.
     in_service = rows.c.loop_id.not_in(select(loops.c.id).where(loops.c.retired))
-    listed = listed.where(rows.c.audit_id >= since_audit, news, in_service)
-    listed = listed.where(rows.c.loop_id.not_in(left_out)) if left_out else listed
-    # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
-    found = listed.order_by(*worst_first(rows)).limit(limit).subquery()
-    joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))
-    query = select(
-        *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health),
-        *told_of_both(newest, before),
-    ).select_from(
-        joined.outerjoin(
-            before, and_(before.c.loop_id == found.c.loop_id, before.c.audit_id == found.c.before_audit_id)
-        )
-    )
-    return list(connection.execute(query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)))
+    return listed.where(rows.c.audit_id >= since_audit, news, in_service)
 
 
 def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Any]:

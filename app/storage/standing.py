@@ -1,29 +1,45 @@
 """Loops whose PV does not answer OP, as their verdicts tell of it; of a plant in which all answer nothing is read."""
 
+from collections.abc import Collection
 from typing import Any
 
-from sqlalchemy import Connection, and_, select
+from sqlalchemy import Connection, and_, func, select
 
 from app.engine.codes import UNANSWERED
+from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS, is_newest, worst_first
 from app.storage.tables import loops, newest_rows, verdicts
 
+NIGHTS_BACK = 14
+"""Verdicts of a loop that are read back, at most: the end of a run writes on what they know, unless it fails, or a run
+that began later has judged the loop by then."""
+
 
 def unanswered(connection: Connection) -> list[Any]:
-    """Of all loops in service by their newest verdict: what it tells of when that began, and what the verdict before it
-    told, where that was the same."""
-    before = verdicts.alias("before")
-    same = (before.c.audit_id == newest_rows.c.before_audit_id, before.c.likely_cause == UNANSWERED)
+    """Of all loops in service by their newest verdict: of which record it is, and what it tells of when that began."""
     told = (
-        *(loops.c.tag, loops.c.unit, newest_rows.c.audit_id, verdicts.c.reasons, verdicts.c.extra_json),
+        *(loops.c.tag, loops.c.unit, verdicts.c.loop_id, verdicts.c.reasons, verdicts.c.extra_json),
         *(verdicts.c.sampling_interval_s, verdicts.c.input_start_ns, verdicts.c.input_end_ns),
-        before.c.extra_json.label("extra_json_before"),
     )
-    joined = NEWEST_ROWS.join(verdicts, is_newest(verdicts))
-    joined = joined.outerjoin(before, and_(before.c.loop_id == loops.c.id, *same))
-    query = select(*told).select_from(joined).where(IN_SERVICE, newest_rows.c.likely_cause == UNANSWERED)
+    query = select(*told).select_from(NEWEST_ROWS.join(verdicts, is_newest(verdicts)))
+    query = query.where(IN_SERVICE, newest_rows.c.likely_cause == UNANSWERED)
     return list(connection.execute(query.order_by(loops.c.tag)))
+
+
+def unanswered_before(connection: Connection, loop_ids: Collection[int]) -> list[Any]:
+    """Of these loops the newest NIGHTS_BACK verdicts before their newest that said the same, the newest first."""
+    if not loop_ids:
+        return []
+    told = (verdicts.c.loop_id, verdicts.c.audit_id, verdicts.c.extra_json)
+    record = (verdicts.c.input_start_ns, verdicts.c.input_end_ns)
+    place = func.row_number().over(partition_by=verdicts.c.loop_id, order_by=verdicts.c.audit_id.desc())
+    said = select(*told, *record, place.label("place")).join(loops, loops.c.id == verdicts.c.loop_id)
+    mine = (among_many(connection, verdicts.c.loop_id, loop_ids), verdicts.c.likely_cause == UNANSWERED)
+    found = said.where(*mine, verdicts.c.audit_id < loops.c.newest_audit_id).subquery()
+    shown = (found.c.loop_id, found.c.extra_json, found.c.input_start_ns, found.c.input_end_ns)
+    query = select(*shown).where(found.c.place <= NIGHTS_BACK).order_by(found.c.loop_id, found.c.place)
+    return list(connection.execute(query))
 
 
 def stood_together(connection: Connection, reason: str, audit_id: int | None = None) -> list[Any]:
@@ -31,7 +47,7 @@ def stood_together(connection: Connection, reason: str, audit_id: int | None = N
     end = loops.c.newest_ns if audit_id is None else verdicts.c.input_end_ns
     told = (
         *(loops.c.id, loops.c.tag, loops.c.unit, end.label("end_ns")),
-        *(verdicts.c.sampling_interval_s, verdicts.c.extra_json),
+        *(verdicts.c.audit_id, verdicts.c.sampling_interval_s, verdicts.c.extra_json),
     )
     if audit_id is None:
         source = NEWEST_ROWS.join(verdicts, is_newest(verdicts))

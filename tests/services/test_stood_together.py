@@ -25,14 +25,16 @@ from app.services.plant.reliability import reliability_json, reliability_page
 from app.services.plant.shelving import shelf
 from app.services.plant.stood_together import as_one
 from app.services.plant.work_list import Work, work_list
-from app.services.plant.worst import listed_first, worst_tags
+from app.services.plant.worst import listed_first, look_today, worst_tags
 from app.services.reports.documents import loop_report, plant_report
 from app.services.telling.next_steps import Ask
+from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter
 from app.storage.standing import unanswered
 from app.storage.tables import newest_rows, verdicts
-from tests.services.audited_plant import rewrite
-from tests.services.standing_plant import later, stored
+from tests.services.audited_plant import rewrite, rewrite_newest
+from tests.services.standing_plant import SAMPLES, later, stored
+from tests.services.upkeep_plant import with_settings
 
 DOWN = ("D0", "D1", "D2", "D3")
 DAY = 1440
@@ -44,6 +46,13 @@ def audited(backend: Backend, wanted: LoopFilter | None = None) -> int:
     run = int(start_audit(backend, wanted).id)
     audit_chunk(backend, run, "test")
     return run
+
+
+def night_after(plant: Backend, nights: int, adds: bool = True) -> Backend:
+    """With records of as long as the first, each from where that before it ended, and windows of one of them."""
+    if adds:
+        later(plant, {**dict.fromkeys(DOWN, 900), "X1": 400, "R1": None}, nights * SAMPLES)
+    return with_settings(plant, window_samples=SAMPLES)
 
 
 def rows_of(backend: Backend) -> dict[str, dict[str, Any]]:
@@ -165,9 +174,8 @@ def test_loops_without_newer_samples_are_told_of_as_one_among_the_old(plant: Bac
 
 def test_a_unit_that_stays_down_is_told_of_as_one_when_no_record_reaches_back_to_its_end(plant: Backend) -> None:
     """The next windows begin when PV stood already: since when is what the night before knew."""
-    for fortnight in (1, 2):
-        later(plant, {**dict.fromkeys(DOWN, 900), "X1": 400, "R1": None}, fortnight * 15 * DAY)
-        run = audited(plant)
+    for night in (1, 2):
+        run = audited(night_after(plant, night))
         rows = rows_of(plant)
         assert "h or longer, up to the end" in rows["D3"]["reasons_text"]
         assert {rows[tag]["stood_together_since"] for tag in DOWN} == {SINCE}
@@ -177,6 +185,41 @@ def test_a_unit_that_stays_down_is_told_of_as_one_when_no_record_reaches_back_to
             ("D0", "since 2025-06-16 06:06"),
             ("X1", "since 2025-06-15 21:46"),
         ]
+
+
+def test_a_unit_that_runs_between_two_records_is_not_down_since_the_first(plant: Backend) -> None:
+    """Of the time between them nothing is told, or was not looked at: they stand as long as the second record or
+    longer, each by itself."""
+    later(plant, dict(zip(DOWN, (2300, 2305, 2310, 2315), strict=True)) | {"X1": None, "R1": None}, DAY)
+    audited(with_settings(plant, window_samples=500))
+    rows = rows_of(plant)
+    for tag in DOWN:
+        assert rows[tag]["likely_cause"] == UNANSWERED
+        assert [rows[tag][name] for name in ("unanswered_since", "stood_with", "stood_together_since")] == [None] * 3
+
+
+def test_since_when_is_known_after_a_night_that_was_not_heard(plant: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as failing:
+        failing.setattr("app.services.auditing.ending.unanswered", None)
+        audited(night_after(plant, 1))
+    assert {rows_of(plant)[tag]["unanswered_since"] for tag in DOWN} == {None}
+    audited(night_after(plant, 2))
+    assert {rows_of(plant)[tag]["stood_together_since"] for tag in DOWN} == {SINCE}
+
+
+def test_since_when_is_known_of_a_loop_that_another_run_judges_before_the_night_has_ended(plant: Backend) -> None:
+    by_one = with_settings(night_after(plant, 1), chunk_loops=1, chunk_budget_s=1e-6)
+    night = int(start_audit(by_one).id)
+    for _ in range(4):
+        audit_chunk(by_one, night, "test", calls_successor=False)
+    audited(by_one, LoopFilter(tags=("D1",)))
+    audit_chunk(night_after(plant, 1, adds=False), night, "test")
+    assert rows_of(plant)["D1"]["audit_id"] != rows_of(plant)["D0"]["audit_id"]
+    audited(night_after(plant, 2))
+    rows = rows_of(plant)
+    assert rows["D1"]["unanswered_since"] == "2025-06-16T06:11:40Z"
+    assert {rows[tag]["stood_with"] for tag in DOWN} == {3}
+    assert sorted(today(plant)) == [DOWN, ("X1",)]
 
 
 def test_what_changed_is_told_of_the_one_that_speaks_for_all(backend: Backend, warm_kernels: None) -> None:
@@ -195,11 +238,81 @@ def test_what_changed_is_told_of_the_one_that_speaks_for_all(backend: Backend, w
     assert digest.other_changes == 3
 
 
+@pytest.fixture
+def all_but_the_weightiest_changed(backend: Backend, warm_kernels: None) -> Backend:
+    """A unit that was shut down in the second night; of its first loop the same was said before, and X1 weighs more."""
+    ids = stored(backend, {**dict.fromkeys(DOWN), "X1": 400, "R1": None}, dict.fromkeys(DOWN, "U1"))
+    first = audited(backend)
+    later(backend, dict(zip(DOWN, (2400, 2405, 2410, 2415), strict=True)) | {"X1": 400, "R1": None}, 1400)
+    audited(backend)
+    patch_loop(backend, "X1", {"importance": 3.0})
+    for tag in ids:
+        rewrite(
+            backend, first, ids[tag], verdict="no_stiction" if tag in DOWN[1:] else rows_of(backend)[tag]["verdict"]
+        )
+    return backend
+
+
+def test_what_changed_tells_of_those_that_are_news_where_the_weightiest_is_not(
+    all_but_the_weightiest_changed: Backend,
+) -> None:
+    backend = all_but_the_weightiest_changed
+    (told,) = changes(backend, together=as_one(backend)).rows
+    assert told.loop == "D1"
+    assert told.because.endswith(f"; 2 more with it: {WORDS}")
+    digest = digest_of(backend, rows_of(backend)["D0"]["audit_id"])
+    assert ([change.loop for change in digest.changes], digest.other_changes) == (["D1"], 2)
+
+
+def test_a_group_in_which_any_is_news_comes_first_of_what_wants_a_look_today(
+    all_but_the_weightiest_changed: Backend,
+) -> None:
+    backend = all_but_the_weightiest_changed
+    assert today(backend) == [("X1",), DOWN]
+    together = as_one(backend)
+    rows = look_today(backend, changes(backend, together=together), together=together)
+    assert [row["loop"] for row in rows] == ["D0", "X1"]
+
+
+def test_what_changed_of_one_alone_counts_no_others(all_but_the_weightiest_changed: Backend) -> None:
+    backend = all_but_the_weightiest_changed
+    for tag in DOWN[1:3]:
+        rewrite_newest(backend, find(backend, tag).id, verdict_before="inconclusive")
+    (told,) = changes(backend, together=as_one(backend)).rows
+    assert told.loop == "D3"
+    assert told.because.endswith(f"; {WORDS}")
+    assert "more with it" not in told.because
+
+
 def test_one_that_runs_again_is_no_longer_among_them(plant: Backend) -> None:
     later(plant, {"D0": None}, 1400)
     audited(plant, LoopFilter(tags=("D0",)))
     assert rows_of(plant)["D0"]["stood_with"] is None
     assert sorted(today(plant)) == [DOWN[1:], ("X1",)]
+
+
+def test_one_that_is_audited_later_is_told_of_with_them_though_it_came_to_stand_first(plant: Backend) -> None:
+    stored(plant, {"Z": 895}, {"Z": "U1"})
+    run = audited(plant, LoopFilter(tags=("Z",)))
+    since = {tag: row["stood_together_since"] for tag, row in rows_of(plant).items()}
+    assert (since["Z"], since["D0"]) == ("2025-06-16T06:01:40Z", SINCE)
+    assert sorted(today(plant)) == [(*DOWN, "Z"), ("X1",)]
+    together = as_one(plant).of("Z")
+    assert (together.since, together.words) == (since["Z"], "PV of 5 loops came to stand within 20 minutes, all of U1")
+    assert loop_sheet(plant, find(plant, "Z"), None)["stood_with"] == list(DOWN)
+    assert as_one(plant, audit_id=run).by_tag == {}
+
+
+def test_groups_that_one_run_tells_apart_stay_apart(plant: Backend) -> None:
+    """As if a card had failed ten minutes after another."""
+    with plant.database.write() as connection:
+        for row in connection.execute(select(verdicts.c.loop_id, verdicts.c.extra_json)).all():
+            extra = json.loads(row.extra_json)
+            if extra["unanswered_since"] in ("2025-06-16T06:16:40Z", "2025-06-16T06:21:40Z"):
+                extra["stood_together_since"] = "2025-06-16T06:16:40Z"
+            changed = update(verdicts).where(verdicts.c.loop_id == row.loop_id)
+            connection.execute(changed.values(extra_json=json.dumps(extra)))
+    assert sorted(one.loops for one in as_one(plant).by_tag.values()) == [("D0", "D1"), ("D2", "D3")]
 
 
 def test_without_the_others_its_verdict_is_the_same_and_retired_loops_are_not_heard(plant: Backend) -> None:

@@ -151,8 +151,8 @@ class AuditFields(BaseModel):
     )
     stood_together_since: str | None = Field(
         None,
-        description="When the first of all of them came to stand, ISO 8601, UTC: the same in the row of each; null: "
-        "where stood_with is.",
+        description="When the first of all of them came to stand, ISO 8601, UTC: the same in the rows of one run, and "
+        "another one where a loop that came to stand before was audited later; null: where stood_with is.",
     )
     input_fingerprint: str = Field(
         description="SHA-256 of what was judged: samples, spans, whether the process integrates."

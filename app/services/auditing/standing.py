@@ -15,6 +15,9 @@ from app.services.telling.wording import codes_of
 
 SINCE = "unanswered_since"
 
+INTERVALS_APART = 3.0
+"""Sampling intervals that may lie between two records that touch."""
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -26,16 +29,20 @@ class Standing:
     chance_probability: float | None = None
 
 
-def of_plant(rows: Sequence[Any]) -> dict[str, Standing]:
-    """By tag. rows: `storage.standing.unanswered`. Where PV stood when the record began, it has stood since the verdict
-    before said, if that said the same."""
-    known = {row.tag: json.loads(row.extra_json).get(SINCE) for row in rows}
-    carried = {
-        row.tag: json.loads(row.extra_json_before).get(SINCE)
-        for row in rows
-        if known[row.tag] is None and row.extra_json_before is not None
-    }
-    carried = {tag: since for tag, since in carried.items() if since is not None}
+def unknown_since(rows: Iterable[Any]) -> list[int]:
+    """Of `storage.standing.unanswered` the loops, by id, whose PV stood when the record began."""
+    return [row.loop_id for row in rows if _since(row) is None]
+
+
+def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Standing]:
+    """By tag. rows: `storage.standing.unanswered`, before: `unanswered_before` of those that are `unknown_since`. Where
+    PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of it."""
+    known = {row.tag: _since(row) for row in rows}
+    earlier: dict[int, list[Any]] = {}
+    for one in before:
+        earlier.setdefault(one.loop_id, []).append(one)
+    found = {row.tag: _carried(row, earlier.get(row.loop_id, ())) for row in rows if known[row.tag] is None}
+    carried = {tag: since for tag, since in found.items() if since is not None}
     stands = [
         Stand(row.tag, _seconds(since), (row.input_end_ns - row.input_start_ns) / NS_PER_S, interval_s, row.unit)
         for row in rows
@@ -46,6 +53,23 @@ def of_plant(rows: Sequence[Any]) -> dict[str, Standing]:
         and _stands(row.reasons.split(";"))
     ]
     return {tag: Standing({SINCE: since}) for tag, since in carried.items()} | _together(stands, carried)
+
+
+def _carried(row: Any, earlier: Iterable[Any]) -> str | None:
+    """earlier: the newest first. In all their records PV stood up to the end."""
+    start_ns, apart_ns = row.input_start_ns, INTERVALS_APART * NS_PER_S * (row.sampling_interval_s or 0.0)
+    for one in earlier:
+        if None in (start_ns, one.input_end_ns) or one.input_end_ns < start_ns - apart_ns:
+            return None
+        if (since := _since(one)) is not None:
+            return since
+        start_ns = min(start_ns, one.input_start_ns)
+    return None
+
+
+def _since(row: Any) -> str | None:
+    since: str | None = json.loads(row.extra_json).get(SINCE)
+    return since
 
 
 def of_lines(lines: Iterable[Mapping[str, Any]]) -> dict[str, Standing]:

@@ -223,19 +223,19 @@ TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
 
 def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> _Changed:
     """Those that are newly said to stick are told whatever else changed; what wavers comes last. Of loops that came to
-    stand together the change of the one that speaks for all is told."""
+    stand together and changed the change of the weightiest is told."""
     found = digests.changed_of(connection, number)
     again = {one.loop: one for one in second_night(plant.second_nights(connection, number, CHANGES), found, clock)}
     kinds = {row.tag: kind_of(row) for row in found} | {tag: one.kind for tag, one in again.items()}
-    others = together.others & kinds.keys()
+    changed = together.among(kinds)
+    others = changed.others
     tags = sorted((tag for tag in kinds if tag not in others), key=lambda tag: TOLD_FIRST[kinds[tag]])
     listed, besides = tags[:CHANGES], tags[CHANGES:]
     rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
-    told = {row.tag: for_all(change_of(row, clock), together) for row in rows} | again
+    told = {row.tag: for_all(change_of(row, clock), changed) for row in rows} | again
     new_besides = [tag for tag in besides if kinds[tag] == "new"]
-    return _Changed(
-        [told[tag] for tag in listed if tag in told], new_besides, len(besides) + len(others) - len(new_besides)
-    )
+    shown = [told[tag] for tag in listed if tag in told]
+    return _Changed(shown, new_besides, len(besides) + len(others) - len(new_besides))
 
 
 def ended_run(backend: Backend, audit_id: str) -> AuditView:

@@ -43,7 +43,7 @@ class Changes:
 
 
 def changes(backend: Backend, limit: int = LISTED_CHANGES, together: AsOne = ALONE) -> Changes:
-    """together: loops that are told of as one; only the change of the one that speaks for all is told."""
+    """together: loops that are told of as one: of those that changed the change of the weightiest is told."""
     with backend.database.read() as connection:
         run = plant.last_whole_run(connection)
         if run is None:
@@ -52,20 +52,22 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES, together: AsOne = ALO
         first = not plant.any_run_before(connection, run.id)
         since = run.id + 1 if first else run.id
         compared = not first or plant.any_run_since(connection, run.id)
-        found = plant.changes(connection, since, limit + 1, together.left_out) if compared else []
+        changed = together.among(plant.changed_of(connection, since, list(together.ids.values())))
+        found = plant.changes(connection, since, limit + 1, changed.left_out) if compared else []
         again = plant.second_nights(connection, run.id, limit) if compared and not first else []
-    told = [for_all(change_of(row, backend.clock), together) for row in found[:limit]]
+    told = [for_all(change_of(row, backend.clock), changed) for row in found[:limit]]
     rows = quiet_last([*told, *second_night(again, found, backend.clock)])
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
 
 def for_all(change: ChangeView, together: AsOne) -> ChangeView:
-    """Said of the loop that speaks for those that came to stand with it."""
+    """Said of the loop that speaks for those that came to stand with it, as far as they are listed."""
     group = together.by_tag.get(change.loop)
     if group is None:
         return change
-    return replace(change, because=f"{change.because}; {len(group.others)} more with it: {group.words}")
+    more = f"{len(group.others)} more with it: " if group.others else ""
+    return replace(change, because=f"{change.because}; {more}{group.words}")
 
 
 def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:

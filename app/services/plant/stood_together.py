@@ -1,19 +1,19 @@
 """Loops whose PV came to stand together, as lists tell of them: once, by the weightiest of those that are listed."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
-from app.engine.plant_wide.stood_together import Stand, StoodTogether
+from app.engine.plant_wide.stood_together import SHUT_DOWN_S, Stand, StoodTogether
 from app.services.backend import Backend
 from app.services.plant.shelving import Shelf
 from app.services.telling.standing_wording import look, of_all
 from app.services.telling.wording import STOOD_TOGETHER
 from app.storage import standing as stored
 
-TOGETHER_SINCE = "stood_together_since"
+SINCE, TOGETHER_SINCE = "unanswered_since", "stood_together_since"
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,27 @@ class Together:
 
 @dataclass(frozen=True)
 class AsOne:
-    """by_tag: those that are told of as one, by the tag of the loop that speaks for them. left_out: ids of the others,
-    which are in no list for themselves."""
+    """by_tag: those that are told of as one, by the tag of the loop that speaks for them. ids: of all of them, by
+    tag."""
 
     by_tag: Mapping[str, Together]
-    left_out: tuple[int, ...] = ()
+    ids: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def others(self) -> frozenset[str]:
         """The tags of those that are in no list for themselves."""
         return frozenset(tag for one in self.by_tag.values() for tag in one.others)
+
+    @property
+    def left_out(self) -> tuple[int, ...]:
+        """Their ids."""
+        return tuple(self.ids[tag] for one in self.by_tag.values() for tag in one.others)
+
+    def among(self, tags: Container[str]) -> "AsOne":
+        """In a list that has only these loops: of each group the weightiest of them speaks, if for itself alone."""
+        listed = [tuple(tag for tag in one.loops if tag in tags) for one in self.by_tag.values()]
+        groups = zip(self.by_tag.values(), listed, strict=True)
+        return AsOne({some[0]: replace(one, loops=some) for one, some in groups if some}, self.ids)
 
     def of(self, tag: str) -> Together | None:
         """Those that this loop is one of."""
@@ -63,26 +74,54 @@ def as_one(
     with backend.database.read() as connection:
         rows = stored.stood_together(connection, STOOD_TOGETHER, audit_id)
     left_out = frozenset(() if shelved is None else shelved.left_out)
-    groups = list(_listed_alike([row for row in rows if row.id not in left_out], since_ns))
-    others = tuple(row.id for group in groups for row in group[1:])
-    return AsOne({group[0].tag: _told(group) for group in groups}, others)
+    groups = _listed_alike([row for row in rows if row.id not in left_out], since_ns)
+    ids = {row.tag: row.id for group in groups for row in group}
+    return AsOne({group[0].tag: _told(group) for group in groups}, ids)
 
 
-def _listed_alike(rows: Iterable[Any], since_ns: int | None) -> Iterator[list[Any]]:
-    found: dict[tuple[str, bool], list[Any]] = {}
+def _listed_alike(rows: Sequence[Any], since_ns: int | None) -> list[list[Any]]:
+    """Those of one group that are listed in one place, in the order of the rows."""
+    parts: dict[tuple[bool, float], list[Any]] = {}
     for row in rows:
         old = since_ns is not None and (row.end_ns is None or row.end_ns < since_ns)
-        found.setdefault((json.loads(row.extra_json)[TOGETHER_SINCE], old), []).append(row)
-    return (group for group in found.values() if len(group) > 1)
+        parts.setdefault((old, _seconds(_field(row, TOGETHER_SINCE))), []).append(row)
+    groups: list[list[Any]] = []
+    of_old = None
+    for (old, since_s), part in sorted(parts.items(), key=lambda item: item[0]):
+        if old == of_old and _goes_on(groups[-1], part, since_s):
+            groups[-1] += part
+        else:
+            groups.append(list(part))
+        of_old = old
+    place = {row.id: at for at, row in enumerate(rows)}
+    ordered = (sorted(group, key=lambda row: place[row.id]) for group in groups if len(group) > 1)
+    return sorted(ordered, key=lambda group: place[group[0].id])
+
+
+def _goes_on(group: Sequence[Any], part: Sequence[Any], since_s: float) -> bool:
+    """Whether a later part is of the group. What runs told of one group may differ in when it began: the loop that came
+    to stand first may have been audited later, or be at work by then. What one run told apart stays apart."""
+    began_s = min(_seconds(_field(row, TOGETHER_SINCE)) for row in group)
+    last_s = max(_seconds(_field(row, SINCE)) for row in group)
+    apart = {row.audit_id for row in group} & {row.audit_id for row in part}
+    return not apart and since_s <= max(began_s + SHUT_DOWN_S, last_s)
 
 
 def _told(rows: Sequence[Any]) -> Together:
     in_time = sorted((_stand(row) for row in rows), key=lambda stand: (stand.since_s, stand.tag))
     group = StoodTogether(tuple(in_time))
-    since = json.loads(rows[0].extra_json)[TOGETHER_SINCE]
+    since = min((_field(row, TOGETHER_SINCE) for row in rows), key=_seconds)
     return Together(tuple(row.tag for row in rows), group.unit, since, of_all(group), look(group))
 
 
 def _stand(row: Any) -> Stand:
-    since = json.loads(row.extra_json)["unanswered_since"]
-    return Stand(row.tag, datetime.fromisoformat(since).timestamp(), 0.0, row.sampling_interval_s, row.unit)
+    return Stand(row.tag, _seconds(_field(row, SINCE)), 0.0, row.sampling_interval_s, row.unit)
+
+
+def _field(row: Any, name: str) -> str:
+    value: str = json.loads(row.extra_json)[name]
+    return value
+
+
+def _seconds(iso: str) -> float:
+    return datetime.fromisoformat(iso).timestamp()
