@@ -40,6 +40,7 @@ TIME_NAMES = frozenset(
         "sampletime",
         "datatime",
         "times",
+        "datetimes",
         "seconds",
         "timesec",
         "timeseconds",
