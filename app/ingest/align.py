@@ -5,8 +5,8 @@ of them has no value it is NaN. Signals that were sampled each at its own times,
 data), cannot be audited row by row: PV's times are the base, and each other signal is brought to them: OP and further
 signals by straight lines between their samples (that is what a swinging door keeps), SP and MODE by their last known
 value (they step). Nothing is extrapolated beyond a signal's last sample except a step, and no line goes over a hole:
-over a value that was refused, or an interval far longer than the long ones of a signal that is sampled evenly. `LoopSamples.resampled` names the
-signals that were treated so.
+over a value that was refused, or an interval far longer than the long ones of a signal that is sampled evenly.
+`LoopSamples.resampled` names the signals that were treated so.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

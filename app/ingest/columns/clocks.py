@@ -14,7 +14,7 @@ from app.ingest.times.stamps import find_form
 MOST = 0.8  # of the rows; units, footers and holes may stand between them
 SHOWN = 50
 _DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
-_CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # and its date is at midnight
+_CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # its date
 _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
 
 

@@ -40,8 +40,8 @@ class ToldUnit:
 
 @lru_cache(maxsize=1 << 17)
 def told_unit(name: str) -> ToldUnit | None:
-    """None where the name tells none. A letter alone is one in brackets or behind a stroke; s and h behind `_` too. `Times` has
-    none."""
+    """None where the name tells none, as `Times`. A letter alone is one in brackets or behind a stroke; s and h behind
+    `_` too."""
     folded = name.strip().casefold()  # which makes one mu of the two
     cut = max(len(folded) - _LONGEST, 0)
     for form in _FORMS:
