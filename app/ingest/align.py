@@ -5,8 +5,8 @@ of them has no value it is NaN. Signals that were sampled each at its own times,
 data), cannot be audited row by row: PV's times are the base, and each other signal is brought to them: OP and further
 signals by straight lines between their samples (that is what a swinging door keeps), SP and MODE by their last known
 value (they step). Nothing is extrapolated beyond a signal's last sample except a step, and no line goes over a hole:
-over a value that was refused, or an interval far longer than the signal's long ones. `LoopSamples.resampled` names the
-signals that were treated so.
+over a value that was refused, or an interval far longer than the long ones of a signal that is sampled evenly.
+`LoopSamples.resampled` names the signals that were treated so.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from app.ingest.model import FloatArray, LoopSamples, SignalBlock, TimeArray
 BoolArray = NDArray[np.bool_]
 
 SHARED_TIMES = 0.5  # of the rarer signal's times found among PV's: sampled together
-HOLE_INTERVALS = 10.0  # of the signal's long ones; compression leaves a few times as long ones where it moves little
+HOLE_INTERVALS = 10.0  # of the long ones of a signal that is sampled evenly
 LONG = 0.95  # of the intervals are not longer than a long one
 FEWEST = 10  # intervals that show whether a signal is sampled evenly
 EVEN = 1.5  # times the usual interval: whose long ones are shorter is sampled evenly, and not stored when it changes
@@ -155,13 +155,12 @@ def _between(block: SignalBlock, time_ns: TimeArray) -> FloatArray:
 
 
 def _holes(time_ns: TimeArray, value: FloatArray) -> BoolArray:
-    """By known value: whether nothing is known between it and the next one. A signal that is not sampled evenly is kept
-    where it stands still, however long."""
+    """By known value: whether nothing is known between it and the next one: a value was refused, or the samples of an
+    even scan stay out. Of a signal that is stored when it changes a long interval tells that it rested or ran straight.
+    """
     at = np.flatnonzero(np.isfinite(value))
     steps = np.diff(time_ns[at])
-    if not len(steps):
-        return np.zeros(len(at), dtype=np.bool_)
-    far = steps > HOLE_INTERVALS * np.quantile(steps, LONG)
-    if not _is_even(time_ns[at]):
-        far &= np.diff(value[at]) != 0.0
-    return np.append(far | (np.diff(at) > 1), False)
+    hole = np.diff(at) > 1
+    if len(steps) and _is_even(time_ns[at]):
+        hole |= steps > HOLE_INTERVALS * np.quantile(steps, LONG)
+    return np.append(hole, False)

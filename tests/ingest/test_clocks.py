@@ -1,6 +1,8 @@
 """Date and clock in two columns, whatever the columns are called."""
 
 import io
+from collections.abc import Callable
+from datetime import timedelta
 
 import numpy as np
 import polars as pl
@@ -74,6 +76,56 @@ def test_spreadsheets_write_dates_at_midnight_and_clocks_on_their_first_day() ->
     frame = pl.DataFrame({"c0": dates, "c1": clocks})
     assert joined_times(frame, (0, 1)).to_list() == expected
     assert joined_times(frame, (0,)).to_list() == dates
+
+
+@pytest.mark.parametrize(
+    ("date", "clock"),
+    [
+        ("{:%-m/%-d/%Y} 0:00:00", "{:%H:%M:%S}"),
+        ("{:%-m/%-d/%Y} 12:00:00 AM", "{:%I:%M:%S %p}"),
+        ("{:%m/%d/%Y} 12:00 AM", "{:%I:%M:%S %p}"),
+        ("{:%d.%m.%Y} 00:00", "{:%H:%M:%S}"),
+        ("{:%d.%m.%Y} 0:00", "{:%H:%M:%S}"),
+    ],
+)
+@pytest.mark.parametrize("names", ["Date,Time", "Time,Date", "Day,Clock"])
+def test_dates_at_midnight_as_regional_settings_write_them(read: Read, names: str, date: str, clock: str) -> None:
+    days = [stamp.item() + timedelta(days=23) for stamp in STAMPS]
+    parts = {"date": date, "clock": clock}
+    first, second = ("clock", "date") if names == "Time,Date" else ("date", "clock")
+    rows = (f"{parts[first].format(day)},{parts[second].format(day)},{i},1{i}\n" for i, day in enumerate(days))
+    loop = read(f"{names},FIC1.PV,FIC1.OP\n" + "".join(rows)).loops["FIC1"]
+    np.testing.assert_array_equal(loop.time_ns - START - 23 * 86400 * 10**9, STEPS * 10**9)
+
+
+def counted(names: str, stamp: Callable[[int], str], units: str = "") -> str:
+    return f"{names},FIC1.PV,FIC1.OP\n{units}" + "".join(f"{i},{stamp(i)},{i},1{i}\n" for i in range(600))
+
+
+@pytest.mark.parametrize("units", ["", "s,-,m3/h,%\n"])
+@pytest.mark.parametrize("names", ["Time,Timestamp", "Time (s),DateTime"])
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda i: "2026-03-04 09:00:00",
+        lambda i: f"{STAMPS[0].item() + timedelta(seconds=i)}" if i < 300 else "",
+        lambda i: f"{STAMPS[0].item() + timedelta(seconds=i)}" if i >= 300 else "",
+        lambda i: f"3/{1 + i // 300}/2026 0:00:00",
+    ],
+    ids=["of the start", "half filled", "filled late", "dates"],
+)
+def test_stamps_that_tell_no_instants_do_not_go_before_counts(
+    read: Read, names: str, stamp: Callable[[int], str], units: str
+) -> None:
+    content = read(counted(names, stamp, units))
+    assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [10**9]
+    assert content.loops["FIC1"].samples == 600
+
+
+def test_stamps_that_move_go_before_counts(read: Read) -> None:
+    text = counted("Time,Timestamp", lambda i: f"{STAMPS[0].item() + timedelta(seconds=7 * i)}", "s,-,m3/h,%\n")
+    loop = read(text).loops["FIC1"]
+    np.testing.assert_array_equal(loop.time_ns - START, np.arange(600) * 7 * 10**9)
 
 
 def test_a_workbook_with_date_and_clock_apart(read: Read) -> None:

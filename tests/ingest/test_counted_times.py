@@ -124,6 +124,45 @@ def test_instants_in_the_unit_of_the_name(read: Read, name: str, unit: timedelta
     assert content.summary.time_format == "epoch"
 
 
+@pytest.mark.parametrize("name", ["Times", "DateTimes", "Timestamp (s)", "Time [ns]", "time_s"])
+@pytest.mark.parametrize(
+    ("origin", "note"), [(datetime(1601, 1, 1), "as Windows counts"), (datetime(1, 1, 1), "as .NET counts")]
+)
+def test_ticks_whatever_unit_the_name_seems_to_tell(read: Read, name: str, origin: datetime, note: str) -> None:
+    content = read(table(ticks(origin), name))
+    assert (content.loops["A"].time_ns - START).tolist() == [i * 10**10 for i in range(300)]
+    (told,) = content.summary.notes
+    assert note in told
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "note"),
+    [
+        ("Timestamp_ms", "{:.3f}", "times are s since 1970 by their size, though their column's name tells ms"),
+        ("time_ms", "{:.0f}", "times are s since 1970 by their size, though their column's name tells ms"),
+        ("time_us", "{:.0f}", "times are s since 1970 by their size, though their column's name tells us"),
+        ("time_us", "{:.0f}000", "times are ms since 1970 by their size, though their column's name tells us"),
+        ("time_ns", "{:.0f}", "times are s since 1970 by their size, though their column's name tells ns"),
+        ("time_ns", "{:.0f}000000", "times are us since 1970 by their size, though their column's name tells ns"),
+    ],
+)
+def test_instants_in_a_coarser_unit_than_that_of_the_name(read: Read, name: str, text: str, note: str) -> None:
+    content = read(table([text.format(second) for second in since(datetime(1970, 1, 1), timedelta(seconds=1))], name))
+    assert (content.loops["A"].time_ns - START).tolist() == [i * 10**10 for i in range(300)]
+    assert content.summary.time_format == "epoch"
+    assert content.summary.notes == (note,)
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "step"),
+    [("time_ms", 0, 1000), ("time_ms", 1_772_402_400, 1000), ("time_us", 1_000_000_000, 10_000), ("time_us", 0, 10**7)],
+)
+def test_a_span_in_the_unit_of_the_name_is_no_date(read: Read, name: str, first: int, step: int) -> None:
+    content = read(table([str(first + k * step) for k in range(300)], name))
+    assert content.summary.time_format == "relative, s"
+    assert np.unique(np.diff(content.loops["A"].time_ns)).tolist() == [step * {"m": 10**6, "u": 10**3}[name[5]]]
+
+
 def test_a_unit_that_is_not_known_is_told(read: Read) -> None:
     assert "'jiffies' in the name of the times is no unit" in read(table(SECONDS, "Time (jiffies)")).summary.notes[0]
     for name in ("Time", "Time (UTC)", "Time (sec)"):

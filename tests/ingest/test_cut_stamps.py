@@ -53,3 +53,27 @@ def test_rows_of_a_long_table_that_were_sent_twice_are_no_cut_stamps(read: Read)
     content = read("tag,time,value\n" + "".join(row for row in rows for _ in range(2)))
     assert np.unique(np.diff(content.loops["A"].time_ns)).tolist() == [60 * 10**9]
     assert not any(note.startswith(NOTE) for note in content.summary.notes)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M"])
+@pytest.mark.parametrize("missing", [0, 7])
+@pytest.mark.parametrize("by_tag", [True, False])
+def test_of_two_values_of_a_stamp_the_later_one_holds(read: Read, by_tag: bool, missing: int, form: str) -> None:
+    """As corrected, or of two servers, of which one misses some values."""
+    step = timedelta(seconds=1) if "%S" in form else timedelta(minutes=1)
+    stamps = [f"{FIRST + k * step:{form}}" for k in range(200)]
+    twice = [(k, d) for k in range(200) for d in (0.0003, 0.0) if not (d and missing and k % missing == 3)]
+    rows = {s: [f"A.{s},{stamps[k]},{k + d:.4f}\n" for k, d in twice] for s in ("PV", "OP")}
+    text = [*rows["PV"], *rows["OP"]] if by_tag else [row for pair in zip(*rows.values(), strict=True) for row in pair]
+    content = read("tag,time,value\n" + "".join(text))
+    loop = content.loops["A"]
+    assert loop.pv.tolist() == loop.op.tolist() == list(range(200))
+    assert np.unique(np.diff(loop.time_ns)).tolist() == [step // timedelta(microseconds=1) * 1000]
+    assert dict(content.rejects.counts) == {"duplicate_time": 2 * (len(twice) - 200)}
+    assert not any(note.startswith(NOTE) for note in content.summary.notes)
+
+
+def test_stamps_that_come_two_or_three_times_are_cut(read: Read) -> None:
+    stamps = [f"{FIRST + timedelta(seconds=25 * k):%Y-%m-%d %H:%M}" for k in range(200)]
+    content = read("tag,time,value\n" + "".join(f"A.PV,{stamp},{k}\n" for k, stamp in enumerate(stamps)))
+    assert content.loops["A"].pv.tolist() == list(range(200))

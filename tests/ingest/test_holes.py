@@ -75,6 +75,45 @@ def test_what_a_swinging_door_left_out_is_no_hole(deviation: float) -> None:
     assert np.max(np.diff(time_s[kept])) > 3000
 
 
+def reported(op: np.ndarray, deviation: float) -> np.ndarray:
+    """Where it is stored: when it has moved by more than the deviation since it was stored last."""
+    kept = [0]
+    for k in range(1, len(op)):
+        if abs(op[k] - op[kept[-1]]) > deviation:
+            kept.append(k)
+    return np.array(kept)
+
+
+def test_a_rest_of_an_op_that_is_reported_by_exception_is_no_hole() -> None:
+    """Its next value is another one: that it has moved is why it was stored."""
+    op = 50 + 5 * np.sin(np.arange(7200) / 40)
+    op[1800:5400] = op[1800]
+    op[5400:] = op[1800] + 5 * np.sin(np.arange(1800) / 40)
+    kept = reported(op, 0.05)
+    assert np.max(np.diff(kept)) > 3500
+    loop = stored(kept.astype(np.float64), op[kept])
+    assert np.isnan(loop.op).sum() <= 7200 - kept[-1]
+    np.testing.assert_allclose(loop.op[1810:5390], op[1800], atol=0.15)
+
+
+MOVING = np.cumsum(np.tile([1.0, 2.0, 4.0], 250))
+
+
+@pytest.mark.parametrize(
+    "seldom", [np.arange(2700.0, 7200.0, 900.0), np.array([7190.0])], ids=["steps by hand", "straight ramp"]
+)
+def test_intervals_of_a_signal_that_is_stored_when_it_changes_are_no_holes(seldom: np.ndarray) -> None:
+    times = np.concatenate((MOVING, seldom))
+    op = stored(times, times / 100).op
+    assert np.isnan(op[2 : int(times[-1])]).sum() == 0
+
+
+def test_a_refused_value_in_a_rest_makes_a_hole() -> None:
+    times = np.concatenate((MOVING, [4000.0, 7198.0]))
+    values = np.where(times == 4000.0, np.nan, times)
+    assert np.isnan(stored(times, values).op).sum() > 5000
+
+
 def test_a_signal_that_is_sampled_evenly_has_a_hole_though_it_stands_still() -> None:
     time_s = np.arange(0.0, 7200.0, 2.0)
     there = (time_s < 2000) | (time_s > 6000)

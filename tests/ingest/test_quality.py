@@ -141,5 +141,16 @@ def test_bits_of_a_vendor_above_the_byte_of_opc_make_it_no_ua(read: Read) -> Non
     assert refused(read(f"Tagname,TimeStamp,Value,Quality\n{rows}")) == [3, 7, 11, 15, 19]
 
 
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 300])
+@pytest.mark.parametrize("good", ["448", "4288", "65728", "262336", "0x000400C0"])
+def test_good_of_opc_below_bits_of_a_vendor(read: Read, good: str, chunk_bytes: int) -> None:
+    options = IngestOptions(chunk_bytes=chunk_bytes)
+    content = read(long(good, good), options=options)
+    assert refused(content) == []
+    assert content.summary.notes == ()
+    for bad in ("0", "0x00040000"):
+        assert refused(read(long(good, bad), options=options)) == BAD_ROWS
+
+
 def test_codes_that_are_neither_are_judged_by_the_most_frequent(read: Read) -> None:
     assert refused(read(long("0", "301"))) == BAD_ROWS

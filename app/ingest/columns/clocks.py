@@ -14,7 +14,7 @@ from app.ingest.times.stamps import find_form
 MOST = 0.8  # of the rows; units, footers and holes may stand between them
 SHOWN = 50
 _DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
-_CLOCK_OF_NO_CLOCK = r"[ T]00:00:00([.]0+)?$"  # and its date has a clock at midnight
+_CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # its date
 _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
 
 
@@ -41,6 +41,11 @@ def are_clocks(fields: list[str]) -> bool:
     clocks = sum(bool(_CLOCK.fullmatch(field)) for field in plain)
     coloned = sum(":" in field for field in fields)  # 12.30 alone is a number
     return bool(fields) and min(clocks, coloned) >= MOST * len(fields)
+
+
+def are_midnights(fields: Sequence[str]) -> bool:
+    """Whether stamps are of midnight, as spreadsheets write dates: they tell no instants."""
+    return sum(bool(re.search(_CLOCK_OF_NO_CLOCK, field)) for field in fields) >= MOST * len(fields)
 
 
 def _are_dates(fields: list[str], options: IngestOptions) -> bool:

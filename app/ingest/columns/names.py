@@ -1,12 +1,13 @@
 """Knowing columns by their names and by what stands in them; shared by the layouts."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 
 import numpy as np
 
-from app.ingest.columns.clocks import are_clocks, date_and_clock, joined_stamp
+from app.ingest.columns.clocks import MOST, are_clocks, are_midnights, date_and_clock, joined_stamp
 from app.ingest.columns.headings import below_names
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
@@ -39,6 +40,7 @@ TIME_NAMES = frozenset(
         "sampletime",
         "datatime",
         "times",
+        "datetimes",
         "seconds",
         "timesec",
         "timeseconds",
@@ -96,12 +98,12 @@ def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
         in_utc = {index: name for index, name in bare.items() if told[index] == 0}
         if named := _named_as_times(in_utc) or _named_as_times(bare):
             return named
-    with_unit = {index for index, name in enumerate(names) if _is_time_with_unit(name)}
+    with_unit = {index for index, name in enumerate(names) if not _is_time(known[index]) and _is_time_with_unit(name)}
     return _named_as_times(known, with_unit)
 
 
 def _named_as_times(names: Mapping[int, str], with_unit: Collection[int] = ()) -> tuple[int, ...]:
-    """By their plain names, or with a unit in a name where no other is one without: stamps have none."""
+    """By their plain names, or with a unit behind a name where no other is one in full: date and clock have none."""
     of = {name: index for index, name in reversed(list(names.items()))}
     if "date" in of and "time" in of:
         return of["date"], of["time"]
@@ -125,12 +127,22 @@ def _is_time(name: str) -> bool:
 
 def time_columns_in(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
     """The columns of times by their names and by what they hold from a row on: of several with such names, one of dates
-    and clocks goes before one of counts."""
+    and clocks that is filled and moves goes before one of counts."""
     named = time_columns(names)
     others = [(index,) for index, name in enumerate(names) if _is_full_time(name) and (index,) != named]
     if not others or _are_instants(form_of(head, named, first_row, options)):
         return named
-    return next((time for time in others if _are_instants(form_of(head, time, first_row, options))), named)
+    moving = (time for time in others if _moves(head, time[0], first_row))
+    return next((time for time in moving if _are_instants(form_of(head, time, first_row, options))), named)
+
+
+def _moves(head: Head, column: int, first_row: int) -> bool:
+    """Whether a column is filled and tells instants: not the one of the start or the export in all rows, no dates at
+    midnight."""
+    fields = head.column(column, first_row)
+    filled = len(fields) >= MOST * sum(any(row) for row in head.rows[first_row:])
+    rests = max(Counter(fields).values(), default=0) >= MOST * len(fields)
+    return filled and not rests and not are_midnights(fields)
 
 
 def _is_full_time(name: str) -> bool:

@@ -9,7 +9,7 @@ from app.ingest.model import FloatArray, SignalBlock, TimeArray
 from app.ingest.numbers.no_data import ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.pieces import Gathered, Grid, Piece, joined, joined_grid
-from app.ingest.tables.spreading import spread, stamps_are_cut
+from app.ingest.tables.spreading import come_in_threes, spread, stamps_are_cut
 from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Place
 from app.ingest.times.doubled_hour import hours_apart
@@ -86,8 +86,9 @@ class BlocksByTag:
         return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
     def _spread(self, time_ns: TimeArray) -> TimeArray:
-        """A tag's times in the order of its rows; where stamps are cut, spread inside of them."""
-        if not stamps_are_cut(time_ns, self._resolution_ns):
+        """A tag's times in the order of its rows; where stamps are cut, spread inside of them. Of two values of a stamp
+        the later one holds."""
+        if not (stamps_are_cut(time_ns, self._resolution_ns) and come_in_threes(time_ns)):
             return time_ns
         self._tally.spread = True
         way = slice(None, None, -1 if time_ns[0] > time_ns[-1] else 1)

@@ -23,6 +23,12 @@ def stamps_are_cut(time_ns: TimeArray, resolution_ns: int) -> bool:
     return bool(np.median(inner) >= 2 and np.mean(counts >= 2) > 0.8)
 
 
+def come_in_threes(time_ns: TimeArray) -> bool:
+    """Whether a stamp of a tag, in order of rows, comes more than twice. Where all come once or twice, values were sent
+    again, corrected, or by two servers."""
+    return bool(np.max(_runs(time_ns)[1]) > 2)
+
+
 class Spreader:
     """Holds back the rows of the last stamp until all of them are there. The first stamp's rows, if it is cut by the
     record's start, end where the next stamp begins; the last one's begin at its stamp; both at the spacing of a whole

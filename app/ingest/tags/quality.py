@@ -1,5 +1,5 @@
-"""Quality of a value: words, numbers of OPC (0 bad, 64 uncertain, 192 good; of UA the two highest of 32 bits tell, 0
-good), codes of which one is good."""
+"""Quality of a value: words, numbers of OPC (0 bad, 64 uncertain, 192 good, whatever stands above their byte; of UA the
+two highest of 32 bits tell, 0 good), codes of which one is good."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -59,7 +59,7 @@ class Quality:
             self._numbers[number] += counts[text]
         high = [number for number in found.values() if number >= OPC_UNCERTAIN]
         self._ua = bool(high) and (max(high) >= UA_UNCERTAIN or all(map(_may_be_of_ua, high)))
-        if self._ua or any(number <= OPC_MOST for number in high):
+        if self._ua or any(number <= OPC_MOST or _is_good_below_bits_of_a_vendor(number) for number in high):
             self._told, self._good = True, 1.0
         elif not self._chosen and any(self._numbers[number] for number in _MAY_BE_GOOD):
             self._good = max(_MAY_BE_GOOD, key=lambda number: self._numbers[number])
@@ -104,7 +104,12 @@ class Quality:
             return False
         if not self._told or self._good == 0.0:
             return number != self._good
-        if number == self._good or number >= OPC_GOOD:
+        if number == self._good:
+            return False
+        return self._judge_byte(number if number <= OPC_MOST else float(int(number) & 0xFF))
+
+    def _judge_byte(self, number: float) -> bool:
+        if number >= OPC_GOOD:
             return False
         return self._drop_uncertain if number >= OPC_UNCERTAIN else True
 
@@ -150,6 +155,11 @@ def _may_be_of_ua(number: float) -> bool:
     there are none, or those that the eleventh one announces."""
     low = int(number) & 0xFFFF
     return number > OPC_MOST and (low == 0 or bool(low & 0x400))
+
+
+def _is_good_below_bits_of_a_vendor(number: float) -> bool:
+    """As OPC HDA's 0x000400C0, raw and good, is; UA has no use for both of these bits."""
+    return OPC_MOST < number < UA_UNCERTAIN and int(number) & 0xC0 == 0xC0
 
 
 def _counted(texts: pl.Series, weights: NDArray[np.int64] | None) -> dict[str, int]:

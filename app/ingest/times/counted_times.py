@@ -19,6 +19,9 @@ TICK_NS = 100.0
 LEAST_EPOCH_S = 1e8  # as seconds since 1970 of 1973; since a start that is not told, three years
 EPOCH_ROUNDING_NS = 1000  # doubles of our time are 238 ns apart, in whichever of its units
 _EPOCH_UNITS = ((1e17, 1.0), (1e14, 1e3), (1e11, 1e6), (LEAST_EPOCH_S, 1e9))
+_EPOCH_WORDS = ("ns", "us", "ms", "s")
+OURS_FROM_S, OURS_TO_S = 631_152_000, 2_524_608_000  # 1990 to 2049: when plants were recorded
+LONGEST_STEP_S = 100.0  # of a loop that is audited, usually
 _TICKS = (
     (1.16e17, 1.90e17, -11_644_473_600, "times are 100 ns since 1601, as Windows counts them (FILETIME)"),
     (6.21e17, 6.95e17, -62_135_596_800, "times are 100 ns since year 1, as .NET counts them"),
@@ -43,7 +46,8 @@ class Count:
 
 def find_count(sample: list[str], name: str) -> Count | None:
     """Of a column from some of its fields and its name; None where they can be no times, or where those of a date are
-    written so short that seconds are lost, as 1.772402E+09. A unit in the name goes before the size of the numbers."""
+    written so short that seconds are lost, as 1.772402E+09. A unit in the name goes before the size of the numbers, but
+    where these are a date of our time in another one."""
     texts = [text.replace(",", ".") for text in sample if NUMBER.fullmatch(text)]
     values = np.array([float(text) for text in texts])
     middle = float(np.median(values))
@@ -51,14 +55,28 @@ def find_count(sample: list[str], name: str) -> Count | None:
         return None
     unit = told_unit(name)
     if unit is not None and middle * unit.seconds <= LEAST_EPOCH_S:
-        return _days(values, texts, name, unit) or _relative(name, unit)
-    for low, high, zero_s, note in _TICKS if unit is None else ():
+        return _belied(values, unit) or _days(values, texts, name, unit) or _relative(name, unit)
+    for low, high, zero_s, note in _TICKS:
         if low < middle < high:
             return _sharp(Count(TICK_NS, zero_s * NS_PER_S, 10_000, (note,)), texts)
     for above, scale in _EPOCH_UNITS:
         if middle > above:
             return _sharp(Count(scale, 0, EPOCH_ROUNDING_NS), texts) if middle < above * 100 else None
     return _days(values, texts, name, unit) or _relative(name, unit)
+
+
+def _belied(values: FloatArray, unit: ToldUnit) -> Count | None:
+    """Of numbers that are dates of our time in a coarser unit than the name tells, with steps as a loop's: as a span
+    they would begin days from zero, with steps of a tenth of a second at most."""
+    middle, steps = float(np.median(values)), np.diff(np.unique(values))
+    step = float(np.median(steps)) if len(steps) else np.inf
+    for (_, scale), word in zip(_EPOCH_UNITS, _EPOCH_WORDS, strict=True):
+        seconds = scale / NS_PER_S
+        ours = OURS_FROM_S < middle * seconds < OURS_TO_S and step * seconds <= LONGEST_STEP_S
+        if ours and unit.seconds < seconds:
+            note = f"times are {word} since 1970 by their size, though their column's name tells {unit.word}"
+            return Count(scale, 0, EPOCH_ROUNDING_NS, (note,))
+    return None
 
 
 def _sharp(count: Count, texts: list[str]) -> Count | None:

@@ -21,7 +21,7 @@ _FORMS = tuple(
         rf"\s*[\[(]\s*{_WORD}\s*[\])]$",
         rf"\s*/\s*{_WORD}$",
         rf"[_ .,\-]+(?!d$){_WORD}$",
-        rf"(?<=time)(?![hd]$){_WORD}$",
+        rf"(?<=time)(?![hds]$){_WORD}$",
         rf"^(?![hd]$){_WORD}$",
     )
 )
@@ -40,7 +40,8 @@ class ToldUnit:
 
 @lru_cache(maxsize=1 << 17)
 def told_unit(name: str) -> ToldUnit | None:
-    """None where the name tells none. A letter alone is one in brackets or behind a stroke; s and h behind `_` too."""
+    """None where the name tells none, as `Times`. A letter alone is one in brackets or behind a stroke; s and h behind
+    `_` too."""
     folded = name.strip().casefold()  # which makes one mu of the two
     cut = max(len(folded) - _LONGEST, 0)
     for form in _FORMS:
