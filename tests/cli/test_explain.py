@@ -145,7 +145,7 @@ def test_a_trace_leaves_the_simulation_empty_that_was_not_given(recording: Path,
 
 
 def test_of_a_long_record_the_part_that_is_judged_may_be_explained(tmp_path: Path) -> None:
-    loop, path = recorded(STICKY, 6500), tmp_path / "FIC9.csv"
+    loop, path = recorded(STICKY, 6500, seed=2), tmp_path / "FIC9.csv"
     columns = np.stack((loop.time_s, loop.op, loop.pv), axis=1)
     np.savetxt(path, columns, fmt="%.2f", delimiter=",", header="time,OP,PV", comments="")
     trace = tmp_path / "trace.csv"
