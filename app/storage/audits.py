@@ -225,13 +225,13 @@ def note_announced(connection: Connection, audit_id: int) -> None:
 def note_called(connection: Connection, audit_id: int) -> None:
     """Whoever worked on the run has called a successor. One that is to be announced again stays so: others called
     nobody."""
-    told = audits.c.announced_s.is_not(None)
-    connection.execute(update(audits).where(audits.c.id == audit_id, told).values(announced_s=clock_s()))
+    as_before = case((audits.c.announced_s > 0, clock_s()), else_=-clock_s())
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=as_before))
 
 
-def forget_announced(connection: Connection, audit_id: int) -> None:
-    """The next sweep announces the run again, where loops of it are open."""
-    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=None))
+def note_uncalled(connection: Connection, audit_id: int) -> None:
+    """Whoever worked on the run could call nobody: the next sweep announces it again, where loops of it are open."""
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=-clock_s()))
 
 
 def _conditions(wanted: LoopFilter) -> list[Any]:

@@ -1,6 +1,6 @@
 """Whether workers get on, told by what they leave in the data base: to all else one that hears nothing looks alive."""
 
-from sqlalchemy import Column, ColumnElement, Connection, Table, bindparam, exists, or_, select
+from sqlalchemy import Column, ColumnElement, Connection, Table, bindparam, exists, func, or_, select
 
 from app.storage.tables import UNFINISHED, audit_items, audits, deliveries, explanations, uploads
 from app.storage.types import clock_s
@@ -23,7 +23,8 @@ def standstill_s(connection: Connection) -> float:
     ago. Work that nobody claims, such as dropping what is old, gives none.
     """
     waits = exists().where(audit_items.c.audit_id == audits.c.id, audit_items.c.state == "open")
-    unfinished = select(audits.c.announced_s, audits.c.created_at, clock_s()).where(_in(audits.c.state, UNFINISHED))
+    signs = (func.abs(audits.c.announced_s), audits.c.created_at, clock_s())
+    unfinished = select(*signs).where(_in(audits.c.state, UNFINISHED))
     runs = connection.execute(unfinished.where(waits)).all()
     if not runs or connection.scalar(select(or_(*(_held(*work) for work in CLAIMED)))):
         return 0.0

@@ -190,7 +190,7 @@ audits = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("ended_at", UtcDateTime),
     Column("total", Integer, nullable=False),
-    Column("announced_s", Float),
+    Column("announced_s", Float),  # when a worker last called others to it; below zero: and it is to be announced again
     Column("started_by", Text, nullable=False, server_default=""),
     CheckConstraint("state IN ('planned', 'running', 'done', 'partial', 'cancelled')", name="state"),
     UniqueConstraint("plant", "nightly_for"),

@@ -225,4 +225,4 @@ def _note_called(backend: Backend, audit_id: int, told: bool) -> None:
         if told:
             audits.note_called(connection, audit_id)
         else:
-            audits.forget_announced(connection, audit_id)
+            audits.note_uncalled(connection, audit_id)
