@@ -10,7 +10,6 @@ from sqlalchemy import (
     Connection,
     Select,
     and_,
-    bindparam,
     case,
     exists,
     func,
@@ -25,7 +24,7 @@ from sqlalchemy import (
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import GOING_ON, audit_items, audits, loops
+from app.storage.tables import GOING_ON, audit_items, audits, in_words, loops
 from app.storage.types import clock_s, long_ago, now
 
 WITH_RESULTS = ("done", "partial")
@@ -158,10 +157,9 @@ def progress(connection: Connection, audit_ids: Sequence[int]) -> dict[int, Prog
 
 
 def _counted(state: str, told: ColumnElement[str]) -> Select[Any]:
-    """Loops in this state by run. The word stands in the statement, by which SQLite finds the index of that state."""
-    in_state = audit_items.c.state == bindparam(None, state, literal_execute=True, unique=True)
-    query = select(audit_items.c.audit_id, told.label("told"), func.count()).where(in_state)
-    return query.group_by(audit_items.c.audit_id)
+    """Loops in this state by run."""
+    query = select(audit_items.c.audit_id, told.label("told"), func.count()).group_by(audit_items.c.audit_id)
+    return query.where(in_words(audit_items.c.state, state))
 
 
 def _progress(found: dict[str, int]) -> Progress:
