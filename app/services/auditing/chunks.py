@@ -11,6 +11,7 @@ from app.engine.plant_wide.excerpts import excerpts_of
 from app.errors import LoopauditError
 from app.logs import about
 from app.services.audit_json.rows import new_verdict
+from app.services.auditing.calling import call_workers
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
@@ -21,6 +22,7 @@ from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import AuditRow
 from app.storage.items import Claim, Failure
+from app.storage.leases import Reopened
 from app.storage.loops import LoopRow
 from app.storage.tables import UNFINISHED
 from app.storage.types import now
@@ -63,7 +65,7 @@ def audit_chunk(
     until = time.monotonic() + backend.settings.chunk_budget_s
     done = 0
     with about(run=audit_id):
-        while claims := patiently(lambda: _claim(backend, audit_id, owner), lease_s):
+        while claims := _claim(backend, audit_id, owner, calls_successor):
             done += _work_off(backend, run, config, claims, until, watchdog)
             if time.monotonic() > until:
                 break
@@ -78,16 +80,23 @@ def _run(backend: Backend, audit_id: int) -> AuditRow | None:
         return audits.by_id(connection, audit_id)
 
 
-def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
+def _claim(backend: Backend, audit_id: int, owner: str, calls: bool) -> list[Claim]:
     """Looks for loops of lost workers first: while workers are busy, no sweep has its turn. Whoever was lost has no
-    successor, and one more is called."""
-    with backend.database.write() as connection:
-        taken = items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
-        claims = items.claim(connection, audit_id, owner, backend.settings.chunk_loops, backend.settings.lease_s)
-        if claims:
-            audits.set_running(connection, audit_id)
-    if taken.reopened:
-        backend.queue.audit_chunks(audit_id, 1)
+    successor, and another is called; who calls nobody leaves what others lost of other runs to a sweep."""
+    settings = backend.settings
+
+    def claim() -> tuple[Reopened, list[Claim]]:
+        of = None if calls else audit_id
+        with backend.database.write() as connection:
+            taken = items.reopen_expired(connection, settings.max_attempts, settings.lease_s, of)
+            claims = items.claim(connection, audit_id, owner, settings.chunk_loops, settings.lease_s)
+            if claims:
+                audits.set_running(connection, audit_id)
+        return taken, claims
+
+    taken, claims = patiently(claim, settings.lease_s)
+    for run, workers in taken.lost.items() if calls else ():
+        call_workers(backend, run, workers, settings.lease_s)
     return claims
 
 
@@ -208,21 +217,12 @@ def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]
 
 
 def _call_successor(backend: Backend, audit_id: int) -> None:
-    """Where loops are left. Workers are told of the run by this: it is announced again only where that broke off."""
+    """Where loops are left."""
     lease_s = backend.settings.lease_s
     if patiently(lambda: _left(backend, audit_id), lease_s):
-        told = backend.queue.audit_chunks(audit_id, 1)
-        patiently(lambda: _note_called(backend, audit_id, told), lease_s)
+        call_workers(backend, audit_id, 1, lease_s)
 
 
 def _left(backend: Backend, audit_id: int) -> int:
     with backend.database.read() as connection:
         return audits.progress(connection, [audit_id])[audit_id].open
-
-
-def _note_called(backend: Backend, audit_id: int, told: bool) -> None:
-    with backend.database.write() as connection:
-        if told:
-            audits.note_called(connection, audit_id)
-        else:
-            audits.note_uncalled(connection, audit_id)
