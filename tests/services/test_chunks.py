@@ -3,16 +3,19 @@ up."""
 
 import time
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import Connection, select, update
 
 from app.engine.audit import Audit
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.upkeep.sweep import sweep, take_back_loops
-from app.storage import items
+from app.storage import Database, items
+from app.storage.database import CommitLostError
 from app.storage.tables import audit_items
 from app.storage.tables import audits as audits_table
 from tests.services.audited_plant import AddLoops
@@ -157,6 +160,54 @@ def test_a_worker_is_called_to_the_run_that_lost_one(backend: Backend, add_loops
     rung.popleft()
     assert answer(one_each, rung) == 1
     assert sorted(rung) == [int(first), int(second)]
+
+
+def test_who_was_taken_for_lost_calls_no_successor_beside_the_one_that_was_called(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a time in which the data base was away that would be one more for each worker, and so each time."""
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    audits.start_audit(one_each)
+    once = chunks.audit
+
+    def outlasts_its_lease(*given: Any) -> Audit:
+        with backend.database.write() as connection:
+            connection.execute(update(audit_items).values(lease_until_s=0.0))
+        take_back_loops(one_each)
+        return once(*given)
+
+    with monkeypatch.context() as late:
+        late.setattr(chunks, "audit", outlasts_its_lease)
+        assert answer(one_each, rung) == 1
+    assert len(rung) == 1
+    assert answer(one_each, rung) == 1
+    assert len(rung) == 1
+
+
+def test_who_does_not_know_whether_its_verdict_was_written_calls_a_successor(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It holds none of its claims any more, and was not taken for lost."""
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    run = audits.start_audit(one_each)
+    write, written = type(backend.database).write, []
+
+    @contextmanager
+    def answer_is_lost(database: Database) -> Iterator[Connection]:
+        with write(database) as connection:
+            yield connection
+        if items_of(backend).count(("done", 1, None)) and not written:
+            written.append(database)
+            raise CommitLostError("COMMIT", None, OSError())
+
+    with monkeypatch.context() as breaking:
+        breaking.setattr(type(backend.database), "write", answer_is_lost)
+        assert answer(one_each, rung) == 1
+    assert written
+    assert audits.get_audit(backend, run.id).done == 1
+    assert len(rung) == 1
 
 
 def test_where_nobody_could_be_called_for_a_lost_worker_the_run_is_announced_again(
