@@ -11,7 +11,6 @@ from sqlalchemy import (
     Connection,
     Select,
     and_,
-    bindparam,
     case,
     exists,
     func,
@@ -26,7 +25,7 @@ from sqlalchemy import (
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import GOING_ON, audit_items, audits, loops
+from app.storage.tables import GOING_ON, audit_items, audits, in_words, loops
 from app.storage.types import clock_s, long_ago, now
 
 WITH_RESULTS = ("done", "partial")
@@ -185,10 +184,9 @@ def progress(connection: Connection, audit_ids: Sequence[int]) -> dict[int, Prog
 
 
 def _counted(state: str, told: ColumnElement[str]) -> Select[Any]:
-    """Loops in this state by run. The word stands in the statement, by which SQLite finds the index of that state."""
-    in_state = audit_items.c.state == bindparam(None, state, literal_execute=True, unique=True)
-    query = select(audit_items.c.audit_id, told.label("told"), func.count()).where(in_state)
-    return query.group_by(audit_items.c.audit_id)
+    """Loops in this state by run."""
+    query = select(audit_items.c.audit_id, told.label("told"), func.count()).group_by(audit_items.c.audit_id)
+    return query.where(in_words(audit_items.c.state, state))
 
 
 def _progress(found: dict[str, int]) -> Progress:
@@ -252,13 +250,13 @@ def note_announced(connection: Connection, audit_id: int) -> None:
 def note_called(connection: Connection, audit_id: int) -> None:
     """Whoever worked on the run has called a successor. One that is to be announced again stays so: others called
     nobody."""
-    told = audits.c.announced_s.is_not(None)
-    connection.execute(update(audits).where(audits.c.id == audit_id, told).values(announced_s=clock_s()))
+    as_before = case((audits.c.announced_s > 0, clock_s()), else_=-clock_s())
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=as_before))
 
 
-def forget_announced(connection: Connection, audit_id: int) -> None:
-    """The next sweep announces the run again, where loops of it are open."""
-    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=None))
+def note_uncalled(connection: Connection, audit_id: int) -> None:
+    """Whoever worked on the run could call nobody: the next sweep announces it again, where loops of it are open."""
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(announced_s=-clock_s()))
 
 
 def _conditions(wanted: LoopFilter) -> list[Any]:

@@ -97,11 +97,15 @@ def fail(connection: Connection, failures: Sequence[Failure]) -> None:
     connection.execute(one, [_failed(failure) for failure in failures])
 
 
-def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
-    """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost)."""
-    lost = f"the worker was lost {max_attempts} times while it audited this loop"
+def reopen_expired(connection: Connection, max_attempts: int, lease_s: float, audit_id: int | None = None) -> Reopened:
+    """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost). audit_id: those
+    of this run alone. Each task has an owner of its own: `lost` tells how many of each run have no successor."""
+    text = f"the worker was lost {max_attempts} times while it audited this loop"
     claimed = audit_items.c.state == "claimed"
-    return take_back(connection, audit_items, claimed, max_attempts, lease_s, {"code": "worker_lost", "text": lost})
+    if audit_id is not None:
+        claimed &= audit_items.c.audit_id == audit_id
+    lost = {"code": "worker_lost", "text": text}
+    return take_back(connection, audit_items, claimed, max_attempts, lease_s, lost, run=audit_items.c.audit_id)
 
 
 def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureRow]:

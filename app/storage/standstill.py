@@ -1,17 +1,28 @@
 """Whether workers get on, told by what they leave in the data base: to all else one that hears nothing looks alive."""
 
-from sqlalchemy import Column, ColumnElement, Connection, Table, bindparam, exists, or_, select
+from sqlalchemy import ColumnElement, Connection, Table, exists, func, or_, select
 
-from app.storage.tables import UNFINISHED, audit_items, audits, deliveries, explanations, uploads
+from app.storage.tables import (
+    GOING_ON,
+    UNDELIVERED,
+    UNEXPLAINED,
+    UNREAD,
+    audit_items,
+    audits,
+    deliveries,
+    explanations,
+    in_words,
+    uploads,
+)
 from app.storage.types import clock_s
 
-CLAIMED = (
-    (audit_items, "claimed", ("claimed",)),
-    (uploads, "reading", ("received", "reading")),
-    (explanations, "claimed", ("open", "claimed")),
-    (deliveries, "claimed", ("open", "claimed")),
+CLAIMED: tuple[tuple[Table, ColumnElement[bool]], ...] = (
+    (audit_items, in_words(audit_items.c.state, "claimed")),
+    (uploads, UNREAD & (uploads.c.state == "reading")),
+    (explanations, UNEXPLAINED & (explanations.c.state == "claimed")),
+    (deliveries, UNDELIVERED & (deliveries.c.state == "claimed")),
 )
-"""What workers hold while they work on it: its state then, and the states of the index by which it is found."""
+"""What workers hold while they work on it, in the words of the index by which it is found."""
 
 
 def standstill_s(connection: Connection) -> float:
@@ -23,20 +34,13 @@ def standstill_s(connection: Connection) -> float:
     ago. Work that nobody claims, such as dropping what is old, gives none.
     """
     waits = exists().where(audit_items.c.audit_id == audits.c.id, audit_items.c.state == "open")
-    unfinished = select(audits.c.announced_s, audits.c.created_at, clock_s()).where(_in(audits.c.state, UNFINISHED))
-    runs = connection.execute(unfinished.where(waits)).all()
-    if not runs or connection.scalar(select(or_(*(_held(*work) for work in CLAIMED)))):
-        return 0.0
+    signs = (func.abs(audits.c.announced_s), audits.c.created_at, clock_s())
+    at_work = or_(*(_held(*work) for work in CLAIMED))
+    runs = connection.execute(select(*signs).where(GOING_ON, waits, ~at_work)).all()
     told = ((created_at.timestamp() if told_s is None else told_s, now_s) for told_s, created_at, now_s in runs)
-    return max(0.0, *(now_s - told_s for told_s, now_s in told))
+    return max((0.0, *(now_s - told_s for told_s, now_s in told)))
 
 
-def _held(work: Table, claimed: str, indexed: tuple[str, ...]) -> ColumnElement[bool]:
+def _held(work: Table, claimed: ColumnElement[bool]) -> ColumnElement[bool]:
     """Whether a claim still holds: one of a worker that is gone stays until its lease ends, or until a sweep comes."""
-    state: Column[str] = work.c.state
-    return exists().where(_in(state, indexed), state == claimed, work.c.lease_until_s >= clock_s())
-
-
-def _in(state: Column[str], states: tuple[str, ...]) -> ColumnElement[bool]:
-    """In the words of a partial index: to SQLite values that are sent beside a statement are not those."""
-    return state.in_(bindparam(None, states, expanding=True, literal_execute=True, unique=True))
+    return exists().where(claimed, work.c.lease_until_s >= clock_s())

@@ -41,9 +41,11 @@ def _partial(name: str, *columns: str, where: str) -> Index:
     return Index(name, *columns, postgresql_where=text(where), sqlite_where=text(where))
 
 
-def _in_words(column: Column[str], *states: str) -> ColumnElement[bool]:
+def in_words(column: Column[str], *states: str) -> ColumnElement[bool]:
     """Whether a row is in one of these states, which stand in the statement: to SQLite values that are sent beside it
     are not those of a partial index, and it reads the table."""
+    if len(states) == 1:  # SQLite finds no index of one state by a list of it
+        return column == bindparam(None, states[0], Text(), literal_execute=True, unique=True)
     return column.in_(bindparam(None, states, Text(), expanding=True, literal_execute=True, unique=True))
 
 
@@ -78,7 +80,7 @@ uploads = Table(
     Index("ix_uploads_fingerprint", "fingerprint"),
 )
 
-UNREAD = _in_words(uploads.c.state, "received", "reading")
+UNREAD = in_words(uploads.c.state, "received", "reading")
 """Of an upload: it is still to be read."""
 
 rejects = Table(
@@ -190,7 +192,7 @@ audits = Table(
     Column("created_at", UtcDateTime, nullable=False),
     Column("ended_at", UtcDateTime),
     Column("total", Integer, nullable=False),
-    Column("announced_s", Float),
+    Column("announced_s", Float),  # when a worker last called others to it; below zero: and it is to be announced again
     Column("started_by", Text, nullable=False, server_default=""),
     CheckConstraint("state IN ('planned', 'running', 'done', 'partial', 'cancelled')", name="state"),
     UniqueConstraint("plant", "nightly_for"),
@@ -199,7 +201,7 @@ audits = Table(
 
 UNFINISHED = ("planned", "running")
 """States of a run that is still to be worked on."""
-GOING_ON = _in_words(audits.c.state, *UNFINISHED)
+GOING_ON = in_words(audits.c.state, *UNFINISHED)
 """Of a run: it is still to be worked on."""
 
 audit_items = Table(
@@ -331,7 +333,7 @@ explanations = Table(
     _partial("ix_explanations_unfinished", "id", where="state IN ('open', 'claimed')"),
 )
 
-UNEXPLAINED = _in_words(explanations.c.state, "open", "claimed")
+UNEXPLAINED = in_words(explanations.c.state, "open", "claimed")
 """Of an explanation: it has not ended."""
 
 keys = Table(
@@ -424,5 +426,5 @@ deliveries = Table(
     _partial("ix_deliveries_unfinished", "next_try_s", where="state IN ('open', 'claimed')"),
 )
 
-UNDELIVERED = _in_words(deliveries.c.state, "open", "claimed")
+UNDELIVERED = in_words(deliveries.c.state, "open", "claimed")
 """Of a digest to one receiver: it is still to be sent."""

@@ -3,16 +3,19 @@ up."""
 
 import time
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import Connection, select, update
 
 from app.engine.audit import Audit
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.upkeep.sweep import sweep
-from app.storage import items
+from app.services.upkeep.sweep import sweep, take_back_loops
+from app.storage import Database, items
+from app.storage.database import CommitLostError
 from app.storage.tables import audit_items
 from app.storage.tables import audits as audits_table
 from tests.services.audited_plant import AddLoops
@@ -117,14 +120,107 @@ def test_a_run_of_which_a_worker_could_call_no_successor_is_announced_again(
     assert sweep(by_two).announced == 0
 
 
+def loses(backend: Backend, audit_id: str, workers: int = 1) -> None:
+    """As if so many workers had died with a loop of the run in their hands."""
+    with backend.database.write() as connection:
+        for number in range(workers):
+            assert items.claim(connection, int(audit_id), f"lost{number}", 1, -1.0)
+
+
 def test_for_a_worker_that_was_lost_another_is_called(backend: Backend, add_loops: AddLoops, rung: deque[int]) -> None:
     add_loops(*LOOPS)
     by_two = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=2)
-    run = audits.start_audit(by_two)
-    with backend.database.write() as connection:
-        assert items.claim(connection, int(run.id), "lost", 1, -1.0)
+    loses(backend, audits.start_audit(by_two).id)
     rung.popleft()
     assert answer(by_two, rung) == 1
+    assert len(rung) == 2
+
+
+def test_for_workers_that_were_lost_a_sweep_calls_as_many(
+    backend: Backend, add_loops: AddLoops, rung: deque[int]
+) -> None:
+    """Those that are left go on, and while they do nobody announces the run."""
+    add_loops(*LOOPS)
+    by_three = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=3)
+    loses(backend, audits.start_audit(by_three).id, 2)
+    rung.popleft()
+    rung.popleft()
+    assert sweep(by_three).reopened == 2
+    assert len(rung) == 3
+    assert sweep(by_three).reopened == 0
+    assert answer(by_three, rung) == 1
+    assert len(rung) == 3
+
+
+def test_a_worker_is_called_to_the_run_that_lost_one(backend: Backend, add_loops: AddLoops, rung: deque[int]) -> None:
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    first, second = (audits.start_audit(one_each).id for _ in range(2))
+    loses(backend, first)
+    rung.popleft()
+    assert answer(one_each, rung) == 1
+    assert sorted(rung) == [int(first), int(second)]
+
+
+def test_who_was_taken_for_lost_calls_no_successor_beside_the_one_that_was_called(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a time in which the data base was away that would be one more for each worker, and so each time."""
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    audits.start_audit(one_each)
+    once = chunks.audit
+
+    def outlasts_its_lease(*given: Any) -> Audit:
+        with backend.database.write() as connection:
+            connection.execute(update(audit_items).values(lease_until_s=0.0))
+        take_back_loops(one_each)
+        return once(*given)
+
+    with monkeypatch.context() as late:
+        late.setattr(chunks, "audit", outlasts_its_lease)
+        assert answer(one_each, rung) == 1
+    assert len(rung) == 1
+    assert answer(one_each, rung) == 1
+    assert len(rung) == 1
+
+
+def test_who_does_not_know_whether_its_verdict_was_written_calls_a_successor(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It holds none of its claims any more, and was not taken for lost."""
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    run = audits.start_audit(one_each)
+    write, written = type(backend.database).write, []
+
+    @contextmanager
+    def answer_is_lost(database: Database) -> Iterator[Connection]:
+        with write(database) as connection:
+            yield connection
+        if items_of(backend).count(("done", 1, None)) and not written:
+            written.append(database)
+            raise CommitLostError("COMMIT", None, OSError())
+
+    with monkeypatch.context() as breaking:
+        breaking.setattr(type(backend.database), "write", answer_is_lost)
+        assert answer(one_each, rung) == 1
+    assert written
+    assert audits.get_audit(backend, run.id).done == 1
+    assert len(rung) == 1
+
+
+def test_where_nobody_could_be_called_for_a_lost_worker_the_run_is_announced_again(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops(*LOOPS)
+    by_two = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=2)
+    loses(backend, audits.start_audit(by_two).id)
+    rung.clear()
+    with monkeypatch.context() as away:
+        away.setattr(backend.queue, "audit_chunks", lambda *_: False)
+        take_back_loops(by_two)
+    assert sweep(by_two).announced == 1
     assert len(rung) == 2
 
 
@@ -135,3 +231,19 @@ def test_who_goes_on_by_itself_calls_nobody(backend: Backend, add_loops: AddLoop
     rung.clear()
     assert chunks.audit_chunk(one_each, int(run.id), "cron", calls_successor=False) == 1
     assert not rung
+
+
+def test_who_goes_on_by_itself_leaves_lost_workers_of_other_runs_to_a_sweep(
+    backend: Backend, add_loops: AddLoops, rung: deque[int]
+) -> None:
+    """It calls nobody, and theirs would have no successor."""
+    add_loops(*LOOPS)
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
+    own, other = (audits.start_audit(one_each).id for _ in range(2))
+    loses(backend, own)
+    loses(backend, other)
+    rung.clear()
+    assert chunks.audit_chunk(one_each, int(own), "cron", calls_successor=False) == 1
+    assert not rung
+    assert sweep(one_each).reopened == 1
+    assert list(rung) == [int(other)]

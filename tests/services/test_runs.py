@@ -26,6 +26,7 @@ from app.services.plant import loops
 from app.services.upkeep.readiness import readiness
 from app.services.upkeep.sweep import sweep
 from app.settings import Settings
+from app.storage import items
 from app.storage import series as stored_series
 from app.storage.tables import audit_items, series, verdicts
 from app.storage.tables import audits as audits_table
@@ -172,7 +173,8 @@ def test_a_late_worker_cannot_overwrite(backend: Backend, add_loops: AddLoops, m
 def test_work_of_a_lost_worker_is_given_to_another(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1", "FIC2")
     run = audits.start_audit(backend)
-    chunks._claim(backend, int(run.id), "dead")
+    with backend.database.write() as connection:
+        assert len(items.claim(connection, int(run.id), "dead", 2, 40.0)) == 2
     assert chunks.audit_chunk(backend, int(run.id), "w") == 0
     with backend.database.write() as connection:
         connection.execute(update(audit_items).values(lease_until_s=0.0))

@@ -9,6 +9,7 @@ from sqlalchemy import update
 from app.cli.worker import refuse_standstill
 from app.errors import RequestError
 from app.services.auditing.audits import start_audit
+from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.explaining.explanations import ask
 from app.services.intake.uploads import receive
@@ -16,9 +17,11 @@ from app.services.upkeep import doctor
 from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.sweep import sweep
 from app.storage import deliveries, explanations, items, uploads
+from app.storage.audits import to_announce
 from app.storage.tables import audit_items, audits
 from app.storage.types import clock_s
 from tests.services.audited_plant import AddLoops
+from tests.services.upkeep_plant import with_settings
 
 AGE_S = 1200.0
 
@@ -87,6 +90,18 @@ def test_a_worker_that_is_at_work_is_none_however_old_the_run(
 def test_a_new_run_hides_no_older_one_that_nobody_takes(backend: Backend, old_run: int) -> None:
     start_audit(backend)
     assert standstill_s(backend) > AGE_S / 2
+
+
+def test_a_worker_that_could_call_nobody_has_given_a_sign(
+    backend: Backend, old_run: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its run is to be announced again, which says nothing of when it was heard."""
+    one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6)
+    monkeypatch.setattr(backend.queue, "audit_chunks", lambda *_: False)
+    assert audit_chunk(one_each, old_run, "w") == 1
+    assert standstill_s(backend) < 60.0
+    with backend.database.write() as connection:
+        assert to_announce(connection, backend.settings.stalled_s) == [old_run]
 
 
 def test_a_standstill_is_told_to_health_checks(backend: Backend, old_run: int) -> None:

@@ -42,7 +42,7 @@ def test_a_claim_is_given_to_another(database: Database, run: int) -> None:
         assert items.reopen_expired(connection, 3, LEASE_S) == Reopened(0, 0)
     put_back(database, audit_items, "lease_until_s")
     with database.write() as connection:
-        assert items.reopen_expired(connection, 3, LEASE_S) == Reopened(1, 0)
+        assert items.reopen_expired(connection, 3, LEASE_S) == Reopened(1, 0, {run: 1})
         assert items.finish(connection, held) == set()
         assert audits.progress(connection, [run])[run] == Progress(open=1)
 

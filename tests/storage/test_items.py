@@ -97,7 +97,7 @@ def test_a_run_ends_once_nothing_is_left(database: Database, run: int) -> None:
 def test_a_lost_worker_cannot_write_any_more(database: Database, run: int) -> None:
     lost = claim(database, run, "a", 20, lease_s=-1.0)
     with database.write() as connection:
-        assert items.reopen_expired(connection, max_attempts=3, lease_s=60.0) == Reopened(20, 0)
+        assert items.reopen_expired(connection, max_attempts=3, lease_s=60.0) == Reopened(20, 0, {run: 1})
     again = claim(database, run, "a", 20)
     with database.write() as connection:
         assert items.finish(connection, lost) == set()
@@ -105,6 +105,19 @@ def test_a_lost_worker_cannot_write_any_more(database: Database, run: int) -> No
         assert items.renew(connection, lost, 60.0) == 0
         assert items.finish(connection, again) == {again[0].loop_id}
     assert progress(database, run).failed == 0
+
+
+def test_lost_workers_are_counted_by_run(database: Database, run: int) -> None:
+    """Those too of which all loops are given up; each once, whatever it held."""
+    with database.write() as connection:
+        connection.execute(update(audit_items).where(audit_items.c.loop_id <= 3).values(attempts=2))
+        other = audits.plan(connection, RUN, LoopFilter()) or 0
+    for audit_id, owner, count in ((run, "a", 5), (run, "b", 12), (run, "c", 1), (other, "d", 20)):
+        claim(database, audit_id, owner, count, lease_s=-1.0)
+    with database.write() as connection:
+        assert items.reopen_expired(connection, 3, 60.0, audit_id=other) == Reopened(20, 0, {other: 1})
+        assert items.reopen_expired(connection, 3, 60.0) == Reopened(17, 1, {run: 3})
+        assert items.reopen_expired(connection, 3, 60.0) == Reopened(0, 0)
 
 
 def test_a_loop_that_was_tried_before_is_claimed_alone(database: Database, run: int) -> None:
@@ -122,7 +135,7 @@ def test_a_loop_that_takes_its_worker_down_is_set_aside(database: Database, run:
             pass
         with database.write() as connection:
             reopened = items.reopen_expired(connection, max_attempts=2, lease_s=60.0)
-    assert reopened == Reopened(0, 20)
+    assert reopened == Reopened(0, 20, {run: 1})
     with database.write() as connection:
         assert audits.end_if_complete(connection, run) == 1
         assert {f.code for f in items.failures(connection, run, 20)} == {"worker_lost"}
@@ -142,7 +155,7 @@ def test_a_lease_that_ends_while_others_are_taken_back_gives_no_loop_a_try_too_m
     with database.write() as connection:
         event.listen(connection, "after_cursor_execute", time_passes)
         assert items.reopen_expired(connection, max_attempts=1, lease_s=60.0) == Reopened(0, 0)
-        assert items.reopen_expired(connection, max_attempts=1, lease_s=60.0) == Reopened(0, 20)
+        assert items.reopen_expired(connection, max_attempts=1, lease_s=60.0) == Reopened(0, 20, {run: 1})
     assert progress(database, run) == Progress(failed=20)
 
 

@@ -23,6 +23,7 @@ from app.storage import (
     receipts,
     retention,
     series,
+    standstill,
     uploads,
     verdicts,
 )
@@ -187,6 +188,7 @@ ALWAYS = {
     "digests that are due": deliveries.due,
     "a digest to send": lambda c: deliveries.claim_next(c, "w", LEASE_S),
     "what waits": figures.waiting,
+    "whether workers stand still": standstill.standstill_s,
 }
 GROWING = {"uploads", "explanations", "deliveries", "audits", *LARGE}
 WALK = re.compile(r"(?:SCAN|SEARCH) (\w+)(?: USING (?:COVERING )?INDEX (\w+))?")  # of an index too, without a condition

@@ -11,16 +11,18 @@ from app.engine.plant_wide.excerpts import excerpts_of
 from app.errors import LoopauditError
 from app.logs import about
 from app.services.audit_json.rows import new_verdict
+from app.services.auditing.calling import call_workers
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
-from app.services.backend import DATABASE_AWAY, Backend
+from app.services.backend import DATABASE_AWAY, Backend, commit_lost
 from app.services.moments import PlantClock, moment_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import AuditRow
 from app.storage.items import Claim, Failure
+from app.storage.leases import Reopened
 from app.storage.loops import LoopRow
 from app.storage.tables import UNFINISHED
 from app.storage.types import now
@@ -61,13 +63,14 @@ def audit_chunk(
         return 0
     config = AuditConfig.from_json(run.config_json)
     until = time.monotonic() + backend.settings.chunk_budget_s
-    done = 0
+    done, replaced = 0, False
     with about(run=audit_id):
-        while claims := patiently(lambda: _claim(backend, audit_id, owner), lease_s):
-            done += _work_off(backend, run, config, claims, until, watchdog)
-            if time.monotonic() > until:
+        while claims := _claim(backend, audit_id, owner, calls_successor):
+            begun, replaced = _work_off(backend, run, config, claims, until, watchdog)
+            done += begun
+            if replaced or time.monotonic() > until:
                 break
-        if not patiently(lambda: end_if_complete(backend, audit_id), lease_s) and calls_successor:
+        if not patiently(lambda: end_if_complete(backend, audit_id), lease_s) and calls_successor and not replaced:
             _call_successor(backend, audit_id)
         log.info("loops audited", extra={"loops": done})
     return done
@@ -78,25 +81,32 @@ def _run(backend: Backend, audit_id: int) -> AuditRow | None:
         return audits.by_id(connection, audit_id)
 
 
-def _claim(backend: Backend, audit_id: int, owner: str) -> list[Claim]:
+def _claim(backend: Backend, audit_id: int, owner: str, calls: bool) -> list[Claim]:
     """Looks for loops of lost workers first: while workers are busy, no sweep has its turn. Whoever was lost has no
-    successor, and one more is called."""
-    with backend.database.write() as connection:
-        taken = items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
-        claims = items.claim(connection, audit_id, owner, backend.settings.chunk_loops, backend.settings.lease_s)
-        if claims:
-            audits.set_running(connection, audit_id)
-    if taken.reopened:
-        backend.queue.audit_chunks(audit_id, 1)
+    successor, and another is called; who calls nobody leaves what others lost of other runs to a sweep."""
+    settings = backend.settings
+
+    def claim() -> tuple[Reopened, list[Claim]]:
+        of = None if calls else audit_id
+        with backend.database.write() as connection:
+            taken = items.reopen_expired(connection, settings.max_attempts, settings.lease_s, of)
+            claims = items.claim(connection, audit_id, owner, settings.chunk_loops, settings.lease_s)
+            if claims:
+                audits.set_running(connection, audit_id)
+        return taken, claims
+
+    taken, claims = patiently(claim, settings.lease_s)
+    for run, workers in taken.lost.items() if calls else ():
+        call_workers(backend, run, workers, settings.lease_s)
     return claims
 
 
 def _work_off(
     backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim], until: float, watchdog: bool
-) -> int:
+) -> tuple[int, bool]:
     """Writes what is done before the lease of the rest grows old, and renews the rest; leaves where none of it holds
     any more, as in a run that was cancelled. At the time `until` it hands back what it has not begun: loops that take
-    long must not outlast the task. How many it began."""
+    long must not outlast the task. How many it began, and whether it was taken for lost: another was called then."""
     lease_s = backend.settings.lease_s
     started, results, begun = time.monotonic(), [], 0
     waiting = patiently(lambda: _load(backend, run, config, claims), lease_s)
@@ -105,11 +115,11 @@ def _work_off(
         begun += 1
         over = time.monotonic() > until
         if over or time.monotonic() - started > lease_s / 4:
-            if not _write(backend, results, [work.claim for work in waiting], hands_back=over) or over:
-                return begun
+            held = _write(backend, results, [work.claim for work in waiting], hands_back=over)
+            if over or not held:
+                return begun, not held
             started, results = time.monotonic(), []
-    _write(backend, results, [])
-    return begun
+    return begun, not _write(backend, results, [])
 
 
 def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim]) -> list[Work]:
@@ -190,39 +200,41 @@ def _set_aside(work: Work, code: str, text: str) -> Result:
     return Result(work.claim, failure=Failure(work.claim, code, text))
 
 
-def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim], *, hands_back: bool = False) -> int:
+def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim], *, hands_back: bool = False) -> bool:
     """Verdicts of claims that still hold, once; what was lost to another worker is left to it. Those that wait are
-    renewed, or handed back; how many of them still held."""
+    renewed, or handed back. False where none of all these held any more, as far as is known: after a commit whose
+    answer was lost, what was written holds none."""
+    in_doubt: list[Exception] = []
     new = [result.verdict for result in results if result.verdict is not None]
 
-    def write() -> int:
+    def write() -> bool:
         with backend.database.write() as connection:
             held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
             verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
             items.fail(connection, [result.failure for result in results if result.failure is not None])
             if hands_back:
-                return items.hand_back(connection, waiting)
-            return items.renew(connection, waiting, backend.settings.lease_s)
+                kept = items.hand_back(connection, waiting)
+            else:
+                kept = items.renew(connection, waiting, backend.settings.lease_s)
+        return bool(held or kept) or not (new or waiting)
 
-    return patiently(write, backend.settings.lease_s)
+    def noting_doubt() -> bool:
+        try:
+            return write()
+        except DATABASE_AWAY as error:
+            in_doubt.extend([error] if commit_lost(error) else [])
+            raise
+
+    return patiently(noting_doubt, backend.settings.lease_s) or bool(in_doubt)
 
 
 def _call_successor(backend: Backend, audit_id: int) -> None:
-    """Where loops are left. Workers are told of the run by this: it is announced again only where that broke off."""
+    """Where loops are left."""
     lease_s = backend.settings.lease_s
     if patiently(lambda: _left(backend, audit_id), lease_s):
-        told = backend.queue.audit_chunks(audit_id, 1)
-        patiently(lambda: _note_called(backend, audit_id, told), lease_s)
+        call_workers(backend, audit_id, 1, lease_s)
 
 
 def _left(backend: Backend, audit_id: int) -> int:
     with backend.database.read() as connection:
         return audits.progress(connection, [audit_id])[audit_id].open
-
-
-def _note_called(backend: Backend, audit_id: int, told: bool) -> None:
-    with backend.database.write() as connection:
-        if told:
-            audits.note_called(connection, audit_id)
-        else:
-            audits.forget_announced(connection, audit_id)

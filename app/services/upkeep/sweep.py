@@ -8,6 +8,7 @@ from typing import TypeVar
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.services.auditing import audits as audit_runs
+from app.services.auditing.calling import call_workers
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import DATABASE_AWAY, Backend
@@ -60,8 +61,10 @@ def _answers(backend: Backend) -> bool:
 
 
 def take_back_loops(backend: Backend) -> SweepReport:
+    """Whoever was lost has no successor: for each another is called."""
     with backend.database.write() as connection:
         taken = items.reopen_expired(connection, backend.settings.max_attempts, backend.settings.lease_s)
+    in_turn(backend, [partial(call_workers, backend, run, workers) for run, workers in taken.lost.items()])
     return SweepReport(reopened=taken.reopened, failed=taken.failed)
 
 
