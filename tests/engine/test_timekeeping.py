@@ -142,7 +142,7 @@ def loop(seed, **changes):
 
 def test_a_triangle_from_a_timer_is_not_relied_on_and_a_valve_that_sticks_is():
     timer = Signal(waves=(Wave(8.0, 240.0, "triangle"),), noise_sd=0.3, noise_tau_s=200.0)
-    shaken, sticks = loop(1, load=timer), loop(2, valve=TwoParameterValve(6.0, 3.0))
+    shaken, sticks = loop(3, load=timer), loop(2, valve=TwoParameterValve(6.0, 3.0))
     for simulated, keeps_time in ((shaken, True), (sticks, False)):
         judgement = audit(simulated.recording("FIC101")).judgement
         assert judgement.verdict == "stiction"

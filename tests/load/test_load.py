@@ -28,7 +28,7 @@ from app.services.backend import Backend
 from app.services.intake.uploads import get_upload, path_of
 from app.settings import Settings
 
-CLIENTS = int(os.environ.get("LOAD_CLIENTS", "50"))
+CLIENTS = int(os.environ.get("LOAD_CLIENTS", "25"))
 ROUNDS = int(os.environ.get("LOAD_ROUNDS", "1"))
 UPLOAD_BYTES = 200_000
 ROWS = 1440
@@ -37,7 +37,7 @@ FIRST = 4  # loops that are there before the load: the first audits have somethi
 OSCILLATING = 8  # loops that the whole method is run on; the controllers of the others are in manual
 PATIENCE_S = 900.0
 MOST_GROWTH_MB = 150
-AT_ONCE = 8  # so that 50 clients meet back pressure
+AT_ONCE = 8  # so that the clients meet back pressure
 ROOT = Path(__file__).parents[2]
 
 

@@ -10,7 +10,7 @@ from sqlalchemy import update
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.digests import digest
+from app.services.digests import digest, telling
 from app.services.moments import ns_of
 from app.services.plant import loops, notes, reliability, repaired
 from app.services.plant.before_after import compared
@@ -161,9 +161,10 @@ def test_a_repair_that_helped_is_told_as_such(backend: Backend, arrives, night: 
     run = night()["audit_id"]
     assert fortnight(backend, monkeypatch) == [("FIC1", "helped", "stiction", "no_stiction", True)]
     told = digest.digest_of(backend, run)
-    assert "FIC1, repaired 2026-03-01 08:00: helped; before: valve sticks, since: no stiction (" in digest.as_text(told)
-    assert "Repairs of the last fortnight" in digest.as_html(told)
-    assert digest.as_json(told)["repairs"][0]["outcome"] == "helped"
+    line = "FIC1, repaired 2026-03-01 08:00: helped; before: valve sticks, since: no stiction ("
+    assert line in telling.as_text(told)
+    assert "Repairs of the last fortnight" in telling.as_html(told)
+    assert telling.as_json(told)["repairs"][0]["outcome"] == "helped"
 
 
 def test_a_run_before_a_repair_was_written_down_tells_of_it_where_all_its_samples_are_later(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 from app.engine.recording import FloatArray, IntArray
 
@@ -143,7 +143,8 @@ def _chance(counts: IntArray, since: FloatArray, reach_s: FloatArray, width_s: f
     shares = np.concatenate(([0.0], np.cumsum(np.minimum(width_s / np.maximum(reach_s, width_s), 1.0))))
     n = high - low
     p = (shares[high] - shares[low]) / n
-    return np.minimum(_WIDTHS_TRIED * n * binom.sf(counts - 2, n - 1, p), 1.0)
+    others = np.where(counts > 1, bdtrc(np.maximum(counts - 2, 0), n - 1, p), 1.0)  # P(B >= counts - 1)
+    return np.minimum(_WIDTHS_TRIED * n * others, 1.0)
 
 
 def _usual_interval_s(stands: Sequence[Stand]) -> float:
