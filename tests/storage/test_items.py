@@ -207,19 +207,6 @@ def test_one_run_a_night(database: Database, run: int) -> None:
         assert audits.plan(connection, {**RUN, "nightly_for": "2026-02-01"}, LoopFilter()) is not None
 
 
-def test_claims_use_the_partial_index(database: Database, run: int) -> None:
-    which = "audit_id = 1 AND state = 'open' AND attempts = 0"
-    query = f"SELECT loop_id FROM audit_items WHERE {which} ORDER BY loop_id LIMIT 5"  # noqa: S608 - our own words
-    with database.write() as connection:
-        if database.is_sqlite:
-            plan = str(connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}").all())
-        else:
-            connection.exec_driver_sql("SET LOCAL enable_seqscan = off")
-            plan = str(connection.exec_driver_sql(f"EXPLAIN {query}").all())
-        assert "ix_audit_items_open" in plan
-        connection.execute(update(audit_items).values(state="open"))
-
-
 def test_nothing_claimed_is_nothing_to_renew_finish_or_fail(database: Database, run: int) -> None:
     with database.write() as connection:
         before = audits.progress(connection, [run])[run]

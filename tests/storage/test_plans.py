@@ -209,6 +209,16 @@ def test_what_is_asked_all_the_time_reads_what_is_to_do_however_much_was_done(fi
     assert not any(read.values()), read
 
 
+def test_a_claim_finds_what_is_open_among_what_is_done(filled: Database) -> None:
+    claim = lambda c: items.claim(c, NIGHTS, "w", 32, 45.0)  # noqa: E731
+    with filled.write() as connection:
+        if filled.is_sqlite:
+            told = _steps(connection, claim)
+        else:
+            told = [node.get("Index Name", "") for plan in _plans(connection, claim) for node in _nodes(plan)]
+    assert any("ix_audit_items_open" in one for one in told), told
+
+
 def test_failures_are_counted_without_those_of_all_runs(filled: Database) -> None:
     assert "audit_items" not in _read_whole(filled, figures.collect)
 
