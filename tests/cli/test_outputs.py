@@ -10,18 +10,13 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from app.cli.main import cli
 from app.cli.outputs import part_of, refuse_outputs, written
 from app.errors import RequestError
 from app.lab.bench import running
+from tests.cli.calling import run
 
 FULL = Path("/dev/full")
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, [*map(str, arguments)])
 
 
 def in_a_process(*arguments: object, stdout: object = subprocess.PIPE, **options) -> subprocess.Popen[str]:

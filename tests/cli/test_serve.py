@@ -1,4 +1,4 @@
-"""What `serve` listens on."""
+"""What `serve` listens on, and where it asks for keys."""
 
 import os
 import socket
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.serve import listen, only_one, warn_of_openness
+from app.cli.serve import asks_for_keys, listen, only_one, warn_of_openness
 from app.errors import RequestError
 from app.services.upkeep.presence import LOCK, SERVING, alone, only_server
 from app.services.upkeep.tables import migrate
@@ -96,3 +96,16 @@ def test_serving_without_keys_beyond_loopback_is_warned_of(
     told = capsys.readouterr().err
     assert bool(told) == warned
     assert not told or f"no key is asked for on {host}" in told
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "plant-server", ""])  # noqa: S104 - asks for keys
+def test_serve_asks_for_keys_beyond_loopback(tmp_path, host):
+    assert asks_for_keys(host, Settings(data_dir=tmp_path))
+    assert not asks_for_keys(host, Settings(data_dir=tmp_path, allow_open=True))
+    assert asks_for_keys(host, Settings(data_dir=tmp_path, allow_open=True, require_keys=True))
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])
+def test_serve_asks_for_keys_on_loopback_where_it_is_told_to(tmp_path, host):
+    assert not asks_for_keys(host, Settings(data_dir=tmp_path))
+    assert asks_for_keys(host, Settings(data_dir=tmp_path, require_keys=True))
