@@ -1,0 +1,77 @@
+"""Models that are given with a recording: as they are told, and run along it."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, Controller, simulate_again
+from app.engine.mismatch.judge.result import ExplainedModel, PartModel
+from app.engine.recording import Recording
+from app.errors import DataError
+from app.services.explaining.comparisons import comparison_of
+from app.services.explaining.given_model import simulation_from_json
+from app.services.explaining.models import simulate_model
+
+
+def test_a_stored_recording_with_a_model() -> None:
+    n = 150
+    recording = Recording("FIC1", np.arange(n) * 10.0, np.arange(n) % 9.0, np.arange(n) % 4.0)
+    simulation = simulation_from_json('{"gain": 1.5, "time_constants_s": [20, 4], "dead_time_s": 3}')
+    found = comparison_of(recording, simulation=simulation)
+    assert found.sampling_interval_s == 10.0
+    assert found.simulation is not None
+    assert found.simulation.time_constants_s == (20.0, 4.0)
+    with pytest.raises(DataError):
+        comparison_of(recording, trace=np.zeros(n - 1))
+
+
+def test_a_model_may_bring_its_controller() -> None:
+    told = '{"gain": 1.5, "controller": {"gain": 0.4, "integral_time_s": 30, "derivative_time_s": 2}}'
+    assert simulation_from_json(told).controller == Controller(0.4, 30.0, 2.0)
+    assert simulation_from_json('{"gain": 1.5, "controller": {"Kc": 0.4}}').controller == Controller(0.4)
+    assert simulation_from_json('{"gain": 1.5, "controller": null}').controller is None
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ('{"gain": 1.5, "time_constnat_s": 30}', "'time_constnat_s'"),
+        ('{"gain": 1.5, "controller": {"gain": 1, "integral": 30}}', "'integral'"),
+        ('{"gain": "1.5"}', "a number is needed"),
+        ('{"gain": true}', "a number is needed"),
+        ('{"gain": 1.5, "controller": "pid"}', "not an object"),
+        ('{"gain": 1.5, "controller": {}}', "its controller has no gain"),
+        ('{"gain": 1.5, "time_constants_s": [[3]]}', "a time constant is"),
+        ("{}", "the model has no gain"),
+    ],
+)
+def test_a_slip_in_a_model_is_said(told: str, words: str) -> None:
+    with pytest.raises(DataError, match=re.escape(words)) as refused:
+        simulation_from_json(told)
+    assert refused.value.code == "model_invalid"
+
+
+def test_a_model_with_other_values_than_its_parts_take_is_refused() -> None:
+    n = 150
+    part = PartModel("sensor.sample_hold/pattern", "sensor.sample_hold", (float("nan"),))
+    model = ExplainedModel(4.0, 40.0, 50.0, 5.0, 5.0, (("K", 1.0), ("tau", 20.0), ("theta", 0.0)), (part,), ())
+    for values in ((float("nan"),), (), (4.0, 5.0)):
+        wrong = replace(model, parts=(replace(part, values=values),))
+        with pytest.raises(DataError) as refused:
+            simulate_again(wrong, 40.0 + np.arange(n) % 7.0)
+        assert refused.value.code == "model_invalid"
+
+
+def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path) -> None:
+    model = ExplainedModel(4.0, 40.0, 50.0, 5.0, 5.0, (("K", 1.0), ("tau", 20.0), ("theta", 0.0)), (), ())
+    op = np.repeat([40.0, 42.0], 200)
+    slow = simulate_model(model, Comparison("F1", 4.0, op, op))
+    fast = simulate_model(model, Comparison("F1", 2.0, np.repeat(op, 2), np.repeat(op, 2)))
+    assert slow.pv[-1] == pytest.approx(52.0, abs=0.01)
+    assert fast.pv == pytest.approx(slow.pv)
+    with pytest.raises(DataError) as raised:
+        simulate_model(model, Comparison("F1", 3.0, op, op))
+    assert raised.value.code == "interval_differs"
