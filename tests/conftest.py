@@ -31,7 +31,7 @@ from app.storage.tables import metadata
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take long, whatever the number of their tests: begun last, they would keep one core waiting for the other.
-LONG = ("/e2e/", "/chaos/", "/load/", "/workers/", "/web/", "test_hostile", "test_reading", "test_digest", "test_read")
+LONG = ("/e2e/", "/chaos/", "/load/", "/workers/", "/web/", "test_hostile", "test_reading", "/digests/", "test_read")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
