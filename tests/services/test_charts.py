@@ -138,6 +138,15 @@ def test_the_valve_is_shown_with_the_size_that_is_stored(
     assert told["valve"] == ({"S": 3.0, "J": 0.0} if size.get("stiction_size") else {"S": 2.0, "J": 1.5})
 
 
+def test_where_no_stiction_was_looked_for_there_is_neither_a_curve_nor_a_valve(
+    charts_of: Callable[..., dict], detail_with: Callable[[dict], None]
+) -> None:
+    detail_with({"rungs": [], "stiction_size": None})
+    told = charts_of(20 + np.sin(STEPS / 6 - 0.8), np.full(300, 20.0))
+    assert (told["rmse_d"], told["rmse_sj"], told["valve"]) == (None, None, None)
+    assert "valve" not in told["trend"]
+
+
 def test_a_part_of_the_trend_has_all_samples_of_it_and_one_beyond_either_end(
     backend: Backend, charts_of: Callable[..., dict], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -187,6 +187,7 @@ def test_of_a_chunk_of_long_windows_one_is_in_memory_at_a_time(database: Databas
         found = series.windows(connection, ids.values(), 24.0, 1000)
         kept, most = tracemalloc.get_traced_memory()
         tracemalloc.stop()
+    assert len(found) == len(tags)
     assert all(len(samples) == 1000 for samples in found.values())
     assert kept < 0.3 * a_loop
     assert most < 5 * a_loop

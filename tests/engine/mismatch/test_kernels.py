@@ -180,7 +180,9 @@ def test_a_process_that_runs_away_gains_nothing_and_is_no_fault(rate: float):
     block = replace(known, replaces=runs_away, suits=None)
     scanned = competition.survey(found, (block,))[0]
     assert max(scanned.gain, scanned.quiet_gain) <= 0.0
-    assert all(fit.likelihood < found.likelihood for fit in competition.begin(scanned, found))
+    fits = competition.begin(scanned, found)
+    assert len(fits) == len(scanned.starts) == 4
+    assert all(fit.likelihood < found.likelihood for fit in fits)
 
 
 @pytest.mark.parametrize("sizes", [(0.7, -0.3), (0.7, -0.3, 0.2, 0.1, -0.4, 0.5)])

@@ -161,7 +161,8 @@ def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None
             update(verdicts).where(verdicts.c.audit_id == int(night)).values(stiction_probability=0.9996)
         )
     found = digest_of(backend, night)
-    assert "probability 0.10 -> over 0.99" in as_text(found) or "probability over 0.99" in found.areas[0].loops[0].told
+    assert re.search(r"  A1: newly said to stick .*, probability 0\.\d\d -> over 0\.99\n", as_text(found))
+    assert found.areas[0].loops[0].told == "probability over 0.99, rely on it"
     assert "1.00" not in as_text(found) + as_html(found)
 
 
