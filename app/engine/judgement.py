@@ -42,6 +42,7 @@ class Judgement:
     methods: what each published method says beside the verdict; empty where none was asked.
     unanswered_s: for how long PV has not answered OP up to the record's end, s; None where that is not known.
     unanswered_since_s: since when, s from the recording's start; None where it did not when the recording began.
+    hidden_band_op: the band that PV shows though the shapes clear the valve, unit of OP; None where it shows none.
     """
 
     verdict: Verdict
@@ -53,6 +54,7 @@ class Judgement:
     methods: tuple[Corroboration, ...] = ()
     unanswered_s: float | None = None
     unanswered_since_s: float | None = None
+    hidden_band_op: float | None = None
 
     @property
     def shows_no_valve(self) -> bool:

@@ -8,7 +8,7 @@ import pytest
 from app.engine.causality.hidden_band import HiddenBand
 from app.engine.codes import UNANSWERED, Cause
 from app.engine.long_records.episodes import BEGAN, episode_text
-from app.engine.verdict.doubts import _band_reason
+from app.engine.verdict.doubts import band_reason
 from app.services.moments import UTC_CLOCK, PlantClock
 from app.services.telling import next_steps
 from app.services.telling.next_steps import BY_CAUSE, Ask, step_of
@@ -63,8 +63,10 @@ def test_a_step_carries_the_hour_and_the_band_that_its_reasons_name():
     text = episode_text(BEGAN, 0.9, "2026-11-29 00:22 UTC", "")
     assert "since 2026-11-29 00:22 UTC," in next_step(began | {"reasons_text": text})
     band = row_of("no_stiction", "not_reliable", None) | {"reasons": "hidden_band"}
-    (reason,) = _band_reason(HiddenBand(1.6, 9.0, 3.0))
-    assert "in steps of 0.4 units (a quarter of the band, 1.6)," in next_step(band | {"reasons_text": reason.text})
+    (reason,) = band_reason(HiddenBand(1.6, 9.0, 3.0))
+    asked = "in steps of 0.4 units (a quarter of the band, 1.6),"
+    assert asked in next_step(band | {"reasons_text": "worded otherwise", "hidden_band_op": 1.6})
+    assert asked in next_step(band | {"reasons_text": reason.text})  # a row of before that number
 
 
 def test_the_hour_is_the_one_that_is_stored_whatever_the_sentence_says():

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.causality.answering import goes_its_own_way
 from app.engine.causality.coupling import strangers_chance, strangers_chance_finely
-from app.engine.causality.hidden_band import HiddenBand, hidden_band
+from app.engine.causality.hidden_band import HiddenBand
 from app.engine.causality.own_cycle import OwnCycle
 from app.engine.codes import UNANSWERED, Cause, CheckCode
 from app.engine.evidence import Finding, Measured, Operator, Reason, reason_of
@@ -40,7 +40,7 @@ _DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolat
 _DEAD: frozenset[CheckCode] = frozenset({"op_flat", "pv_flat"})
 
 
-def _band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
+def band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
     if band is None:
         return ()
     text = (
@@ -76,7 +76,7 @@ def doubts(
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
         doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
     if verdict == "no_stiction":
-        doubts.extend((*_no_answer(fitness), *_band_reason(hidden_band(fitness.looked_at))))
+        doubts.extend(_no_answer(fitness))
     if verdict == "stiction":
         doubts.extend(_shaped_outside(weighing, config))
         doubts.extend(_keeps_time(fitness.audited, oscillation, config))

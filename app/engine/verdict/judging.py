@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from app.engine.causality.hidden_band import hidden_band
 from app.engine.causality.own_cycle import OwnCycle, could_be_missed, own_cycle
 from app.engine.codes import Cause
 from app.engine.corroborate import corroborate
@@ -14,6 +15,7 @@ from app.engine.rivals import contest
 from app.engine.verdict.config import VerdictConfig
 from app.engine.verdict.doubts import (
     Lost,
+    band_reason,
     data_doubts,
     doubts,
     foreign_cycle,
@@ -55,8 +57,10 @@ def conclude(weighing: Weighing, oscillation: Oscillation, fitness: Fitness, con
     unrelated, lost = unrelated_signals(fitness, oscillation, config), lost_of(fitness)
     verdict = _verdict(probability, unrelated, lost, config)
     own = _own(probability, verdict, oscillation, fitness, config)
+    band = hidden_band(fitness.looked_at) if verdict == "no_stiction" else None
     doubted = (
         *doubts(weighing, verdict, oscillation, fitness, own, config),
+        *band_reason(band),
         *parts_disagree(weighing, fitness, config),
         *data_doubts(weighing, fitness, config),
     )
@@ -73,6 +77,7 @@ def conclude(weighing: Weighing, oscillation: Oscillation, fitness: Fitness, con
     )
     ranked = contest(weighing.rivals, probability, weighing.features)
     found = Judgement(verdict, probability, reliability, reasons, _cause(weighing, verdict), ranked)
+    found = replace(found, hidden_band_op=None if band is None else band.S)
     if lost and verdict == "inconclusive":
         return replace(found, likely_cause=lost.cause)
     return replace(found, likely_cause=None) if found.shows_no_valve else found

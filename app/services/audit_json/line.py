@@ -70,6 +70,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         rivals=[rival_line(rival) for rival in judgement.rivals],
         episodes=[episode_line(episode) for episode in audit.episodes.found],
         unanswered_since_s=number(judgement.unanswered_since_s),
+        hidden_band_op=number(judgement.hidden_band_op),
         **_fitness_shares(audit),
         input_fingerprint=audit.input_fingerprint,
         config_fingerprint=audit.config_fingerprint,

@@ -154,6 +154,11 @@ class AuditFields(BaseModel):
         description="When the first of all of them came to stand, ISO 8601, UTC: the same in the rows of one run, and "
         "another one where a loop that came to stand before was audited later; null: where stood_with is.",
     )
+    hidden_band_op: float | None = Field(
+        None,
+        description="The band that PV shows though the shapes clear the valve, in the unit of OP; null: it shows none, "
+        "or the valve is not cleared.",
+    )
     input_fingerprint: str = Field(
         description="SHA-256 of what was judged: samples, spans, whether the process integrates."
     )

@@ -251,7 +251,7 @@ def _with_number(ask: Ask, row: Mapping[str, Any], clock: PlantClock) -> str | N
     """With the hour or the size that the step speaks of; None where there is none, or it is not known."""
     if ask is Ask.BEGAN_TO_STICK and (began := began_at(row, clock)):
         return _began_to_stick(began)
-    if ask is Ask.HAS_BAND and (size := band_of(row.get("reasons_text"))) is not None:
+    if ask is Ask.HAS_BAND and (size := band_of(row)) is not None:
         return _has_band(f"{size / 4.0:.2g} units (a quarter of the band, {size:.2g})")
     return None
 

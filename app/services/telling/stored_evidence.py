@@ -28,7 +28,7 @@ _BEGAN_AT = re.compile(r"has been sticking since ([^;]+);")
 """Of rows without the start of an episode."""
 
 _BAND = re.compile(r"only after OP has gone some (\d\S*) units")
-"""Of all rows: the engine tells the size of the band in its sentence alone."""
+"""Of rows without `hidden_band_op`."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,11 @@ def began_at(row: Mapping[str, Any], clock: PlantClock) -> str:
     return found[1] if found else ""
 
 
-def band_of(reasons_text: str | None) -> float | None:
-    """The band that PV shows, unit of OP; None where the reasons tell none."""
-    found = _BAND.search(reasons_text or "")
+def band_of(row: Mapping[str, Any]) -> float | None:
+    """The band that PV shows, unit of OP; None where it shows none."""
+    if (size := row.get("hidden_band_op")) is not None:
+        return float(size)
+    found = _BAND.search(row.get("reasons_text") or "")
     return float(found[1]) if found else None
 
 
