@@ -219,8 +219,9 @@ def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))
     yy = np.empty((len(dead_times), 2))
+    yy[:, 1] = dot(y[half:], y[half:])
     for k in range(len(dead_times)):
-        yy[k, 0], yy[k, 1] = dot(y[dead_times[k] : half], y[dead_times[k] : half]), dot(y[half:], y[half:])
+        yy[k, 0] = dot(y[dead_times[k] : half], y[dead_times[k] : half])
     for m in range(len(S)):
         fill_sums(y, valve_position(op, S[m], J[m]), (lags, dead_times), drift, xy[m], xx[m])
     return yy, xy, xx

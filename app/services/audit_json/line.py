@@ -30,7 +30,10 @@ LINE_ORDER = (
     "engine_version", "elapsed_s", "oscillation_period_s", "oscillation_regularity", "window_start_s", "window_end_s",
     "filled_share", "rival_winner", "rival_runner_up", "rivals", "episodes", "input_fingerprint", "config_fingerprint",
 )  # fmt: skip
-KNOWN_TO_A_SERVICE = ("unit", "window_start", "window_end", "audited_at", "audit_id")
+KNOWN_TO_A_SERVICE = (
+    *("unit", "audit_id"),
+    *("window_start", "window_end", "audited_at", "window_start_ms", "window_end_ms", "audited_at_ms"),
+)
 """What a row has of its loop and its run, beside what its line tells."""
 
 
