@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 
 from app.lab.bench import ingest, plant
+from app.lab.bench.machine import describe
 from app.lab.bench.page import performance_page
 from app.lab.bench.running import read
+from app.services import demo
 
 FIGURES = Path(__file__).parents[2] / "docs" / "performance.json"
 
@@ -55,6 +57,23 @@ def test_the_page_can_be_written_from_the_figures_that_are_kept() -> None:
     assert "in this order" in page
     assert "1.7 GB a night (0.6 of `series`, 0.8 of `verdict_details`, 0.3 of `verdicts`)" in page
     assert "249 GB of `series` (400 days), 72 GB of `verdict_details` (90 days)" in page
+
+
+def test_the_page_counts_workers_as_one_says_it_and_tells_which_loop_grows() -> None:
+    figures = read(FIGURES)
+    figures["sections"]["plant"]["whole"]["ms_a_loop"] = 14.1
+    page = performance_page(figures)
+    assert "one worker does it in 6 hours" in page
+    grows = demo.plant()[21]  # the last of the 22 that `audit._longest` draws
+    assert (grows.type, grows.truth) == ("pressure", "sticky valve, S 2 J 0.5")
+    assert "a pressure loop of the simulated plant whose valve sticks (S 2 %, J 0.5 %)" in page
+    figures["sections"]["plant"]["whole"]["ms_a_loop"] = 600.0
+    assert "3 workers do it in 6 hours" in performance_page(figures)
+
+
+def test_of_the_kernel_the_version_is_told_and_not_whose_build_it_is(monkeypatch) -> None:
+    monkeypatch.setattr("platform.release", lambda: "6.1.0-own-build-7")
+    assert describe()["system"].endswith(" 6.1.0")
 
 
 def test_the_page_says_which_sections_another_machine_measured() -> None:

@@ -1,5 +1,5 @@
 """Explains the laboratory records and the real loops whose cause is known, and writes plots and tables for the pages:
-`python tests/proof/real.py ../shared docs`.
+`python tests/proof/real.py FOLDER docs`. FOLDER holds the folders `recordings` and `nonlinear`.
 """
 
 import json

@@ -30,11 +30,12 @@ def _cost(plant: Figures) -> list[str]:
     ratio = whole["ms_a_loop"] / some["ms_a_loop"]
     hours = LOOPS * whole["ms_a_loop"] / 3.6e6
     needed = max(1, math.ceil(hours / NIGHT_H))
+    can_do = "one worker does" if needed == 1 else f"{needed} workers do"
     return [
         f"A loop costs {whole['ms_a_loop']:.0f} ms of a worker in a run of {whole['loops']:,} loops and "
         f"{some['ms_a_loop']:.0f} ms in one of {some['loops']:,} ({ratio:.2f} times): cost is linear in loops. "
         f"100,000 loops are {hours:.1f} worker hours a night: {hours / 2 * 60:.0f} minutes with two workers; "
-        f"{needed} workers do it in {NIGHT_H:.0f} hours. Two workers did {plant['scaling']:.2f} times the work of "
+        f"{can_do} it in {NIGHT_H:.0f} hours. Two workers did {plant['scaling']:.2f} times the work of "
         "one; what they share is the data base.",
     ]
 

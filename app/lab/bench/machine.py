@@ -19,7 +19,7 @@ def describe() -> dict[str, Any]:
         "processor": _line("/proc/cpuinfo", "model name") or platform.processor() or "not told",
         "cores": len(os.sched_getaffinity(0)),
         "memory_gb": round(int((_line("/proc/meminfo", "MemTotal") or "0 kB").split()[0]) / 1e6, 1),
-        "system": f"{platform.system()} {platform.release()}",
+        "system": f"{platform.system()} {platform.release().partition('-')[0]}",
         "python": platform.python_version(),
         "sqlite": sqlite3.sqlite_version,
         "engine": ENGINE_VERSION,

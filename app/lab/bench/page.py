@@ -9,8 +9,9 @@ from app.lab.bench.plant import SCALING
 
 TITLE = """# Performance
 
-Measured, not promised: `make bench` wrote every figure on this page, from `docs/performance.json`, on the machine
-described below. Times belong to that machine; ratios to peers travel. A target that is missed stands here as missed.
+Measured, not promised: `make bench` wrote the figures on this page, from `docs/performance.json`, on the machine
+described below; what was timed once beside it says so with its date. Times belong to that machine; ratios to peers
+travel. A target that is missed stands here as missed.
 """
 
 REPEAT = """## How to repeat it
@@ -24,6 +25,12 @@ make bench SECTIONS="search audit"          # some; the others keep their figure
 PostgreSQL and Redis are needed for ingest, plant and API (`POSTGRES=`, `REDIS=` name them; the Redis data base must be
 empty). A data base is made and dropped. The machine should do nothing else meanwhile. `sippy-unipi` comes from
 `requirements-bench.lock`; it is no dependency of the product.
+"""
+
+
+LONGEST = """The tables below are of one long record, its first samples in the first and its first 1,440 in the others:
+a pressure loop of the simulated plant whose valve sticks (S 2 %, J 0.5 %), a value a minute. Such audits are dear.
+
 """
 
 
@@ -215,6 +222,7 @@ def _audit(found: Figures) -> str:
     text += (
         "\n(By a profiler, which makes small functions look dearer than they are; rooms may contain each other.)\n\n"
     )
+    text += LONGEST
     rows, before = [], None
     for row in found["samples_growth"]:
         linear = "" if before is None else number(_slope(before, row, "ms_all_samples"))
@@ -241,7 +249,7 @@ def _ingest(found: Figures) -> str:
         "by one worker, beside `polars.read_csv(path)` (or `read_parquet`) of the same file, which reads no times, "
         "parts no loops and stores nothing. Plain rows of long text are read in one compiled pass, others by polars "
         "too: with polars alone, tags compared with the order of the scan, parsing took 8.3 s of CPU instead of 4.8 s "
-        "(both timed beside each other on 2026-11-22), and the time between decided on this target on a faster "
+        "(timed once, beside each other, on 2026-11-22), and the time between decided on this target on a faster "
         f"machine. The share is of both together, end to end. {_reading_runs(found)}\n\n"
     )
     head = (
