@@ -124,7 +124,7 @@ def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):
 
 def test_a_period_that_is_shared_by_chance_is_no_company(two_nights, monkeypatch):
     crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(two_nights)[0].members)
-    monkeypatch.setattr(loop_sheet, "groups_of", lambda backend, tag: [crowded])
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = words_of(of_loop(two_nights))
     assert "Its period is shared by 2 other loops, likely by chance." in told
     assert "oscillates together" not in told
