@@ -6,9 +6,8 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Select, and_, func, or_, select
 
-from app.engine.codes import UNANSWERED
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import heads, heads_of_units, worst_first
+from app.storage.newest import heads, heads_of_units, unanswered, worst_first
 from app.storage.plant import complains, told_of_both
 from app.storage.tables import loops, verdicts
 
@@ -52,8 +51,7 @@ def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
 def to_be_done(connection: Connection, audit_id: int, since_ns: int | None, left_out: Sequence[int]) -> list[Any]:
     """By verdict and reliability the loops that stick, or in which PV does not answer OP; without those `left_out`, by
     id. since_ns: only those that were given a sample as new as that."""
-    unanswered = and_(this.c.likely_cause == UNANSWERED, this.c.verdict.in_(("inconclusive", "not_auditable")))
-    wanted = (this.c.audit_id == audit_id, or_(this.c.verdict == "stiction", unanswered))
+    wanted = (this.c.audit_id == audit_id, or_(this.c.verdict == "stiction", unanswered(this)))
     query = select(this.c.verdict, this.c.reliability, func.count().label("loops")).select_from(_OF_RUN).where(*wanted)
     query = query.where(loops.c.id.not_in(left_out))
     query = query if since_ns is None else query.where(this.c.input_end_ns >= since_ns)

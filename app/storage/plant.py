@@ -18,11 +18,10 @@ from sqlalchemy import (
     select,
 )
 
-from app.engine.codes import UNANSWERED
 from app.storage.audits import WITH_RESULTS, of_a_night
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, worst_first
+from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, unanswered, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 A_DAY = timedelta(days=1)
@@ -38,7 +37,7 @@ COMPLAINTS = ("stiction", "inconclusive")
 
 def complains(said: FromClause) -> ColumnElement[bool]:
     """Of loops that stick or may, or in which PV does not answer OP, whether that is a verdict or keeps from one."""
-    return or_(said.c.verdict.in_(COMPLAINTS), said.c.likely_cause == UNANSWERED)
+    return or_(said.c.verdict.in_(COMPLAINTS), unanswered(said))
 
 
 def counts(connection: Connection) -> list[Any]:

@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief
+from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, looked_at_today
 from app.storage import notes, shelvings
 from app.storage.shelvings import ShelvedRow
 
@@ -124,7 +124,7 @@ def withdraw_shelving(backend: Backend, loop_id: int, tag: str, note_id: int, wi
 def _kind(verdict: str | None, reliability: str | None, likely_cause: str | None) -> str:
     if verdict == "stiction" and reliability == "reliable":
         return STICKS
-    return UNANSWERED if likely_cause == UNANSWERED else ""
+    return UNANSWERED if looked_at_today({"verdict": verdict, "likely_cause": likely_cause}) else ""
 
 
 def _view(row: ShelvedRow) -> Shelved:

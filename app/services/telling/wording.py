@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from app.engine.codes import NO_ANSWER_VERDICTS, ReasonCode
 from app.engine.codes import UNANSWERED as UNANSWERED
-from app.engine.codes import ReasonCode
 from app.engine.evidence import told_probability
 
 VERDICT_WORDS = {
@@ -114,7 +114,7 @@ def starter_words(started_by: str | None) -> str:
 
 def looked_at_today(row: Mapping[str, Any]) -> bool:
     """Whether PV does not answer OP: a stuck valve or a dead transmitter, as a verdict or as what keeps from one."""
-    return row.get("likely_cause") == UNANSWERED and row["verdict"] in ("inconclusive", "not_auditable")
+    return row.get("likely_cause") == UNANSWERED and row["verdict"] in NO_ANSWER_VERDICTS
 
 
 def _of_before_repair(row: Mapping[str, Any]) -> bool:
