@@ -1,6 +1,5 @@
 """Loops whose PV does not answer OP, heard together: since when, and which of them came to stand with one another."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -10,8 +9,9 @@ from app.engine.judgement import ANSWERS_NO_MORE
 from app.engine.plant_wide.stood_together import Stand, stood_together
 from app.nanoseconds import NS_PER_S
 from app.services.moments import EPOCH, PlantClock, iso_utc
+from app.services.telling.reasons import extra_in
 from app.services.telling.standing_wording import with_others
-from app.services.telling.wording import codes_of
+from app.services.telling.wording import codes_in, codes_of
 
 SINCE = "unanswered_since"
 
@@ -50,7 +50,7 @@ def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Stand
         and PlantClock.dated(since)  # else each counts from a start of its own
         and (interval_s := row.sampling_interval_s) is not None
         and row.input_start_ns is not None
-        and _stands(row.reasons.split(";"))
+        and _stands(codes_in(row.reasons))
     ]
     return {tag: Standing({SINCE: since}) for tag, since in carried.items()} | _together(stands, carried)
 
@@ -68,7 +68,7 @@ def _carried(row: Any, earlier: Iterable[Any]) -> str | None:
 
 
 def _since(row: Any) -> str | None:
-    since: str | None = json.loads(row.extra_json).get(SINCE)
+    since: str | None = extra_in(row.extra_json).get(SINCE)
     return since
 
 

@@ -20,6 +20,7 @@ from app.services.explaining.simulations import GivenSimulation, comparison_with
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
 from app.services.results import Page
+from app.services.telling.wording import codes_in
 from app.storage import explanations, notes, series, verdicts
 from app.storage.documents import Document, pack_document, unpack_document
 from app.storage.explanations import ExplanationRow
@@ -142,7 +143,7 @@ def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
         "window_end": _iso(row.window_end_ns),
         "as_judged": row.as_judged,
         "verdict": row.verdict,
-        "effect_codes": row.effects.split(";") if row.effects else [],
+        "effect_codes": list(codes_in(row.effects)),
         "error_code": row.error_code,
         "error_text": row.error_text,
     }

@@ -1,6 +1,5 @@
 """Which verdicts are other ones than before, and why."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,9 +11,10 @@ from app.services.plant.evidence_moved import moved, probability_moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.stood_together import ALONE, AsOne
 from app.services.results import ChangedBy, ChangeView, Kind
+from app.services.telling.reasons import extra_in
 from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.telling.stored_evidence import began_at
-from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words
+from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words, codes_in
 from app.storage import plant
 
 LISTED_CHANGES = 200
@@ -113,7 +113,7 @@ def _wavers(row: Any, why: ChangedBy) -> bool:
         return False
     probabilities = (row.probability_before, row.probability)
     near = None in probabilities or abs(probabilities[1] - probabilities[0]) < NEWS_FROM
-    return near and BEGAN not in row.reasons.split(";")
+    return near and BEGAN not in codes_in(row.reasons)
 
 
 def _why(row: Any) -> ChangedBy:
@@ -122,7 +122,7 @@ def _why(row: Any) -> ChangedBy:
         return "first"
     if row.engine_changed or row.config_changed:
         return "method"
-    new = set(row.reasons.split(";")) - set((row.reasons_before or "").split(";"))
+    new = set(codes_in(row.reasons)) - set(codes_in(row.reasons_before))
     if OF_REPAIRS & new:
         return "repair"
     if BEGAN in new:
@@ -143,7 +143,7 @@ def _because(why: ChangedBy, row: Any, clock: PlantClock) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
     evidence = moved(row) if why in ("loop", "data") else ""
     if why == "loop" and not _answers_no_more(row):
-        if BEGAN in row.reasons.split(";"):
+        if BEGAN in codes_in(row.reasons):
             return _began(row, clock)
         return evidence or probability_moved(row) or WHY_WORDS["loop"]
     words = _cause(why, row)
@@ -155,7 +155,7 @@ def _answers_no_more(row: Any) -> bool:
 
 
 def _began(row: Any, clock: PlantClock) -> str:
-    start = json.loads(row.extra_json or "{}").get("episode_start")
+    start = extra_in(row.extra_json).get("episode_start")
     began = began_at({"episode_start": start, "reasons_text": row.reasons_text}, clock)
     return f"began to stick {began or 'within the record'}"
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from app.services.telling.stored_evidence import Shape, shapes
-from app.services.telling.wording import PRIOR_ONLY, probability
+from app.services.telling.wording import PRIOR_ONLY, codes_in, probability
 
 LEAST_MOVE = 0.1
 """Of the probability; where it moved less, the verdict's edge is what changed."""
@@ -24,7 +24,7 @@ def moved(row: Any) -> str:
 def probability_moved(row: Any) -> str:
     """ "probability 0.48 -> 0.55"; empty where one of the two verdicts has no measured probability."""
     now, before = row.probability, row.probability_before
-    prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
+    prior = PRIOR_ONLY in (*codes_in(row.reasons), *codes_in(row.reasons_before))
     return "" if prior or now is None or before is None else f"probability {probability(before)} -> {probability(now)}"
 
 

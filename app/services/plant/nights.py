@@ -1,6 +1,5 @@
 """What the last nights said of a loop: one verdict may be a bad night's, seven that agree are none."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +7,8 @@ from typing import Any
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.services.telling.reasons import extra_in
+from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS, codes_in
 from app.storage import continuing
 from app.storage import nights as stored
 
@@ -98,5 +98,5 @@ def onsets(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
 
 
 def _onset(row: Any) -> Onset:
-    began = json.loads(row.extra_json).get("episode_start") if BEGAN in row.reasons.split(";") else None
+    began = extra_in(row.extra_json).get("episode_start") if BEGAN in codes_in(row.reasons) else None
     return Onset(began or iso_utc(row.audited_at) or "", bool(began), row.otherwise is None)

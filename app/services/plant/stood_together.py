@@ -1,6 +1,5 @@
 """Loops whose PV came to stand together, as lists tell of them: once, by the weightiest of those that are listed."""
 
-import json
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -9,6 +8,7 @@ from typing import Any
 from app.engine.plant_wide.stood_together import SHUT_DOWN_S, Stand, StoodTogether
 from app.services.backend import Backend
 from app.services.plant.shelving import Shelf
+from app.services.telling.reasons import extra_in
 from app.services.telling.standing_wording import look, of_all
 from app.services.telling.wording import STOOD_TOGETHER
 from app.storage import standing as stored
@@ -119,7 +119,7 @@ def _stand(row: Any) -> Stand:
 
 
 def _field(row: Any, name: str) -> str:
-    value: str = json.loads(row.extra_json)[name]
+    value: str = extra_in(row.extra_json)[name]
     return value
 
 

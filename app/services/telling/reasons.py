@@ -1,5 +1,6 @@
-"""The reasons of a verdict one by one, where its row has them as one text."""
+"""The reasons of a verdict one by one, where its row has them as one text, and what else a row keeps in one."""
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +22,12 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
     if at is None or more <= 0:
         return parts
     return [*parts[:at], BETWEEN.join(parts[at : at + more + 1]), *parts[at + more + 1 :]]
+
+
+def extra_in(extra_json: str | None) -> Mapping[str, Any]:
+    """The fields of a row that have no column of their own."""
+    found: dict[str, Any] = json.loads(extra_json or "{}")
+    return found
 
 
 def first_reasons(row: Mapping[str, Any], count: int = 2) -> str:

@@ -158,7 +158,12 @@ def cause_words(code: str | None) -> str:
 def codes_of(row: Mapping[str, Any]) -> list[str]:
     """The codes of the reasons of a row, or of an audit line, the weightiest first."""
     reasons = row["reasons"] or ""
-    return reasons.split(";") if isinstance(reasons, str) else [reason["code"] for reason in reasons]
+    return list(codes_in(reasons)) if isinstance(reasons, str) else [reason["code"] for reason in reasons]
+
+
+def codes_in(text: str | None) -> tuple[str, ...]:
+    """The codes that a column keeps as one text; none where it is empty."""
+    return tuple(text.split(";")) if text else ()
 
 
 def health(value: float | None) -> str:
