@@ -97,6 +97,11 @@ def moment_of(time_ns: int) -> datetime:
     return datetime.fromtimestamp(time_ns / 1e9, UTC)
 
 
+def seconds_of(iso: str) -> float:
+    """Since 1970, UTC."""
+    return datetime.fromisoformat(iso).timestamp()
+
+
 def ns_of(moment: datetime) -> int:
     """Nanoseconds since 1970, UTC, exact; without an offset the moment is UTC. Beyond what the time of a sample can be
     it is the end of that: nothing lies outside of it anyway."""

@@ -2,18 +2,16 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Any
 
 from app.engine.judgement import ANSWERS_NO_MORE
 from app.engine.plant_wide.stood_together import Stand, stood_together
 from app.nanoseconds import NS_PER_S
-from app.services.moments import EPOCH, PlantClock, iso_utc
-from app.services.telling.reasons import extra_in
+from app.services.moments import EPOCH, PlantClock, iso_utc, seconds_of
+from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import with_others
 from app.services.telling.wording import codes_in, codes_of
-
-SINCE = "unanswered_since"
 
 INTERVALS_APART = 3.0
 """Sampling intervals that may lie between two records that touch."""
@@ -44,7 +42,7 @@ def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Stand
     found = {row.tag: _carried(row, earlier.get(row.loop_id, ())) for row in rows if known[row.tag] is None}
     carried = {tag: since for tag, since in found.items() if since is not None}
     stands = [
-        Stand(row.tag, _seconds(since), (row.input_end_ns - row.input_start_ns) / NS_PER_S, interval_s, row.unit)
+        Stand(row.tag, seconds_of(since), (row.input_end_ns - row.input_start_ns) / NS_PER_S, interval_s, row.unit)
         for row in rows
         if (since := known[row.tag] or carried.get(row.tag)) is not None
         and PlantClock.dated(since)  # else each counts from a start of its own
@@ -75,7 +73,7 @@ def _since(row: Any) -> str | None:
 def of_lines(lines: Iterable[Mapping[str, Any]]) -> dict[str, Standing]:
     """The same of audit lines; those without a date stand by themselves."""
     stands = [
-        Stand(line["loop"], _seconds(line[SINCE]), line["samples"] * interval_s, interval_s)
+        Stand(line["loop"], seconds_of(line[SINCE]), line["samples"] * interval_s, interval_s)
         for line in lines
         if line[SINCE] is not None and (interval_s := line["sampling_interval_s"]) and _stands(codes_of(line))
     ]
@@ -85,7 +83,7 @@ def of_lines(lines: Iterable[Mapping[str, Any]]) -> dict[str, Standing]:
 def _together(stands: Sequence[Stand], carried: Mapping[str, str]) -> dict[str, Standing]:
     found: dict[str, Standing] = {}
     for group in stood_together(stands):
-        told = {"stood_with": len(group.stands) - 1, "stood_together_since": _iso(group.since_s)}
+        told = {"stood_with": len(group.stands) - 1, TOGETHER_SINCE: _iso(group.since_s)}
         for tag in (stand.tag for stand in group.stands):
             since = {SINCE: carried[tag]} if tag in carried else {}
             found[tag] = Standing(since | told, with_others(group, tag), group.chance_probability)
@@ -95,10 +93,6 @@ def _together(stands: Sequence[Stand], carried: Mapping[str, str]) -> dict[str, 
 def _stands(reasons: Sequence[str]) -> bool:
     """A PV that moves, and answers no more, did so some time after its stem stuck: that hour tells of no other loop."""
     return ANSWERS_NO_MORE not in reasons
-
-
-def _seconds(iso: str) -> float:
-    return datetime.fromisoformat(iso).timestamp()
 
 
 def _iso(seconds: float) -> str | None:

@@ -17,6 +17,7 @@ from app.services.plant.shelving import Shelf, Shelved
 from app.services.plant.stood_together import Together, as_one
 from app.services.plant.worst import asked_today, not_shelved
 from app.services.telling.next_steps import Step
+from app.services.telling.reasons import SINCE
 from app.services.telling.standing_wording import named
 from app.services.telling.wording import VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
@@ -137,7 +138,7 @@ def _size(row: Mapping[str, Any]) -> str:
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
     """Where PV does not answer, since when, if that was seen; of a valve that sticks, when it began to, as its first
     verdict told it; else the first of the nights that said the same. Where a repair came in between that is told."""
-    unanswered_since = row.get("unanswered_since")
+    unanswered_since = row.get(SINCE)
     if looked_at_today(row) and unanswered_since and clock.dated(unanswered_since):
         return f"since {clock.short(unanswered_since)}"
     if row["verdict"] == "stiction" and onset is not None:

@@ -12,6 +12,9 @@ BETWEEN = ". "
 NAMING_LOOPS = {SHAKEN_BY_NEIGHBOUR, MOVES_SET_POINT, MOVES_NO_VALVE, STOOD_TOGETHER}
 """Reasons that name other loops, whose tags may hold it ("T. 101"); a row has one of them at most."""
 
+SINCE, TOGETHER_SINCE = "unanswered_since", "stood_together_since"
+"""The fields of a row that tell since when PV does not answer OP, and when it came to stand with other loops."""
+
 
 def reasons_of(row: Mapping[str, Any]) -> list[str]:
     """The sentences in the order of their codes, the weightiest first. What is more than there are codes belongs to
