@@ -26,6 +26,7 @@ from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.results import AuditView, ChangeView
+from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import (
@@ -354,8 +355,3 @@ def _why_old(since_ns: int | None, clock: PlantClock) -> str:
         f"no sample since {clock.told_at(moment_of(since_ns))}, {LATE.days} days before the newest of the plant, or "
         "without a date; what is said of them is of then"
     )
-
-
-def one_line(text: str) -> str:
-    """A tag may hold anything, a line end too."""
-    return " ".join(text.split())

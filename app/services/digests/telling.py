@@ -7,13 +7,14 @@ from functools import partial
 from typing import Any
 
 from app.services.addresses import loop_address
-from app.services.digests.digest import Digest, DigestLoop, one_line
+from app.services.digests.digest import Digest, DigestLoop
 from app.services.digests.doings import Asked, Doing
 from app.services.moments import PlantClock
 from app.services.plant.repaired import RepairView
 from app.services.plant.worst import nothing_worst
 from app.services.rendering import document
 from app.services.results import ChangeView
+from app.services.telling.naming import one_line
 from app.services.telling.wording import (
     CHANGE_WORDS,
     VERDICT_RANK,

@@ -16,9 +16,9 @@ from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
 from app.services.plant.stood_together import Together, as_one
 from app.services.plant.worst import asked_today, not_shelved
+from app.services.telling.naming import named
 from app.services.telling.next_steps import Step
 from app.services.telling.reasons import SINCE
-from app.services.telling.standing_wording import named
 from app.services.telling.wording import VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
@@ -50,7 +50,7 @@ class Work:
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
-        others = f"with it {named(self.stood_with, len(self.stood_with))}" if self.stood_with else ""
+        others = f"with it {named(self.stood_with)}" if self.stood_with else ""
         told = (self.together, others, self.size, self.since, self.judged, self.shelved, self.written)
         return "; ".join(one for one in told if one)
 
