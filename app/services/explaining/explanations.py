@@ -13,7 +13,7 @@ from app.errors import DataError, NotFoundError, RequestError
 from app.nanoseconds import NS_PER_H
 from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.damage import damage_in_words
 from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
@@ -94,8 +94,7 @@ def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str 
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         rows = explanations.page(connection, loop.id, limit + 1, before[0] if before else None)
-    following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([summary(row, tag) for row in rows[:limit]], following)
+    return page_of(rows, limit, lambda row: summary(row, tag), lambda row: (row.id,))
 
 
 def newest(backend: Backend, tag: str) -> dict[str, Any] | None:

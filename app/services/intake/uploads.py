@@ -17,7 +17,7 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError, RequestError
 from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, without_controls
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.intake import places
 from app.services.intake.places import Correction
 from app.services.intake.synced import SyncedFile
@@ -231,8 +231,7 @@ def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) 
     with backend.database.read() as connection:
         rows = uploads.page(connection, limit + 1, before[0] if before else None)
         counted = uploads.count_loops(connection, [row.id for row in rows])
-    following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([_view(row, counted.get(row.id, 0)) for row in rows[:limit]], following)
+    return page_of(rows, limit, lambda row: _view(row, counted.get(row.id, 0)), lambda row: (row.id,))
 
 
 def _whole(connection: Connection, upload_id: str) -> UploadView:

@@ -7,7 +7,7 @@ from typing import Any
 from app.errors import NotFoundError, RequestError
 from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc
 from app.services.plant.loops import OneLoop, find
 from app.services.plant.shelving import check_shelving, kind_at
@@ -102,8 +102,7 @@ def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | N
     row, before = find(backend, loop), decode(cursor, (int,))
     with backend.database.read() as connection:
         found = notes.of_loop(connection, row.id, limit + 1, before[0] if before else None)
-    following = encode(found[limit - 1].id) if len(found) > limit else None
-    return Page([_view(note) for note in found[:limit]], following)
+    return page_of(found, limit, _view, lambda note: (note.id,))
 
 
 def newest_repair(backend: Backend, loop: OneLoop) -> Repair | None:
