@@ -34,11 +34,9 @@ class Judged:
 
     def words(self, clock: PlantClock) -> str:
         """ "judged 2026-11-24 22:00 to 23:59; in manual since"."""
-        start, end = clock.short(self.start), clock.short(self.end)
-        until = end.removeprefix(f"{start.partition(' ')[0]} ")
         since = "in manual since" if self.manual else "what was recorded since cannot be judged"
         damage = damage_in_words(self.damaged, clock).removesuffix(".")
-        return f"judged {start} to {until}; {since}{f'. {damage}' if damage else ''}"
+        return f"judged {clock.span(self.start, self.end)}; {since}{f'. {damage}' if damage else ''}"
 
 
 @dataclass(frozen=True)
