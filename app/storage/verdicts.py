@@ -24,7 +24,7 @@ from sqlalchemy import (
     update,
 )
 
-from app.storage.bulk import among, insert_for, insert_new
+from app.storage.bulk import among, among_many, insert_for, insert_new
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
@@ -282,10 +282,8 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[in
             cursor.adapters.register_loader("text", _as_bytes())
             cursor.execute(ROWS_OF, (form, list(loop_ids)))
             return dict(cursor.fetchall())
-    # One value for all keys: SQLite takes so many in a statement, and no more.
-    wanted = select(func.json_each(json.dumps(list(loop_ids))).table_valued("value").c.value)
     query = select(newest_rows.c.loop_id, newest_rows.c.row_json).where(newest_rows.c.form == form)
-    found = connection.execute(query.where(newest_rows.c.loop_id.in_(wanted)))
+    found = connection.execute(query.where(among_many(connection, newest_rows.c.loop_id, loop_ids)))
     return {loop_id: text.encode() for loop_id, text in found}
 
 

@@ -89,7 +89,10 @@ def as_json(digest: Digest) -> dict[str, Any]:
     """What a webhook gets, flat where it can be."""
     told = asdict(digest)
     run, shelved = told.pop("run"), told.pop("shelf")["listed"]
-    del told["public_url"], told["clock"]
+    del told["public_url"], told["clock"], told["changed"]
+    changed = digest.changed
+    told |= {"changes": list(map(asdict, changed.listed)), "more_changes": changed.more}
+    told |= {"new_besides": changed.new_besides, "other_changes": changed.others}
     for work in told["work"]:
         work["step"] = work["step"]["text"]
     return (
