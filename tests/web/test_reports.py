@@ -18,7 +18,7 @@ from app.services.moments import UTC_CLOCK
 from app.services.plant import loop_sheet
 from app.services.plant.groups import plant_groups
 from app.services.plant.loops import loop_health, patch_loop
-from app.services.plant.notes import add_note, withdraw_shelving
+from app.services.plant.notes import add_note, end_shelving
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
 from app.services.results import GroupView
@@ -107,7 +107,7 @@ def test_a_report_says_of_its_loop_what_the_page_says_at_its_head(two_nights):
     sticks = loop_health(two_nights, "FIC101")["verdict"] == "stiction"
     assert ("How large is the stiction" in told) is sticks
     patch_loop(two_nights, "FIC101", {"moves_valve": None})
-    withdraw_shelving(two_nights, "FIC101", note.id, "anna")
+    end_shelving(two_nights, "FIC101", note.id, "anna")
 
 
 def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):

@@ -10,8 +10,7 @@ from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc
 from app.services.plant.loops import OneLoop, find
-from app.services.plant.shelving import check_shelving, kind_at
-from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
+from app.services.plant.shelving import check_shelving, kind_at, withdraw_shelving
 from app.services.results import NoteView, Page
 from app.storage import notes, verdicts
 from app.storage.notes import NoteRow
@@ -80,14 +79,14 @@ def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str 
         return _view(notes.by_id(connection, row.id, key))
 
 
-def withdraw_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
+def end_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
     """The loop is shelved no longer, by this note or one before it; what was written stays.
 
     Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it does not shelve.
     """
     row = find(backend, tag)
     key = identifier(note_id)
-    withdraw_from_shelf(backend, row.id, tag, key, withdrawn_by)
+    withdraw_shelving(backend, row.id, tag, key, withdrawn_by)
     with backend.database.read() as connection:
         return _view(notes.by_id(connection, row.id, key))
 

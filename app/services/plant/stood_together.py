@@ -11,7 +11,7 @@ from app.services.plant.shelving import Shelf
 from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import look, of_all
 from app.services.telling.wording import STOOD_TOGETHER
-from app.storage import standing as stored
+from app.storage import unanswered as stored
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ detail, so that two verdicts can be compared."""
 _FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
 _VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?: %)?")
-"""As engines up to 1.0.0 worded them, whose figures were kept nowhere else."""
+"""Of rows without `measured`."""
 
 _BEGAN_AT = re.compile(r"has been sticking since ([^;]+);")
 """Of rows without the start of an episode."""

@@ -28,13 +28,14 @@ class Standing:
 
 
 def unknown_since(rows: Iterable[Any]) -> list[int]:
-    """Of `storage.standing.unanswered` the loops, by id, whose PV stood when the record began."""
+    """Of `storage.unanswered.unanswered` the loops, by id, whose PV stood when the record began."""
     return [row.loop_id for row in rows if _since(row) is None]
 
 
 def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Standing]:
-    """By tag. rows: `storage.standing.unanswered`, before: `unanswered_before` of those that are `unknown_since`. Where
-    PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of it."""
+    """By tag. rows: `storage.unanswered.unanswered`, before: `unanswered_before` of those that are `unknown_since`.
+    Where PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of
+    it."""
     known = {row.tag: _since(row) for row in rows}
     earlier: dict[int, list[Any]] = {}
     for one in before:
