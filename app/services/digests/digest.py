@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import groupby
-from typing import Any
 
 from sqlalchemy import Connection
 
@@ -33,11 +32,12 @@ from app.services.telling.wording import (
     PRIOR_ONLY,
     VERDICT_WORDS,
     brief,
-    codes_of,
+    codes_in,
     probability,
 )
 from app.storage import digests, notes, plant
 from app.storage.audits import newest_night
+from app.storage.digests import ComplaintRow, CountRow, RefusedRow, ToBeDone
 
 TOP = 5
 CHANGES = 30
@@ -268,8 +268,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
 
 @dataclass(frozen=True)
 class _Read:
-    """What a digest is made of. counted, not_auditable, to_be_done: rows of `storage.digests`; worst, old: those of the
-    loops to look at, `of_time` and `repaired_at` of each by its tag."""
+    """What a digest is made of. of_time, repaired_at: by tag, of those of `worst` and `old`."""
 
     plant: str
     url: str
@@ -279,13 +278,13 @@ class _Read:
     shelf: Shelf
     compared: bool
     changed: Changed
-    counted: list[Any]
-    worst: list[Any]
-    old: list[Any]
+    counted: list[CountRow]
+    worst: list[ComplaintRow]
+    old: list[ComplaintRow]
     of_time: dict[str, Judged]
     repaired_at: dict[str, str | None]
-    not_auditable: list[Any]
-    to_be_done: list[Any]
+    not_auditable: list[RefusedRow]
+    to_be_done: list[ToBeDone]
     retired: int
     work: list[Work]
     to_manual: list[ToManual]
@@ -342,11 +341,11 @@ def _made(read: _Read, clock: PlantClock) -> Digest:
     for row in read.not_auditable:
         refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
 
-    def loop_of(row: Any) -> DigestLoop:
+    def loop_of(row: ComplaintRow) -> DigestLoop:
         found = (read.of_time.get(row.tag), all_the_same.get(row.tag))
         words = [one.words(clock) if one else "" for one in found]
-        window = {name: iso_utc(row._mapping[name]) for name in ("window_start", "window_end")}
-        before = of_before({**row._mapping, **window}, read.repaired_at.get(row.tag))
+        window = {name: iso_utc(getattr(row, name)) for name in ("window_start", "window_end")}
+        before = of_before({**row._asdict(), **window}, read.repaired_at.get(row.tag))
         return replace(_loop(row, read.url, *words), of_before_repair=before)
 
     return Digest(
@@ -382,19 +381,19 @@ def _manual_words(found: Sequence[ToManual], clock: PlantClock) -> list[str]:
     ]
 
 
-def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
-    why = reasons_of(row._mapping)[0][:LONGEST_WHY]
+def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop:
+    why = reasons_of(row._asdict())[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
-    measured = PRIOR_ONLY not in codes_of(row._mapping)
+    measured = PRIOR_ONLY not in codes_in(row.reasons)
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
 
 
-def _of_old_record(loop: DigestLoop, newest_ns: int) -> DigestLoop:
-    return replace(loop, recorded_to=iso_utc(moment_of(newest_ns)), of_old_record=True)
+def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
+    recorded_to = None if newest_ns is None else iso_utc(moment_of(newest_ns))
+    return replace(loop, recorded_to=recorded_to, of_old_record=True)
 
 
-def _unlisted(to_be_done: Sequence[Any], work: Sequence[Work]) -> Unlisted:
-    """to_be_done: rows with verdict, reliability and how many loops."""
+def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:
     counted, listed = Counter[str](), Counter(_kind(one.verdict, one.reliability) for one in work)
     for row in to_be_done:
         counted[_kind(row.verdict, row.reliability)] += row.loops
@@ -402,6 +401,7 @@ def _unlisted(to_be_done: Sequence[Any], work: Sequence[Work]) -> Unlisted:
 
 
 def _kind(verdict: str, reliability: str) -> str:
+    """Of what there is something to do about: where the valve is not said to stick, PV does not answer OP."""
     if verdict != "stiction":
         return "unanswered"
     return "reliable" if reliability == "reliable" else "unsure"
