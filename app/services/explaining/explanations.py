@@ -201,7 +201,7 @@ def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked | None:
         return None
     with backend.database.read() as connection:
         made = verdicts.newest_said(connection, loop.id)
-        if made is None or made.input_start_ns is None:
+        if made is None or made.input_start_ns is None or made.input_end_ns is None:
             return None
         window_ns = (made.input_start_ns, made.input_end_ns)
         found = series.readable(connection, loop.id, *window_ns, backend.settings.hold_days)
