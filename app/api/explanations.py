@@ -7,6 +7,7 @@ from starlette.responses import PlainTextResponse
 
 from app.api.explanation_models import ExplanationIn, ExplanationOut, ExplanationPage, PlotOut
 from app.api.loops import Points
+from app.api.models import CSV
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
@@ -15,8 +16,6 @@ from app.services.addresses import tag_in_url
 from app.services.explaining import explanations as service
 from app.services.explaining import traces as explanation_traces
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
-
-CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 WITHOUT_SIMULATION = ExplanationIn()
 Wanted = Annotated[ExplanationIn, Body()]

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from app.api.etags import NOT_MODIFIED, InParts, known, tag_of, tagged
-from app.api.models import HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
+from app.api.models import CSV, HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
 from app.http.backend import Cursor, IsoTime, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
@@ -32,7 +32,6 @@ Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offs
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
 IfMatch = Annotated[str | None, Header(max_length=500, description="ETag of the loop as it is to be changed.")]
 To = Annotated[IsoTime | None, Query(alias="to", description="Another name of end, as explanations have it.")]
-CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 # The routes with more behind the tag come first: a tag may hold slashes.
 

@@ -10,6 +10,9 @@ from app.services.plant.loops import KNOWN_TYPES, LONGEST_WORDS, MOST_IMPORTANT
 from app.services.plant.notes import LONGEST_TEXT, LONGEST_WORK_ORDER
 from app.services.results import AuditState, UploadState
 
+CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
+"""In the responses of a route that answers with a table."""
+
 
 class Read(BaseModel):
     """An answer, made from what a service returns."""

@@ -53,4 +53,4 @@ def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
 )
 def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> Any:
     """The loop is shelved no longer, by this note or one before it; the note stays and says who ended it."""
-    return service.withdraw_shelving(backend, tag, note_id, caller.who)
+    return service.end_shelving(backend, tag, note_id, caller.who)

@@ -8,8 +8,8 @@ from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
 
 from app.api.etags import NOT_MODIFIED, tagged, versioned
-from app.api.loops import CSV, WhichRetired
-from app.api.models import ReliabilityPage
+from app.api.loops import WhichRetired
+from app.api.models import CSV, ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
 from app.http.problems import responses

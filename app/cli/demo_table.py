@@ -8,7 +8,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from app.cli.tables import VERDICT_STYLE, chance, console_for, number
+from app.cli.messages import console_for
+from app.cli.tables import VERDICT_STYLE, chance, number
 from app.services.telling.wording import VERDICT_RANK, VERDICT_WORDS, rely
 
 if TYPE_CHECKING:

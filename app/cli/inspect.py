@@ -9,7 +9,7 @@ import typer
 
 from app.cli.audit import FORMS, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
-from app.cli.messages import ExitCode, say
+from app.cli.messages import ExitCode, console_for, say
 from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
 from app.errors import DataError, LoopauditError
 from app.services.moments import moment_of
@@ -64,7 +64,6 @@ def inspect(
 
 def shown(file: Path, mapping: "TagMapping | None", options: "IngestOptions") -> bool:
     """Prints what one file holds; whether a loop of it can be audited."""
-    from app.cli.tables import console_for
     from app.ingest import inspect as look
 
     if not file.is_file():

@@ -1,12 +1,13 @@
 """`loopaudit keys`: who may talk to the service."""
 
 import json
+import sys
 from datetime import timedelta
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.messages import ExitCode, say, stdout_console
+from app.cli.messages import ExitCode, console_for, say
 from app.cli.opening import opened
 from app.services.access.identity import Role
 
@@ -78,7 +79,7 @@ def list_(as_json: Annotated[bool, typer.Option("--json", help="One JSON object 
         times = (clock.short(at) if at else "never" for at in (key.created_at, key.expires_at, key.last_used_at))
         cells = (key.id, key.name, key.role, key.state, *times)
         table.add_row(*(Text(cell) for cell in cells), str(key.requests_per_minute))
-    stdout_console().print(table)
+    console_for(sys.stdout).print(table)
     raise typer.Exit(ExitCode.DONE)
 
 

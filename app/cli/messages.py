@@ -4,10 +4,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from enum import IntEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import IO, TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+PIPE_WIDTH = 180
 
 
 class ExitCode(IntEnum):
@@ -33,11 +35,11 @@ def say(text: str) -> None:
         sys.stderr.flush()
 
 
-def stdout_console() -> "Console":
-    """For tables: as wide as the terminal, and wide enough for whole cells where the output is a pipe or a file."""
+def console_for(stream: IO[str]) -> "Console":
+    """For tables: as wide as the terminal; wide enough for whole sentences where the output is a pipe or a file."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH, highlight=False)
 
 
 @contextmanager

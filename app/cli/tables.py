@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 from typing import IO, Any
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.cli.messages import console_for
 from app.services.telling.wording import (
     VERDICT_RANK,
     VERDICT_WORDS,
@@ -18,13 +18,7 @@ from app.services.telling.wording import (
 )
 
 VERDICT_STYLE = {"stiction": "bold red", "inconclusive": "yellow", "not_auditable": "dim", "no_stiction": "green"}
-PIPE_WIDTH = 180
 WIDTH_FOR_REASONS = 130
-
-
-def console_for(stream: IO[str]) -> Console:
-    """As wide as the terminal; wide enough for whole sentences where the output is a pipe or a file."""
-    return Console(file=stream, width=None if stream.isatty() else PIPE_WIDTH, highlight=False)
 
 
 def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:

@@ -1,11 +1,12 @@
 """`loopaudit trail`: who did what."""
 
 import json
+import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.messages import ExitCode, stdout_console
+from app.cli.messages import ExitCode, console_for
 from app.cli.opening import opened
 
 if TYPE_CHECKING:
@@ -50,4 +51,4 @@ def show(rows: "list[TrailView]", clock: "PlantClock") -> None:
         outcome = row.outcome.replace("_", " ")
         cells = (clock.to_the_second(row.at), row.who, row.action, row.subject, outcome, row.request_id or "")
         table.add_row(*(Text(cell) for cell in cells))
-    stdout_console().print(table)
+    console_for(sys.stdout).print(table)

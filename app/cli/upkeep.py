@@ -1,13 +1,14 @@
 """`loopaudit doctor`, `backup` and `restore`: upkeep of an installation."""
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.configuration import load_settings
-from app.cli.messages import ExitCode, say, stdout_console
+from app.cli.messages import ExitCode, console_for, say
 
 if TYPE_CHECKING:
     from app.services.upkeep.doctor import Check
@@ -47,7 +48,7 @@ def show(checks: "list[Check]") -> None:
     for check in checks:
         state = Text(check.state, style=colours[check.state])
         table.add_row(Text(check.name), state, Text(check.found), Text(check.advice))
-    stdout_console().print(table)
+    console_for(sys.stdout).print(table)
 
 
 def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the backup.")]) -> None:

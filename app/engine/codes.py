@@ -16,6 +16,9 @@ Cause = Literal[
 UNANSWERED: Cause = "stuck_valve_or_dead_transmitter"
 """The cause where PV does not answer OP at all: a failure to be looked at today, whatever is said of stiction."""
 
+NO_ANSWER_VERDICTS = ("inconclusive", "not_auditable")
+"""The verdicts that name it."""
+
 CheckCode = Literal[
     "too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_two_values",
     "op_at_limits", "samples_per_cycle", "few_cycles", "irregular_sampling", "pv_quantised", "op_quantised",

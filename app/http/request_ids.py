@@ -8,11 +8,11 @@ import uuid
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.http.permissions import READING
 from app.logs import about
 from app.services.access.identity import request_id
 
 HEADER = "X-Request-Id"
-READING = ("GET", "HEAD")
 GIVEN = re.compile(r"[A-Za-z0-9._-]{8,64}")  # what cannot break a line of a log
 LONGEST_PATH = 300
 

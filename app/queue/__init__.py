@@ -2,6 +2,5 @@
 
 from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.queue.publishing import Queue
-from app.queue.running import run_beat, run_worker
 
-__all__ = ["AUDIT_CHUNK", "DELIVER", "EXPLAIN", "READ_UPLOAD", "SWEEP", "Queue", "run_beat", "run_worker"]
+__all__ = ["AUDIT_CHUNK", "DELIVER", "EXPLAIN", "READ_UPLOAD", "SWEEP", "Queue"]

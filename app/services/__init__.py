@@ -21,5 +21,6 @@ telling      a verdict in words: what it says, what it rests on, what to do next
 Beside them: demo (a simulated plant), and what all share: backend, found_groups, results, addresses, cursors, moments,
 spreadsheet, rendering, heartbeat, patience.
 
-The worker and the schedule are run by `app.queue.run_worker(settings, concurrency)` and `app.queue.run_beat(settings)`.
+The worker and the schedule are run by `run_worker(settings, concurrency)` and `run_beat(settings)` of
+`app.queue.running`.
 """

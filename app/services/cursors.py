@@ -4,19 +4,32 @@ import base64
 import binascii
 import json
 import math
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypeVar
 
 from app.errors import RequestError
+from app.services.results import Page
 
 LONGEST = 5000
 """Characters of a cursor: two names of 256 letters each, the longest an export has, escaped and in base 64."""
 LARGEST = 2**63 - 1
 
+Row = TypeVar("Row")
+View = TypeVar("View")
+
 
 def encode(*values: Any) -> str:
     marked = [{"t": value.isoformat()} if isinstance(value, datetime) else value for value in values]
     return base64.urlsafe_b64encode(json.dumps(marked, ensure_ascii=False).encode()).decode().rstrip("=")
+
+
+def page_of(
+    rows: Sequence[Row], limit: int, view: Callable[[Row], View], key: Callable[[Row], tuple[Any, ...]]
+) -> Page[View]:
+    """The first `limit` of rows, of which one more tells whether there are more. key: what the next ones come after."""
+    shown = rows[:limit]
+    return Page([view(row) for row in shown], encode(*key(shown[-1])) if len(rows) > limit else None)
 
 
 def decode(cursor: str | None, kinds: tuple[type | tuple[type, ...], ...]) -> list[Any] | None:

@@ -54,6 +54,11 @@ class PlantClock:
         """2026-01-31 04:00:00, for places that say by which clock."""
         return self.at(datetime.fromisoformat(iso)).isoformat(" ", "seconds")[:19]
 
+    def span(self, start: str, end: str, *, to_the_second: bool = False) -> str:
+        """2026-01-31 04:00 to 04:10, the second day only where it is another one."""
+        first, last = (self.to_the_second(at) if to_the_second else self.short(at) for at in (start, end))
+        return f"{first} to {last.removeprefix(first[:11])}"
+
     def recorded(self, iso: str | None) -> str:
         """The same of a sample: "no date" where nobody told it, nothing where there is none."""
         return self.short(iso) if iso and self.dated(iso) else self.day(iso)
@@ -95,6 +100,11 @@ UTC_CLOCK = PlantClock("UTC")
 
 def moment_of(time_ns: int) -> datetime:
     return datetime.fromtimestamp(time_ns / 1e9, UTC)
+
+
+def seconds_of(iso: str) -> float:
+    """Since 1970, UTC."""
+    return datetime.fromisoformat(iso).timestamp()
 
 
 def ns_of(moment: datetime) -> int:

@@ -24,6 +24,7 @@ from sqlalchemy import (
 
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
+from app.storage.locks import Lock, hold
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import GOING_ON, audit_items, audits, in_words, loops
 from app.storage.types import clock_s, long_ago, now
@@ -81,8 +82,6 @@ class LoopFilter:
 
 WHOLE = json.dumps(vars(LoopFilter()))
 """How a run is stored that was asked for without a filter."""
-
-ONE_BY_ONE = 705162
 
 COLUMNS = [audits.c[name] for name in AuditRow.__dataclass_fields__]
 
@@ -146,8 +145,7 @@ def newest_whole(connection: Connection) -> AuditRow | None:
 def whole_going_on(connection: Connection) -> int | None:
     """The run of the whole plant that goes on. Until the transaction has ended nobody else is told that there is none:
     of two who ask at once only one starts a run."""
-    if connection.dialect.name == "postgresql":
-        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({ONE_BY_ONE})")
+    hold(connection, Lock.ONE_RUN)
     going_on = select(audits.c.id).where(_whole(), GOING_ON)
     return connection.scalar(going_on.order_by(audits.c.id.desc()).limit(1))
 

@@ -2,15 +2,55 @@
 since are not told of."""
 
 from collections.abc import Collection, Iterable, Sequence
-from typing import Any
+from datetime import datetime
+from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Connection, Select, and_, func, or_, select
 
-from app.engine.codes import UNANSWERED
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import heads, heads_of_units, worst_first
-from app.storage.plant import complains, told_of_both
+from app.storage.newest import heads, heads_of_units, unanswered, worst_first
+from app.storage.plant import ChangedRow, complains, told_of_both
 from app.storage.tables import loops, verdicts
+
+
+class ComplaintRow(NamedTuple):
+    """A loop to look at, and what the run said of it."""
+
+    tag: str
+    unit: str | None
+    importance: float
+    verdict: str
+    reliability: str
+    stiction_probability: float | None
+    likely_cause: str | None
+    health: float | None
+    reasons: str
+    reasons_text: str
+    window_start: datetime | None
+    window_end: datetime | None
+    input_end_ns: int | None
+
+
+class ToBeDone(NamedTuple):
+    verdict: str
+    reliability: str
+    loops: int
+
+
+class RefusedRow(NamedTuple):
+    """place: among those of the same likely cause, from 1."""
+
+    tag: str
+    likely_cause: str | None
+    place: int
+
+
+class CountRow(NamedTuple):
+    verdict: str
+    reliability: str
+    likely_cause: str | None
+    loops: int
+
 
 TEXTS = ("reasons_text", "reasons_text_before", "extra_json", "extra_json_before")
 
@@ -21,22 +61,22 @@ _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 def worst_of_units(
     connection: Connection, audit_id: int, each: int, since_ns: int | None = None, left_out: Sequence[int] = ()
-) -> list[Any]:
+) -> list[ComplaintRow]:
     """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
     importance; without those `left_out`, by id. since_ns: only those that were given a sample as new as that."""
     listed = _complaints(audit_id, left_out)
     listed = listed if since_ns is None else listed.where(this.c.input_end_ns >= since_ns)
-    return heads_of_units(connection, listed, this, each)
+    return [ComplaintRow._make(row) for row in heads_of_units(connection, listed, this, each)]
 
 
 def worst_of_old(
     connection: Connection, audit_id: int, most: int, since_ns: int | None, left_out: Sequence[int] = ()
-) -> list[Any]:
+) -> list[ComplaintRow]:
     """Of all units those whose samples are older."""
     if since_ns is None:
         return []
     old = _complaints(audit_id, left_out).where(this.c.input_end_ns < since_ns)
-    return heads(connection, old, this, most)
+    return [ComplaintRow._make(row) for row in heads(connection, old, this, most)]
 
 
 def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
@@ -49,39 +89,40 @@ def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
     return complaints.where(loops.c.id.not_in(left_out))
 
 
-def to_be_done(connection: Connection, audit_id: int, since_ns: int | None, left_out: Sequence[int]) -> list[Any]:
+def to_be_done(connection: Connection, audit_id: int, since_ns: int | None, left_out: Sequence[int]) -> list[ToBeDone]:
     """By verdict and reliability the loops that stick, or in which PV does not answer OP; without those `left_out`, by
     id. since_ns: only those that were given a sample as new as that."""
-    unanswered = and_(this.c.likely_cause == UNANSWERED, this.c.verdict.in_(("inconclusive", "not_auditable")))
-    wanted = (this.c.audit_id == audit_id, or_(this.c.verdict == "stiction", unanswered))
+    wanted = (this.c.audit_id == audit_id, or_(this.c.verdict == "stiction", unanswered(this)))
     query = select(this.c.verdict, this.c.reliability, func.count().label("loops")).select_from(_OF_RUN).where(*wanted)
     query = query.where(loops.c.id.not_in(left_out))
     query = query if since_ns is None else query.where(this.c.input_end_ns >= since_ns)
-    return list(connection.execute(query.group_by(this.c.verdict, this.c.reliability)))
+    counted = query.group_by(this.c.verdict, this.c.reliability)
+    return [ToBeDone._make(row) for row in connection.execute(counted)]
 
 
-def refused_of(connection: Connection, audit_id: int, each: int, left_out: Sequence[int] = ()) -> list[Any]:
+def refused_of(connection: Connection, audit_id: int, each: int, left_out: Sequence[int] = ()) -> list[RefusedRow]:
     """Of each likely cause the first loops that were not auditable, the most important first; without those
     `left_out`, by id."""
     place = func.row_number().over(partition_by=this.c.likely_cause, order_by=(loops.c.importance.desc(), loops.c.tag))
     placed = select(loops.c.tag, this.c.likely_cause, place.label("place")).select_from(_OF_RUN)
     listed = placed.where(this.c.audit_id == audit_id, this.c.verdict == "not_auditable")
     found = listed.where(loops.c.id.not_in(left_out)).subquery()
-    return list(connection.execute(select(found).where(found.c.place <= each).order_by(found.c.place)))
+    listed = select(found).where(found.c.place <= each).order_by(found.c.place)
+    return [RefusedRow._make(row) for row in connection.execute(listed)]
 
 
-def changed_of(connection: Connection, audit_id: int) -> list[Any]:
+def changed_of(connection: Connection, audit_id: int) -> list[ChangedRow]:
     """Loops whose verdict in this run is another one than their verdict before, the worst first: what tells which kind
     of change each is. In a night of a new method they are all loops of the plant, and most of a row are its texts."""
     told = [column for column in told_of_both(this, before) if column.key not in TEXTS]
     query = _changed(audit_id, told).order_by(*worst_first(this))
-    return list(connection.execute(query))
+    return [ChangedRow(*row) for row in connection.execute(query)]
 
 
-def changes_of(connection: Connection, audit_id: int, tags: Collection[str]) -> list[Any]:
+def changes_of(connection: Connection, audit_id: int, tags: Collection[str]) -> list[ChangedRow]:
     """Of these of them what `plant.changes` tells."""
     query = _changed(audit_id, told_of_both(this, before)).where(loops.c.tag.in_(tags))
-    return list(connection.execute(query))
+    return [ChangedRow(*row) for row in connection.execute(query)]
 
 
 def _changed(audit_id: int, told: Iterable[ColumnElement[Any]]) -> Select[Any]:
@@ -97,11 +138,11 @@ def _changed(audit_id: int, told: Iterable[ColumnElement[Any]]) -> Select[Any]:
     return select(*of_loop, *told).select_from(joined).where(this.c.audit_id == audit_id, news)
 
 
-def counts_of(connection: Connection, audit_id: int) -> list[Any]:
+def counts_of(connection: Connection, audit_id: int) -> list[CountRow]:
     """Loops of the run by verdict, reliability and likely cause."""
     by = (this.c.verdict, this.c.reliability, this.c.likely_cause)
     query = select(*by, func.count().label("loops")).select_from(_OF_RUN).where(this.c.audit_id == audit_id)
-    return list(connection.execute(query.group_by(*by)))
+    return [CountRow._make(row) for row in connection.execute(query.group_by(*by))]
 
 
 def retired_since(connection: Connection, audit_id: int) -> int:

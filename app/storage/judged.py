@@ -1,7 +1,8 @@
 """Of which time verdicts are: the window that was judged, and how far what the engine was given reaches beyond it."""
 
 from collections.abc import Sequence
-from typing import Any
+from datetime import datetime
+from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Select, and_, func, select
 
@@ -11,21 +12,42 @@ from app.storage.tables import loops, newest_rows, verdicts
 
 now = verdicts.alias("judged_now")
 before = verdicts.alias("judged_before")
+
+
+class SpanRow(NamedTuple):
+    """The window that a verdict is of, and the newest sample that the engine was given."""
+
+    tag: str
+    loop_id: int
+    window_start: datetime | None
+    window_end: datetime | None
+    input_end_ns: int | None
+
+
+class NoFurther(NamedTuple):
+    """end_before, given_before: window_end and input_end_ns of the verdict before."""
+
+    span: SpanRow
+    unit: str | None
+    verdict: str
+    reliability: str
+    end_before: datetime | None
+    given_before: int | None
+
+
 _SPAN = (now.c.loop_id, now.c.window_start, now.c.window_end, now.c.input_end_ns)
 
 
-def spans(connection: Connection, tags: Sequence[str], audit_id: int | None = None) -> list[Any]:
-    """Of the newest verdict of each of these loops (or that of one run): tag, loop_id, window_start, window_end and
-    input_end_ns."""
+def spans(connection: Connection, tags: Sequence[str], audit_id: int | None = None) -> list[SpanRow]:
+    """Of the newest verdict of each of these loops, or that of one run."""
     run = now.c.audit_id == (loops.c.newest_audit_id if audit_id is None else audit_id)
     query = select(loops.c.tag, *_SPAN).join(now, and_(now.c.loop_id == loops.c.id, run))
-    return list(connection.execute(query.where(loops.c.tag.in_(tags))))
+    return [SpanRow._make(row) for row in connection.execute(query.where(loops.c.tag.in_(tags)))]
 
 
-def no_further(connection: Connection, run: int, and_since: bool, most: int) -> list[Any]:
+def no_further(connection: Connection, run: int, and_since: bool, most: int) -> list[NoFurther]:
     """Loops that were given newer samples in `run` (and_since: or later) than before it, and whose judged window ends
-    where it did: what `spans` tells, with unit, verdict, reliability, and window_end and input_end_ns of before
-    (end_before, given_before). Looked for among the `most` that lack most to full health, times their importance.
+    where it did. Looked for among the `most` that lack most to full health, times their importance.
     """
     picked = _heaviest(run, and_since).limit(most).subquery()
     earlier = (
@@ -34,7 +56,7 @@ def no_further(connection: Connection, run: int, and_since: bool, most: int) -> 
         .correlate(picked)
         .scalar_subquery()
     )
-    shown = (picked.c.tag, picked.c.unit, *_SPAN, now.c.verdict, now.c.reliability)
+    shown = (picked.c.tag, *_SPAN, picked.c.unit, now.c.verdict, now.c.reliability)
     query = (
         select(*shown, before.c.window_end.label("end_before"), before.c.input_end_ns.label("given_before"))
         .select_from(picked)
@@ -42,7 +64,9 @@ def no_further(connection: Connection, run: int, and_since: bool, most: int) -> 
         .join(before, and_(before.c.loop_id == picked.c.loop_id, before.c.audit_id == earlier))
         .where(now.c.window_end == before.c.window_end, now.c.input_end_ns > before.c.input_end_ns)
     )
-    return list(connection.execute(query.order_by(picked.c.priority.desc().nulls_last(), picked.c.tag)))
+    ordered = query.order_by(picked.c.priority.desc().nulls_last(), picked.c.tag)
+    of_span = len(SpanRow._fields)
+    return [NoFurther(SpanRow._make(row[:of_span]), *row[of_span:]) for row in connection.execute(ordered)]
 
 
 def _heaviest(run: int, and_since: bool) -> Select[Any]:

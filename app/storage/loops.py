@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, bindparam, func, select, text, update
+from sqlalchemy import Connection, Select, bindparam, func, select, update
 
 from app.storage.bulk import among, from_arrays, insert_new_rows
+from app.storage.locks import Lock, hold
 from app.storage.tables import loops
 from app.storage.types import now
 
@@ -83,10 +84,8 @@ def ensure(connection: Connection, tags: Iterable[str]) -> dict[str, int]:
 
 
 def _lock_new(connection: Connection) -> None:
-    """Whoever creates loops waits for whoever does so now: of two spellings of a tag the second sees the first. On
-    SQLite every transaction that writes waits already."""
-    if connection.dialect.name == "postgresql":
-        connection.execute(text("SELECT pg_advisory_xact_lock(705163)"))
+    """Whoever creates loops waits for whoever does so now: of two spellings of a tag the second sees the first."""
+    hold(connection, Lock.NEW_LOOPS)
 
 
 def _spelled_otherwise(connection: Connection, tags: Sequence[str]) -> dict[str, int]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, FromClause, Select, and_, func, select
 
+from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
 
 
@@ -16,6 +17,11 @@ def is_newest(said: FromClause) -> ColumnElement[bool]:
 NEWEST_VERDICTS = loops.join(verdicts, is_newest(verdicts))
 NEWEST_ROWS = loops.join(newest_rows, is_newest(newest_rows))
 """Loops with their newest verdict; without those that have none."""
+
+
+def unanswered(said: FromClause) -> ColumnElement[bool]:
+    """Of loops in which PV does not answer OP, whether that is a verdict or keeps from one."""
+    return and_(said.c.likely_cause == UNANSWERED, said.c.verdict.in_(NO_ANSWER_VERDICTS))
 
 
 def priority(said: FromClause) -> ColumnElement[Any]:

@@ -1,34 +1,51 @@
 """What was said of loops night after night."""
 
 from collections.abc import Sequence
-from typing import Any
+from datetime import datetime
+from typing import NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
 from app.storage.tables import loops, verdicts
 
-TOLD = ("audited_at", "verdict", "reliability", "input_end_ns", "window_end")
+
+class NightRow(NamedTuple):
+    """A verdict of a loop; input_end_ns: the last sample that it was made of; window_end: of what was judged."""
+
+    tag: str
+    audited_at: datetime
+    verdict: str
+    reliability: str
+    input_end_ns: int | None
+    window_end: datetime | None
 
 
-def recent(connection: Connection, tags: Sequence[str], each: int, until: int | None = None) -> list[Any]:
-    """The newest verdicts of these loops, `each` at most, the oldest first: tag, when audited, verdict, reliability,
-    the last sample that it was made of, and the end of the window that was judged. until: the
-    last run that counts.
-    """
+class StickingRow(NamedTuple):
+    """The first verdict that said that a valve sticks. otherwise: the last run that said otherwise; None: there is
+    none."""
+
+    tag: str
+    audited_at: datetime
+    reasons: str
+    extra_json: str
+    otherwise: int | None
+
+
+def recent(connection: Connection, tags: Sequence[str], each: int, until: int | None = None) -> list[NightRow]:
+    """The newest verdicts of these loops, `each` at most, the oldest first. until: the last run that counts."""
     # Places are found in the key alone: a year of whole rows would be read for the newest ones else.
     place = func.row_number().over(partition_by=verdicts.c.loop_id, order_by=verdicts.c.audit_id.desc())
     keys = select(loops.c.tag, verdicts.c.loop_id, verdicts.c.audit_id, place.label("place"))
     keys = keys.join(verdicts, verdicts.c.loop_id == loops.c.id).where(loops.c.tag.in_(tags))
     kept = (keys if until is None else keys.where(verdicts.c.audit_id <= until)).subquery()
     mine = and_(verdicts.c.loop_id == kept.c.loop_id, verdicts.c.audit_id == kept.c.audit_id)
-    query = select(kept.c.tag, *(verdicts.c[name] for name in TOLD)).join(kept, mine)
-    return list(connection.execute(query.where(kept.c.place <= each).order_by(kept.c.tag, kept.c.audit_id)))
+    query = select(kept.c.tag, *(verdicts.c[name] for name in NightRow._fields[1:])).join(kept, mine)
+    ordered = query.where(kept.c.place <= each).order_by(kept.c.tag, kept.c.audit_id)
+    return [NightRow._make(row) for row in connection.execute(ordered)]
 
 
-def first_sticking(connection: Connection, tags: Sequence[str], until: int | None = None) -> list[Any]:
-    """Of loops that stick, the first verdict that said so and was followed by no other: tag, when audited, its reasons,
-    the fields of its row without a column, and the last run that said otherwise (None: there is none). until: as
-    above."""
+def first_sticking(connection: Connection, tags: Sequence[str], until: int | None = None) -> list[StickingRow]:
+    """Of loops that stick, the first verdict that said so and was followed by no other. until: as above."""
     other, same = verdicts.alias("otherwise"), verdicts.alias("sticking")
     last = () if until is None else (other.c.audit_id <= until,)
     otherwise = select(func.max(other.c.audit_id)).where(
@@ -40,4 +57,4 @@ def first_sticking(connection: Connection, tags: Sequence[str], until: int | Non
     mine = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == first, verdicts.c.verdict == "stiction")
     told = (verdicts.c.audited_at, verdicts.c.reasons, verdicts.c.extra_json, broken.label("otherwise"))
     query = select(loops.c.tag, *told).select_from(loops.join(verdicts, mine)).where(loops.c.tag.in_(tags))
-    return list(connection.execute(query))
+    return [StickingRow._make(row) for row in connection.execute(query)]

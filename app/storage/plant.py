@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from datetime import timedelta
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import (
     Column,
@@ -18,11 +18,10 @@ from sqlalchemy import (
     select,
 )
 
-from app.engine.codes import UNANSWERED
 from app.storage.audits import WITH_RESULTS, of_a_night
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, worst_first
+from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, unanswered, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 A_DAY = timedelta(days=1)
@@ -36,9 +35,43 @@ _NEWEST = loops.join(rows, and_(is_newest(rows), IN_SERVICE))
 COMPLAINTS = ("stiction", "inconclusive")
 
 
+class ChangedRow(NamedTuple):
+    """A verdict beside the one before it, whose fields are None where there is none. The texts, which are most of it,
+    are those of no verdict where they were not asked for."""
+
+    tag: str
+    unit: str | None
+    verdict_before: str | None
+    verdict: str
+    health: float | None
+    reliability: str
+    reasons: str
+    likely_cause: str | None
+    probability: float | None
+    probability_before: float | None
+    reasons_before: str | None
+    likely_cause_before: str | None
+    engine_changed: bool | None
+    config_changed: bool | None
+    filled_more: float | None
+    samples_ratio: float | None
+    interval_ratio: float | None
+    reasons_text: str = ""
+    reasons_text_before: str | None = None
+    extra_json: str = "{}"
+    extra_json_before: str | None = None
+
+
+class SecondNight(NamedTuple):
+    """probability_between: that of the first of the two nights."""
+
+    changed: ChangedRow
+    probability_between: float | None
+
+
 def complains(said: FromClause) -> ColumnElement[bool]:
     """Of loops that stick or may, or in which PV does not answer OP, whether that is a verdict or keeps from one."""
-    return or_(said.c.verdict.in_(COMPLAINTS), said.c.likely_cause == UNANSWERED)
+    return or_(said.c.verdict.in_(COMPLAINTS), unanswered(said))
 
 
 def counts(connection: Connection) -> list[Any]:
@@ -116,7 +149,7 @@ def any_run_before(connection: Connection, audit_id: int) -> bool:
     return connection.scalar(select(audits.c.id).where(audits.c.id < audit_id, audits.c.total > 0).limit(1)) is not None
 
 
-def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequence[int] = ()) -> list[Any]:
+def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequence[int] = ()) -> list[ChangedRow]:
     """Loops whose newest verdict, of `since_audit` or later, is another one than their last verdict before that run;
     `left_out`: not these loops, by id.
 
@@ -135,7 +168,8 @@ def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequ
             before, and_(before.c.loop_id == found.c.loop_id, before.c.audit_id == found.c.before_audit_id)
         )
     )
-    return list(connection.execute(query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)))
+    ordered = query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)
+    return [ChangedRow(*row) for row in connection.execute(ordered)]
 
 
 def changed_of(connection: Connection, since_audit: int, loop_ids: Collection[int]) -> frozenset[str]:
@@ -164,9 +198,9 @@ def _changed(since_audit: int) -> Select[Any]:
     return listed.where(rows.c.audit_id >= since_audit, news, in_service)
 
 
-def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Any]:
+def second_nights(connection: Connection, audit_id: int, limit: int) -> list[SecondNight]:
     """Loops that a run and the one before said to stick, both not to be relied on, after they were said to do
-    otherwise: as `changes`, against the verdict before both. probability_between: that of the first of the two."""
+    otherwise: as `changes`, against the verdict before both."""
     between, third = verdicts.alias("between"), verdicts.alias("third")
     sticks = (newest.c.verdict == "stiction", newest.c.reliability == "not_reliable")
     first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == _before(newest))
@@ -176,7 +210,8 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Any
     told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
     query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
     query = query.select_from(joined).where(newest.c.audit_id == audit_id, *sticks, *so, third.c.verdict != "stiction")
-    return heads(connection, query.where(IN_SERVICE), newest, limit)
+    found = heads(connection, query.where(IN_SERVICE), newest, limit)
+    return [SecondNight(ChangedRow(*row[:-1]), row[-1]) for row in found]
 
 
 def _before(row: Any) -> ScalarSelect[Any]:
@@ -194,24 +229,25 @@ def _last_before(audit_id: int, column: Column[Any]) -> ScalarSelect[Any]:
 
 
 def told_of_both(now: FromClause, earlier: FromClause) -> tuple[ColumnElement[Any], ...]:
-    """What tells why the verdict `now` is another one than the `earlier` one."""
+    """What tells why the verdict `now` is another one than the `earlier` one: the fields of `ChangedRow` behind those
+    of the loop."""
     return (
         now.c.reliability,
-        now.c.reasons_text,
         now.c.reasons,
         now.c.likely_cause,
         now.c.stiction_probability.label("probability"),
         earlier.c.stiction_probability.label("probability_before"),
         earlier.c.reasons.label("reasons_before"),
-        earlier.c.reasons_text.label("reasons_text_before"),
-        now.c.extra_json,
-        earlier.c.extra_json.label("extra_json_before"),
         earlier.c.likely_cause.label("likely_cause_before"),
         (now.c.engine_version != earlier.c.engine_version).label("engine_changed"),
         (now.c.config_fingerprint != earlier.c.config_fingerprint).label("config_changed"),
         (now.c.filled_share - earlier.c.filled_share).label("filled_more"),
         (now.c.samples * 1.0 / func.nullif(earlier.c.samples, 0)).label("samples_ratio"),
         (now.c.sampling_interval_s / func.nullif(earlier.c.sampling_interval_s, 0.0)).label("interval_ratio"),
+        now.c.reasons_text,
+        earlier.c.reasons_text.label("reasons_text_before"),
+        now.c.extra_json,
+        earlier.c.extra_json.label("extra_json_before"),
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, func, literal, select
 
@@ -20,6 +20,20 @@ class Sides:
 
     before: int | None
     after: int | None
+
+
+class RepairRow(NamedTuple):
+    """A repair of a loop, the verdict before it, and that of the run, or the newest one, which the others are of."""
+
+    tag: str
+    unit: str | None
+    repaired_at: datetime
+    verdict_before: str | None
+    verdict: str | None
+    reliability: str | None
+    likely_cause: str | None
+    window_start: datetime | None
+    window_end: datetime | None
 
 
 def sides(connection: Connection, loop_id: int, repaired_at: datetime) -> Sides:
@@ -54,10 +68,9 @@ def between(
     audit_id: int | None,
     limit: int,
     tags: Collection[str] | None = None,
-) -> list[Any]:
-    """The loops with a repair in that time: tag, unit, repaired_at, the verdict before, and verdict, reliability,
-    likely cause and judged window of the run, for loops that it audited; without one of the loop's newest
-    verdict, None where it has none. The weightiest first. tags: of these loops alone.
+) -> list[RepairRow]:
+    """The loops with a repair in that time, with the verdict of the run, for loops that it audited; without one with
+    the loop's newest, None where it has none. The weightiest first. tags: of these loops alone.
 
     Of each loop the note that was written last counts, as for the audit.
     """
@@ -96,4 +109,4 @@ def between(
         .limit(limit)
     )
     query = query if tags is None else query.where(among_many(connection, loops.c.tag, tags))
-    return list(connection.execute(query))
+    return [RepairRow._make(row) for row in connection.execute(query)]

@@ -8,6 +8,7 @@ from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, f
 
 from app.nanoseconds import NS_PER_S
 from app.storage.audits import ENDED
+from app.storage.locks import Lock, hold
 from app.storage.steps import HOLDING
 from app.storage.tables import (
     AS_RECEIVED,
@@ -29,14 +30,12 @@ from app.storage.types import now
 from app.storage.uploads import going, let_go, lock_bytes
 
 UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
-KEY = int.from_bytes(b"retained")  # of whoever drops what is old
 
 
 def one_at_a_time(connection: Connection) -> None:
     """Until the transaction ends nobody else drops what is old: who waits for rows that somebody else is dropping finds
-    none, and would take that for the end. On SQLite every transaction that writes waits already."""
-    if connection.dialect.name == "postgresql":
-        connection.execute(select(func.pg_advisory_xact_lock(KEY)))
+    none, and would take that for the end."""
+    hold(connection, Lock.RETENTION)
 
 
 def drop_series(connection: Connection, kept_h: float, batch: int) -> int:

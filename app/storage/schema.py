@@ -12,6 +12,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection
 
 from app.storage.database import Database
+from app.storage.locks import Lock, hold
 
 
 def migrate(database: Database, revision: str = "head") -> None:
@@ -63,7 +64,7 @@ def _prepare(connection: Connection) -> None:
     if connection.dialect.name == "postgresql":
         connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
         connection.exec_driver_sql("SET LOCAL lock_timeout = '60s'")
-        connection.exec_driver_sql("SELECT pg_advisory_xact_lock(705161)")
+        hold(connection, Lock.MIGRATING)
         connection.exec_driver_sql("SET LOCAL lock_timeout = '5s'")
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, ScalarSelect, and_, exists, func, select, update
 
@@ -14,7 +14,12 @@ from app.storage.types import now
 
 repairs = notes.alias("repairs")
 of_loop = verdicts.alias("of_loop")
-_SAID = ("verdict", "reliability", "likely_cause")
+
+
+class SaidOf(NamedTuple):
+    verdict: str
+    reliability: str
+    likely_cause: str | None
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ def shelved(connection: Connection, at: datetime, audit_id: int | None = None) -
     run = loops.c.newest_audit_id if audit_id is None else _last_until(audit_id)
     source = notes.join(last, last.c.id == notes.c.id).join(loops, loops.c.id == notes.c.loop_id)
     source = source.outerjoin(said, and_(said.c.loop_id == loops.c.id, said.c.audit_id == run))
-    query = select(*OF_LOOP, *OF_NOTE, *(said.c[name] for name in _SAID)).select_from(source)
+    query = select(*OF_LOOP, *OF_NOTE, *(said.c[name] for name in SaidOf._fields)).select_from(source)
     query = query.where(notes.c.shelved_until > at, ~repaired, IN_SERVICE)
     return [ShelvedRow(*row) for row in connection.execute(query.order_by(notes.c.shelved_until, loops.c.tag))]
 
@@ -64,10 +69,11 @@ def _last_until(audit_id: int) -> ScalarSelect[Any]:
     return select(func.max(of_loop.c.audit_id)).where(*mine).correlate(loops).scalar_subquery()
 
 
-def newest_said(connection: Connection, loop_id: int) -> Any:
-    """Verdict, reliability and likely cause of the loop's newest verdict; None where it has none."""
-    query = select(*(newest_rows.c[name] for name in _SAID)).select_from(NEWEST_ROWS)
-    return connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
+def newest_said(connection: Connection, loop_id: int) -> SaidOf | None:
+    """Of the loop's newest verdict; None where it has none."""
+    query = select(*(newest_rows.c[name] for name in SaidOf._fields)).select_from(NEWEST_ROWS)
+    row = connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
+    return None if row is None else SaidOf._make(row)
 
 
 def withdraw(connection: Connection, loop_id: int, note_id: int, withdrawn_by: str) -> None:

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import Connection, bindparam, delete, select, text, update
+from sqlalchemy import Connection, bindparam, delete, select, update
 
 from app.storage.bulk import among, insert_new_rows
+from app.storage.locks import Lock, hold
 from app.storage.tables import kept_tags, read_tags
 
 TAGS_AT_ONCE = 5000
@@ -70,10 +71,8 @@ def drop(connection: Connection, rows: Sequence[KeptTag]) -> None:
 
 
 def lock(connection: Connection) -> None:
-    """Of two that read or say at once what tags are, the second sees what the first one left. On SQLite every
-    transaction that writes waits already."""
-    if connection.dialect.name == "postgresql":
-        connection.execute(text("SELECT pg_advisory_xact_lock(705162)"))
+    """Of two that read or say at once what tags are, the second sees what the first one left."""
+    hold(connection, Lock.TAGS)
 
 
 def last_read(connection: Connection, keys: Iterable[Key]) -> dict[Key, ReadTag]:

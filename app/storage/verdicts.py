@@ -24,7 +24,7 @@ from sqlalchemy import (
     update,
 )
 
-from app.storage.bulk import among, insert_for, insert_new
+from app.storage.bulk import among, among_many, insert_for, insert_new
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
@@ -73,6 +73,39 @@ class RowFilter:
     recorded_before_ns: int | None = None
     left_out: tuple[int, ...] = ()
     tags: tuple[str, ...] | None = None
+
+
+class SaidRow(NamedTuple):
+    """What a verdict says in short, of which run it is, and what is stated of the loop's OP."""
+
+    tag: str
+    moves_valve: bool | None
+    loop_id: int
+    audit_id: int
+    verdict: str
+    reliability: str
+    stiction_probability: float | None
+
+
+class NewestSaid(NamedTuple):
+    """What was said and when, and the first and last sample (ns since 1970) that it was made of."""
+
+    verdict: str
+    audited_at: datetime
+    input_start_ns: int | None
+    input_end_ns: int | None
+
+
+class SwingRow(NamedTuple):
+    tag: str
+    unit: str | None
+    stiction_probability: float | None
+    swing_json: str
+
+
+class ExcerptsRow(NamedTuple):
+    tag: str
+    excerpts_json: str
 
 
 @dataclass(frozen=True)
@@ -200,12 +233,11 @@ def _rewrite(
     connection.execute(statement, [{**key, **row} for key, row in zip(keys, new, strict=True)])
 
 
-def said(connection: Connection) -> list[Any]:
-    """What the newest verdict of each loop in service says in short, of which run it is, and what is stated of the
-    loop's OP."""
-    told = ("loop_id", "audit_id", "verdict", "reliability", "stiction_probability")
-    query = select(loops.c.tag, loops.c.moves_valve, *(newest_rows.c[name] for name in told)).select_from(NEWEST_ROWS)
-    return list(connection.execute(query.where(IN_SERVICE).order_by(loops.c.tag)))
+def said(connection: Connection) -> list[SaidRow]:
+    """Of the newest verdict of each loop in service."""
+    told = (newest_rows.c[name] for name in SaidRow._fields[2:])
+    query = select(loops.c.tag, loops.c.moves_valve, *told).select_from(NEWEST_ROWS)
+    return [SaidRow._make(row) for row in connection.execute(query.where(IN_SERVICE).order_by(loops.c.tag))]
 
 
 def pack_detail(detail: dict[str, Any]) -> bytes:
@@ -282,10 +314,8 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[in
             cursor.adapters.register_loader("text", _as_bytes())
             cursor.execute(ROWS_OF, (form, list(loop_ids)))
             return dict(cursor.fetchall())
-    # One value for all keys: SQLite takes so many in a statement, and no more.
-    wanted = select(func.json_each(json.dumps(list(loop_ids))).table_valued("value").c.value)
     query = select(newest_rows.c.loop_id, newest_rows.c.row_json).where(newest_rows.c.form == form)
-    found = connection.execute(query.where(newest_rows.c.loop_id.in_(wanted)))
+    found = connection.execute(query.where(among_many(connection, newest_rows.c.loop_id, loop_ids)))
     return {loop_id: text.encode() for loop_id, text in found}
 
 
@@ -334,13 +364,11 @@ def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None
     return row["id"], None if row["audit_id"] is None else _dict(row)
 
 
-def newest_said(connection: Connection, loop_id: int) -> Any:
-    """Of the loop's newest verdict what was said and when, and the first and last sample (ns since 1970) that it was
-    made of; None where there is none.
-    """
-    told = ("verdict", "audited_at", "input_start_ns", "input_end_ns")
-    query = select(*(verdicts.c[name] for name in told)).join(loops, is_newest(verdicts))
-    return connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
+def newest_said(connection: Connection, loop_id: int) -> NewestSaid | None:
+    """Of the loop's newest verdict; None where there is none."""
+    query = select(*(verdicts.c[name] for name in NewestSaid._fields)).join(loops, is_newest(verdicts))
+    row = connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
+    return None if row is None else NewestSaid._make(row)
 
 
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:
@@ -366,19 +394,19 @@ def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
     return connection.execute(select(*columns).where(*mine)).one_or_none()
 
 
-def swings(connection: Connection) -> list[Any]:
+def swings(connection: Connection) -> list[SwingRow]:
     """What is kept of the oscillations of all loops in service whose newest verdict saw one."""
     told = (newest_rows.c.stiction_probability, newest_rows.c.swing_json)
     query = select(loops.c.tag, loops.c.unit, *told).select_from(NEWEST_ROWS)
     seen = newest_rows.c.swing_json.is_not(None)
-    return list(connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag)))
+    return [SwingRow._make(row) for row in connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag))]
 
 
-def excerpts(connection: Connection) -> list[Any]:
+def excerpts(connection: Connection) -> list[ExcerptsRow]:
     """What is kept of OP and SP of all loops in service in which one of them moves."""
     query = select(loops.c.tag, newest_rows.c.excerpts_json).select_from(NEWEST_ROWS)
     kept = newest_rows.c.excerpts_json.is_not(None)
-    return list(connection.execute(query.where(kept, IN_SERVICE).order_by(loops.c.tag)))
+    return [ExcerptsRow._make(row) for row in connection.execute(query.where(kept, IN_SERVICE).order_by(loops.c.tag))]
 
 
 def newest_state(connection: Connection) -> tuple[Any, ...]:

@@ -166,7 +166,7 @@ def withdraw(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
 
 @router.post("/loops/{tag:path}/notes/{note_id}/unshelve")
 def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifier) -> RedirectResponse:
-    notes.withdraw_shelving(backend, tag, note_id, caller.who)
+    notes.end_shelving(backend, tag, note_id, caller.who)
     return back_to(tag, "notes")
 
 

@@ -8,6 +8,7 @@ from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
+from app.engine.plant_wide.groups import IN_STEP
 from app.http.backend import Services
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.plant import groups as grouped
@@ -125,7 +126,7 @@ def groups(backend: Services) -> HTMLResponse:
     found = grouped.soon(backend)
     shaken, by_chance = grouped.told_apart(found or ())
     told = {"groups": shaken, "by_chance": by_chance, "known": found is not None}
-    return page("groups.html", backend.clock, in_step_from=grouped.IN_STEP_FROM, **told)
+    return page("groups.html", backend.clock, in_step_from=IN_STEP, **told)
 
 
 @router.get("/glossary")

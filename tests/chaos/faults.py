@@ -16,6 +16,7 @@ import redis
 from app.queue import Queue
 from app.queue.jobs import queue_names
 from app.settings import Settings
+from app.storage.locks import Lock
 from tests.chaos import spoiled_worker
 from tests.chaos.client import Client, Export
 from tests.chaos.installation import Installation
@@ -287,7 +288,7 @@ def migrate_meanwhile(scene: Scene) -> None:
     """`loopaudit migrate`, and what a newer version's migration would do: a column more on every busy table."""
     scene.installation.run("migrate")
     with contextlib.suppress(psycopg.Error), scene.installation.connect() as connection, connection.transaction():
-        connection.execute("SELECT pg_advisory_xact_lock(705161)")
+        connection.execute("SELECT pg_advisory_xact_lock(%s)", (Lock.MIGRATING.value,))
         connection.execute("SET LOCAL lock_timeout = '5s'")
         for table in HOT_TABLES:
             connection.execute(f"ALTER TABLE {table} DROP COLUMN IF EXISTS of_a_newer_version")

@@ -18,7 +18,6 @@ from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
 from app.services.plant import worst
 from app.services.plant.arrivals import (
     LATE,
-    NAMED,
     NOTHING_NEW,
     Arrivals,
     arrivals,
@@ -31,6 +30,7 @@ from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.shelving import shelf
 from app.services.plant.silent import of_run
 from app.services.reports.documents import plant_report
+from app.services.telling.naming import NAMED
 from app.storage import arrivals as stored
 from app.storage import series
 from app.storage.samples import Samples

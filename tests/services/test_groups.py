@@ -7,9 +7,11 @@ from collections.abc import Callable
 import pytest
 
 from app.services.backend import Backend
-from app.services.plant import groups
+from app.services.plant import groups, loop_sheet, plant_sheet
+from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups
-from app.services.plant.loops import patch_loop
+from app.services.plant.loops import find, patch_loop
+from app.services.plant.shelving import shelf
 from app.services.reports.documents import loop_report, plant_report
 
 
@@ -18,7 +20,7 @@ def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict
     assert {member.loop for member in group.members} == set("ABCD")
     assert group.in_step
     assert plant_groups(backend) is plant_groups(backend)  # found once
-    assert groups_of(backend, "A") == [group]
+    assert groups_of(plant_groups(backend), "A") == [group]
 
 
 def test_groups_know_the_units_that_loops_have_now(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
@@ -73,6 +75,23 @@ def test_reports_wait_for_the_groups(
     text = report(backend)
     assert "being worked out" not in text
     assert said in text
+
+
+@pytest.mark.parametrize(
+    "sheet",
+    [
+        lambda backend: plant_sheet.plant_sheet(backend, arrivals(backend)),
+        lambda backend: loop_sheet.loop_sheet(backend, find(backend, "A"), None, shelf(backend)),
+    ],
+)
+def test_a_page_does_not_list_groups_beside_the_word_that_they_are_not_known(
+    backend: Backend, two_runs: tuple[dict[str, int], int], monkeypatch: pytest.MonkeyPatch, sheet: object
+) -> None:
+    known_meanwhile = iter([None, plant_groups(backend)])
+    for module in (groups, loop_sheet):
+        monkeypatch.setattr(module, "soon", lambda backend: next(known_meanwhile))
+    told = sheet(backend)
+    assert (told["groups_known"], told["groups"]) == (False, [])
 
 
 def test_a_search_for_groups_that_failed_is_made_again(

@@ -95,7 +95,7 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "changes": lambda b: named(change.loop for change in changes.changes(b).rows),
     "repairs": lambda b: named(repair.loop for repair in repairs(b).listed),
     "groups": lambda b: named(member.loop for group in plant_groups(b) for member in group.members),
-    "groups of a neighbour": lambda b: named(m.loop for group in groups_of(b, "FIC1") for m in group.members),
+    "groups of a neighbour": lambda b: named(m.loop for one in groups_of(plant_groups(b), "FIC1") for m in one.members),
     "what is said of loops": lambda b: kept(b, stored_verdicts.said),
     "what swings": lambda b: kept(b, stored_verdicts.swings),
     "what moves": lambda b: kept(b, stored_verdicts.excerpts),

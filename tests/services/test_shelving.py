@@ -212,9 +212,9 @@ def test_the_newest_counts_though_it_ends_earlier(judged: Backend) -> None:
 
 def test_it_is_ended_by_hand_whatever_was_written_before(judged: Backend) -> None:
     first, newest = shelve(judged, "A", 30), shelve(judged, "A", 60)
-    done = notes.withdraw_shelving(judged, "A", newest, "bert")
+    done = notes.end_shelving(judged, "A", newest, "bert")
     assert done.withdrawn_by == "bert"
-    assert notes.withdraw_shelving(judged, "A", newest, "carl") == done
+    assert notes.end_shelving(judged, "A", newest, "carl") == done
     assert [(note.id, note.withdrawn_by) for note in notes.list_notes(judged, "A")] == [
         (newest, "bert"),
         (first, "bert"),
@@ -225,17 +225,17 @@ def test_it_is_ended_by_hand_whatever_was_written_before(judged: Backend) -> Non
 def test_to_end_one_leaves_those_before_it_that_ended_by_themselves(judged: Backend) -> None:
     expired, newest = shelve(judged, "A", 2), shelve(judged, "A", 60)
     wait(judged, expired, 3 * DAY)
-    notes.withdraw_shelving(judged, "A", newest, "bert")
+    notes.end_shelving(judged, "A", newest, "bert")
     assert [(note.id, note.withdrawn_by) for note in notes.list_notes(judged, "A")] == [
         (newest, "bert"),
         (expired, None),
     ]
-    assert notes.withdraw_shelving(judged, "A", expired, "bert").withdrawn_at is None
+    assert notes.end_shelving(judged, "A", expired, "bert").withdrawn_at is None
 
 
 def test_to_end_one_that_was_replaced_leaves_the_newest(judged: Backend) -> None:
     first, newest = shelve(judged, "A", 30), shelve(judged, "A", 60)
-    notes.withdraw_shelving(judged, "A", first)
+    notes.end_shelving(judged, "A", first)
     assert [one.note_id for one in shelf(judged).listed] == [newest]
 
 
@@ -244,7 +244,7 @@ def test_only_a_shelving_of_that_loop_can_be_ended(judged: Backend) -> None:
     repair = notes.add_note(judged, "C", "packing", repaired_at=datetime.now(UTC) - DAY).id
     for tag, note_id in (("B", shelving), ("A", plain), ("C", repair), ("A", "nonsense"), ("NOWHERE", shelving)):
         with pytest.raises(NotFoundError):
-            notes.withdraw_shelving(judged, tag, note_id)
+            notes.end_shelving(judged, tag, note_id)
     with pytest.raises(NotFoundError):
         notes.withdraw_repair(judged, "A", shelving)
     assert [one.loop for one in shelf(judged).listed] == ["A"]

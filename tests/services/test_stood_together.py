@@ -13,7 +13,7 @@ from sqlalchemy import select, update
 
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
-from app.services.auditing.standing import of_lines, of_plant
+from app.services.auditing.unanswered import of_lines, of_plant
 from app.services.backend import Backend
 from app.services.digests.digest import Digest, digest_of
 from app.services.digests.telling import as_html, as_json, as_text
@@ -30,8 +30,8 @@ from app.services.reports.documents import loop_report, plant_report
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter
-from app.storage.standing import unanswered
 from app.storage.tables import newest_rows, verdicts
+from app.storage.unanswered import unanswered
 from tests.services.audited_plant import rewrite, rewrite_newest
 from tests.services.standing_plant import SAMPLES, later, stored
 from tests.services.upkeep_plant import with_settings

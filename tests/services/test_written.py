@@ -69,7 +69,7 @@ def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -
     shelved = notes.add_note(plant, "FIC3", "in the shutdown", shelved_until=TOMORROW)
     seen.add(reliability.reliability_json(plant).version)
     assert len(seen) == 4
-    notes.withdraw_shelving(plant, "FIC3", shelved.id)
+    notes.end_shelving(plant, "FIC3", shelved.id)
     notes.withdraw_repair(plant, "FIC2", repair.id)
     assert reliability.reliability_json(plant).version in seen, "what is withdrawn is as if it had not been written"
     notes.add_note(plant, "FIC0", "seen in the field, nothing to do")

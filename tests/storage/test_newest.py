@@ -10,6 +10,7 @@ from sqlalchemy import insert, update
 from app.storage import Database, digests, judged, loops, plant, shelvings, verdicts
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
+from app.storage.tables import verdicts as verdicts_table
 from app.storage.types import now
 from app.storage.verdicts import NewVerdict, RowFilter
 
@@ -39,7 +40,7 @@ def said(loop_id: int, audit_id: int, verdict: str, health: float | None, end_ns
     columns: dict[str, Any] = {
         **{"audited_at": now(), "samples": 1, "verdict": verdict, "reliability": "reliable", "health": health},
         **{"engine_version": "", "elapsed_s": 0.0, "input_fingerprint": "", "config_fingerprint": ""},
-        **{"reasons": "", "reasons_text": "", "likely_cause": None, "table2_reading": None},
+        **{"reasons": "", "reasons_text": "why", "likely_cause": None, "table2_reading": None},
         **{"stiction_probability": None, "input_end_ns": end_ns},
     }
     swing = json.dumps({"audit": audit_id})
@@ -135,6 +136,11 @@ def test_whatever_asks_for_the_newest_verdict_gets_that_of_the_second_run(
         assert sorted(tags(judged.spans(connection, ["A1", "B1"]))) == ["A1", "B1"]
 
 
+def test_the_fields_of_a_changed_row_are_named_in_the_order_in_which_they_are_asked_for() -> None:
+    told = plant.told_of_both(verdicts_table, verdicts_table.alias())
+    assert tuple(column.key for column in told) == plant.ChangedRow._fields[5:]
+
+
 def test_changes_lead_with_the_worst(database: Database, runs: tuple[int, int]) -> None:
     with database.read() as connection:
         assert tags(plant.changes(connection, runs[0], 10)) == ["B1", "B2", "A3"]
@@ -143,6 +149,8 @@ def test_changes_lead_with_the_worst(database: Database, runs: tuple[int, int]) 
         assert tags(digests.changed_of(connection, runs[1])) == ["A1"]
         (whole,) = digests.changes_of(connection, runs[0], ["A1", "no loop"])
         (short,) = (row for row in digests.changed_of(connection, runs[0]) if row.tag == "A1")
-        told, known = dict(whole._mapping), dict(short._mapping)
-        assert {name: told[name] for name in known} == known
-        assert told.keys() - known.keys() == set(digests.TEXTS)
+        unit, _, _, verdict, health = LOOPS["A1"]
+        assert whole[:5] == ("A1", unit, None, verdict, health)
+        assert whole.reasons_text == "why"
+        texts = {name: plant.ChangedRow._field_defaults[name] for name in digests.TEXTS}
+        assert whole._replace(**texts) == short

@@ -55,7 +55,7 @@ def test_of_healthy_loops_the_set_points_are_asked_first(client, web_backend, mo
 
 def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
     crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
-    monkeypatch.setattr(loop_sheet, "groups_of", lambda backend, tag: [crowded])
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert "Its period is shared by 2 other loops , likely by chance." in told
     assert "oscillates together" not in told
@@ -69,7 +69,7 @@ def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
 ):
     members = plant_groups(web_backend)[0].members
     pair = GroupView("1", 300.0, True, by_chance, 0.03, "LIC7", members)
-    monkeypatch.setattr(loop_sheet, "groups_of", lambda backend, tag: [pair])
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [pair])
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert f"the likeliest source is LIC7 : {said}" in told
 
@@ -77,7 +77,7 @@ def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
 def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_backend, monkeypatch):
     members = plant_groups(web_backend)[0].members
     alike = GroupView("1", 300.0, False, True, 0.03, "LIC7", members)
-    monkeypatch.setattr(loop_sheet, "groups_of", lambda backend, tag: [alike])
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [alike])
     monkeypatch.setattr(loop_page, "_beside", lambda *_: (None, None))
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert "oscillates together with" in told

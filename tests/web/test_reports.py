@@ -18,7 +18,7 @@ from app.services.moments import UTC_CLOCK
 from app.services.plant import loop_sheet
 from app.services.plant.groups import plant_groups
 from app.services.plant.loops import loop_health, patch_loop
-from app.services.plant.notes import add_note, withdraw_shelving
+from app.services.plant.notes import add_note, end_shelving
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
 from app.services.results import GroupView
@@ -107,7 +107,7 @@ def test_a_report_says_of_its_loop_what_the_page_says_at_its_head(two_nights):
     sticks = loop_health(two_nights, "FIC101")["verdict"] == "stiction"
     assert ("How large is the stiction" in told) is sticks
     patch_loop(two_nights, "FIC101", {"moves_valve": None})
-    withdraw_shelving(two_nights, "FIC101", note.id, "anna")
+    end_shelving(two_nights, "FIC101", note.id, "anna")
 
 
 def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):
@@ -124,7 +124,7 @@ def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):
 
 def test_a_period_that_is_shared_by_chance_is_no_company(two_nights, monkeypatch):
     crowded = GroupView("1", 300.0, True, True, 0.84, None, plant_groups(two_nights)[0].members)
-    monkeypatch.setattr(loop_sheet, "groups_of", lambda backend, tag: [crowded])
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = words_of(of_loop(two_nights))
     assert "Its period is shared by 2 other loops, likely by chance." in told
     assert "oscillates together" not in told

@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 
-from app.queue import run_beat, run_worker
+from app.queue.running import run_beat, run_worker
 from app.settings import Settings, use_one_thread
 
 

@@ -7,7 +7,7 @@ from sqlalchemy import Connection
 
 from app.services.access.identity import Identity, request_id
 from app.services.backend import Backend
-from app.services.cursors import decode, encode
+from app.services.cursors import decode, page_of
 from app.services.moments import iso_utc
 from app.services.results import Page, TrailView
 from app.storage import trail
@@ -43,8 +43,7 @@ def list_trail(
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         rows = trail.page(connection, limit + 1, before[0] if before else None, who=who, action=action)
-    following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([_view(row) for row in rows[:limit]], following)
+    return page_of(rows, limit, _view, lambda row: (row.id,))
 
 
 def _view(row: trail.TrailRow) -> TrailView:

@@ -9,7 +9,7 @@ from app.engine.corroborate import Corroboration
 from app.engine.reference.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reference.reliability import Rung
 from app.services.audit_json.line import episode_line, rival_line, space_of
-from app.services.audit_json.numbers import numbers, scalars
+from app.services.audit_json.numbers import scalars, short
 from app.services.audit_json.size import stiction_size_detail
 from app.services.audit_json.spectra import spectra
 
@@ -60,10 +60,10 @@ def _rung(rung: Rung) -> dict[str, Any]:
 
 def _curve(one: OneParameterResult) -> dict[str, Any]:
     return {
-        "d": numbers(one.d),
-        "rmse": numbers(one.rmse),
-        "rmse_refined": numbers(one.rmse_refined),
-        "aic": numbers(one.aic),
+        "d": short(one.d),
+        "rmse": short(one.rmse),
+        "rmse_refined": short(one.rmse_refined),
+        "aic": short(one.aic),
         "orders": np.stack([one.na, one.nb, one.nc], axis=1).tolist(),
         "best": int(one.best),
         "stiction": bool(one.stiction),
@@ -72,10 +72,10 @@ def _curve(one: OneParameterResult) -> dict[str, Any]:
 
 def _surface(two: TwoParameterResult) -> dict[str, Any]:
     return {
-        "S": numbers(two.S),
-        "J": numbers(two.J),
-        "rmse": numbers(two.rmse),
-        "rmse_refined": numbers(two.rmse_refined),
+        "S": short(two.S),
+        "J": short(two.J),
+        "rmse": short(two.rmse),
+        "rmse_refined": short(two.rmse_refined),
         "best": int(two.best),
         "stiction": bool(two.stiction),
     }

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from app.engine.plant_wide.excerpts import LENGTH, Excerpts
 from app.engine.recording import FloatArray, Steps
 from app.services.moments import FIRST_DATED
 from app.storage.json_texts import short_json
+
+if TYPE_CHECKING:  # an audit of files stores nothing
+    from app.storage.verdicts import ExcerptsRow
 
 STEPS = 60_000
 
@@ -31,9 +34,9 @@ def from_json(text: str) -> Excerpts:
     return Excerpts(told["interval_s"], np.array(told["numbers"], np.int64), op, sp)
 
 
-def by_tag(rows: list[Any]) -> dict[str, Excerpts]:
-    """Of rows of `verdicts.excerpts`, each let go as it is read: the texts of a plant take more than what they tell.
-    Those of records without a date have no clock that others share."""
+def by_tag(rows: list["ExcerptsRow"]) -> dict[str, Excerpts]:
+    """Each row is let go as it is read: the texts of a plant take more than what they tell. Those of records without a
+    date have no clock that others share."""
     found = {}
     while rows:
         row = rows.pop()

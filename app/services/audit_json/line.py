@@ -19,7 +19,7 @@ from app.services.audit_json.models import (
     ReliabilityRow,
     RivalLine,
 )
-from app.services.audit_json.numbers import number
+from app.services.audit_json.numbers import or_none
 from app.services.audit_json.size import flat_size, stiction_size_line
 from app.services.telling.reasons import BETWEEN
 
@@ -45,23 +45,23 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         recording=audit.recording,
         loop=loop or audit.recording,
         samples=audit.samples,
-        sampling_interval_s=number(audit.sampling_interval_s),
+        sampling_interval_s=or_none(audit.sampling_interval_s),
         verdict=judgement.verdict,
-        stiction_probability=number(judgement.stiction_probability),
+        stiction_probability=or_none(judgement.stiction_probability),
         reliability=judgement.reliability,
         reasons=[reason_line(reason) for reason in judgement.reasons],
-        yper_pct=None if reference is None else number(reference.yper.yper_pct),
-        yper_raw_pct=None if reference is None else number(reference.yper_raw.yper_pct),
+        yper_pct=None if reference is None else or_none(reference.yper.yper_pct),
+        yper_raw_pct=None if reference is None else or_none(reference.yper_raw.yper_pct),
         table2_reading=None if reference is None else reference.reading,
         hammerstein=_hammerstein(audit),
         stiction_size=stiction_size_line(audit),
-        stiction_band_pct_of_op_range=number(audit.stiction_band_pct_of_op_range),
+        stiction_band_pct_of_op_range=or_none(audit.stiction_band_pct_of_op_range),
         likely_cause=judgement.likely_cause,
         engine_version=audit.engine_version,
         elapsed_s=round(elapsed_s, 6),
-        oscillation_period_s=None if oscillation is None else number(oscillation.period_s),
-        oscillation_regularity=None if oscillation is None else number(oscillation.regularity),
-        oscillation_strength=None if oscillation is None else number(oscillation.strength),
+        oscillation_period_s=None if oscillation is None else or_none(oscillation.period_s),
+        oscillation_regularity=None if oscillation is None else or_none(oscillation.regularity),
+        oscillation_strength=None if oscillation is None else or_none(oscillation.strength),
         health=audit.health.value,
         health_not_evaluated=audit.health.not_evaluated,
         health_parts=[HealthPartLine(**vars(part)) for part in audit.health.parts],
@@ -72,8 +72,8 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         rival_runner_up=_code(runner_up(judgement.rivals)),
         rivals=[rival_line(rival) for rival in judgement.rivals],
         episodes=[episode_line(episode) for episode in audit.episodes.found],
-        unanswered_since_s=number(judgement.unanswered_since_s),
-        hidden_band_op=number(judgement.hidden_band_op),
+        unanswered_since_s=or_none(judgement.unanswered_since_s),
+        hidden_band_op=or_none(judgement.hidden_band_op),
         **_fitness_shares(audit),
         input_fingerprint=audit.input_fingerprint,
         config_fingerprint=audit.config_fingerprint,
@@ -121,19 +121,19 @@ def _hammerstein(audit: Audit) -> HammersteinLine:
     rung = audit.reference.last
     one, two = rung.one, rung.two
     return HammersteinLine(
-        d=number(one.d_best),
-        S=None if two is None else number(two.S_best),
-        J=None if two is None else number(two.J_best),
+        d=or_none(one.d_best),
+        S=None if two is None else or_none(two.S_best),
+        J=None if two is None else or_none(two.J_best),
         na=int(one.na[one.best]),
         nb=int(one.nb[one.best]),
         nc=int(one.nc[one.best]),
-        rmse=number(one.rmse_best),
-        rmse_without_stiction=number(one.rmse_without_stiction),
+        rmse=or_none(one.rmse_best),
+        rmse_without_stiction=or_none(one.rmse_without_stiction),
         search_space=space_of(rung),
         widenings=audit.reference.widenings,
         one_stiction=bool(one.stiction),
         two_stiction=None if two is None else bool(two.stiction),
-        two_rmse=None if two is None else number(float(two.rmse_best)),
+        two_rmse=None if two is None else or_none(float(two.rmse_best)),
     )
 
 
@@ -143,15 +143,19 @@ def _code(rival: Rival | None) -> str | None:
 
 def reason_line(reason: Reason) -> ReasonLine:
     found = reason.measured
-    if found is None or number(found.statistic) is None or number(found.threshold) is None:
+    if found is None or or_none(found.statistic) is None or or_none(found.threshold) is None:
         return ReasonLine(code=reason.code, text=reason.text)
-    measured = {"statistic": number(found.statistic), "operator": found.operator, "threshold": number(found.threshold)}
+    measured = {
+        "statistic": or_none(found.statistic),
+        "operator": found.operator,
+        "threshold": or_none(found.threshold),
+    }
     return ReasonLine(code=reason.code, text=reason.text, passed=bool(found.passed), **measured)
 
 
 def rival_line(rival: Rival) -> RivalLine:
     measured = ("statistic", "threshold", "explained", "explained_without_stiction")
-    numbers = {name: number(getattr(rival, name)) for name in measured}
+    numbers = {name: or_none(getattr(rival, name)) for name in measured}
     told = {"code": rival.cause, "score": rival.strength, "text": rival.text, "applies": rival.applies}
     return RivalLine(**told, operator=rival.operator, **numbers)
 
@@ -171,18 +175,18 @@ def episode_line(episode: Episode) -> EpisodeLine:
 def _fitness_shares(audit: Audit) -> dict[str, float | None]:
     """How fit the data are, beside the share that was filled: from the findings, by their codes."""
     fitness, oscillation = audit.fitness, audit.oscillation
-    measured = {finding.code: number(finding.statistic) for finding in fitness.findings}
+    measured = {finding.code: or_none(finding.statistic) for finding in fitness.findings}
     record = fitness.record
     return {
-        "samples_per_cycle": None if oscillation is None else number(oscillation.samples_per_cycle),
-        "cycles": None if oscillation is None else number(oscillation.cycles),
-        "missing_share": number(fitness.missing_share),
-        "automatic_share": number(fitness.automatic_share),
+        "samples_per_cycle": None if oscillation is None else or_none(oscillation.samples_per_cycle),
+        "cycles": None if oscillation is None else or_none(oscillation.cycles),
+        "missing_share": or_none(fitness.missing_share),
+        "automatic_share": or_none(fitness.automatic_share),
         "pv_on_line_share": measured.get("pv_interpolated"),
         "op_on_line_share": measured.get("op_interpolated"),
         "pv_levels": measured.get("pv_quantised"),
         "op_levels": measured.get("op_quantised"),
-        "set_point_activity": None if record is None else number(set_point_activity(record.sp, record.pv)),
+        "set_point_activity": None if record is None else or_none(set_point_activity(record.sp, record.pv)),
     }
 
 

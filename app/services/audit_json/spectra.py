@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from app.engine.reference.yper import YperResult
-from app.services.audit_json.numbers import numbers
+from app.services.audit_json.numbers import short
 
 STORED_FREQUENCIES = 256
 
@@ -14,9 +14,9 @@ def spectra(yper: YperResult) -> dict[str, Any]:
     """Of each group of neighbouring frequencies the highest line of PV, OP and the threshold."""
     groups = _groups(len(yper.frequency_hz))
     amplitudes = (yper.pv_amplitude, yper.op_amplitude, yper.threshold_amplitude)
-    pv, op, threshold = (numbers(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
+    pv, op, threshold = (short(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
     return {
-        "frequency_hz": numbers(yper.frequency_hz[groups]),
+        "frequency_hz": short(yper.frequency_hz[groups]),
         "pv_amplitude": pv,
         "op_amplitude": op,
         "threshold_amplitude": threshold,

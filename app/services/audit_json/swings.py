@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from app.engine.plant_wide.groups import Candidate
 from app.engine.plant_wide.swing import Swing
 from app.services.moments import FIRST_DATED
 from app.storage.json_texts import short_json
+
+if TYPE_CHECKING:  # an audit of files stores nothing
+    from app.storage.verdicts import SwingRow
 
 STEPS = 999
 
@@ -43,9 +46,9 @@ def candidate(tag: str, swing: Swing, stiction_probability: float | None, start_
     return Candidate(tag, from_json(as_json(swing, start_s)), stiction_probability)
 
 
-def candidates(rows: Iterable[Any]) -> list[Candidate]:
-    """Of rows of `verdicts.swings`, those on the clock of all: records without a date are in step with others by
-    nothing but the start that they were given."""
+def candidates(rows: Iterable["SwingRow"]) -> list[Candidate]:
+    """Those on the clock of all: records without a date are in step with others by nothing but the start that they were
+    given."""
     found = [Candidate(row.tag, from_json(row.swing_json), row.stiction_probability, row.unit) for row in rows]
     return [one for one in found if one.swing.start_s >= FIRST_DATED.timestamp()]
 

@@ -9,7 +9,7 @@ from app.engine.audit_config import AuditConfig
 from app.errors import NotFoundError, RequestError
 from app.services.auditing import ending
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc
 from app.services.results import AuditView, FailureView, Page
 from app.storage import audits, items, loops
@@ -97,8 +97,7 @@ def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) ->
     with backend.database.read() as connection:
         rows = audits.page(connection, limit + 1, before[0] if before else None)
         progress = audits.progress(connection, [row.id for row in rows[:limit]])
-    following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([_view(row, progress[row.id], []) for row in rows[:limit]], following)
+    return page_of(rows, limit, lambda row: _view(row, progress[row.id], []), lambda row: (row.id,))
 
 
 def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[FailureView]:

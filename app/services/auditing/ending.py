@@ -11,14 +11,15 @@ from app.services.audit_json.excerpts import by_tag
 from app.services.audit_json.line import flat_health, flat_reasons
 from app.services.audit_json.rows import as_row, fixed_part
 from app.services.audit_json.swings import candidates
-from app.services.auditing import hearing, standing
+from app.services.auditing import hearing
 from app.services.auditing.hearing import Heard, Said
+from app.services.auditing.unanswered import of_plant, unknown_since
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts
 from app.storage.json_texts import stored_json
-from app.storage.standing import unanswered, unanswered_before
+from app.storage.unanswered import unanswered, unanswered_before
 from app.storage.verdicts import Reworded, pack_detail
 
 AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
@@ -82,13 +83,13 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     with backend.database.read() as connection:
         newest, swinging = verdicts.said(connection), verdicts.swings(connection)
         moving, unmoved = verdicts.excerpts(connection), unanswered(connection)
-        stood_before = unanswered_before(connection, standing.unknown_since(unmoved))
+        stood_before = unanswered_before(connection, unknown_since(unmoved))
     # Worked out between two looks: who reads keeps writers waiting on SQLite.
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
     ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
     asked = None if len(ids) == len(newest) else ids.keys()
     stated = {row.tag: row.moves_valve for row in newest if row.moves_valve is not None}
-    stand = standing.of_plant(unmoved, stood_before)
+    stand = of_plant(unmoved, stood_before)
     found = hearing.hear(said, candidates(swinging), by_tag(moving), asked, stated, stand)
     wanted = sorted((ids[tag], tag) for tag in found if tag in ids)
     parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))

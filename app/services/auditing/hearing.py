@@ -14,7 +14,7 @@ from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.plant_wide.groups import Candidate, Group, Suspect, groups
 from app.engine.plant_wide.stood_together import CHANCE
 from app.services.audit_json.models import ReasonLine
-from app.services.auditing.standing import Standing, of_lines
+from app.services.auditing.unanswered import Standing, of_lines
 from app.services.telling.wording import (
     MOVES_NO_VALVE,
     MOVES_SET_POINT,

@@ -56,13 +56,13 @@ def recordings() -> Iterator[Recording]:
     sp = 20.0 + 0.5 * np.sign(np.sin(steps / 50.0))
     op = 50.0 + 5.0 * np.sin(steps / 6.0) + np.sin(steps * 1.7)
     pv = 20.0 + 2.0 * np.sin(steps / 6.0 - 0.8) + 0.1 * np.cos(steps * 2.3)
-    yield recording_of(pv, op, sp)
+    yield _made_up(pv, op, sp)
     # A stem that sticks and jumps under a controller that integrates: what leaves doubt goes through the whole search.
     sawtooth = np.abs(steps % 40 - 20.0) / 2.0
     jumps = np.convolve(np.where((steps + 4) % 40 < 20, 2.0, -2.0), np.full(4, 0.25), "same")
     noise = 0.05 * np.sin(steps * 1.7) + 0.03 * np.cos(steps * 2.3)
-    yield recording_of(20.0 + jumps + noise, 50.0 + sawtooth, sp)
+    yield _made_up(20.0 + jumps + noise, 50.0 + sawtooth, sp)
 
 
-def recording_of(pv: FloatArray, op: FloatArray, sp: FloatArray) -> Recording:
+def _made_up(pv: FloatArray, op: FloatArray, sp: FloatArray) -> Recording:
     return Recording("warm-up", np.arange(SAMPLES, dtype=np.float64), pv, op, sp)

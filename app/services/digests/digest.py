@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import groupby
-from typing import Any
 
 from sqlalchemy import Connection
 
@@ -18,26 +17,27 @@ from app.services.digests.doings import Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
 from app.services.plant.changes import change_of, for_all, kind_of, second_night
-from app.services.plant.judged import judged, to_manual
+from app.services.plant.judged import Judged, ToManual, judged, to_manual
 from app.services.plant.overview import cause_of_refusal, tally
-from app.services.plant.repaired import RepairView, repairs
+from app.services.plant.repaired import Repairs, RepairView, repairs
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.results import AuditView, ChangeView
+from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import (
     PRIOR_ONLY,
     VERDICT_WORDS,
     brief,
-    codes_of,
+    codes_in,
     probability,
 )
 from app.storage import digests, notes, plant
 from app.storage.audits import newest_night
-from app.storage.notes import Standing
+from app.storage.digests import ComplaintRow, CountRow, RefusedRow, ToBeDone
 
 TOP = 5
 CHANGES = 30
@@ -108,6 +108,28 @@ class Unlisted:
 
 
 @dataclass(frozen=True)
+class Changed:
+    """listed: what changed, told loop by loop; new_besides: those that are newly said to stick and stand not there;
+    others: how many verdicts changed otherwise and stand not there."""
+
+    listed: list[ChangeView]
+    new_besides: list[str]
+    others: int
+
+    @property
+    def more(self) -> bool:
+        return bool(self.new_besides or self.others)
+
+    @property
+    def new(self) -> set[str]:
+        """Tags of loops that are newly said to stick."""
+        return {change.loop for change in self.listed if change.kind == "new"} | set(self.new_besides)
+
+
+NOTHING_CHANGED = Changed([], [], 0)
+
+
+@dataclass(frozen=True)
 class Digest:
     """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long
     as it is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by
@@ -115,9 +137,8 @@ class Digest:
     still said of them. `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand
     apart. `work`: what to do first in the plant. `shelf`: the loops that were shelved when the run began, which
     `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the valves that stick can be
-    relied on. `new_besides`, `other_changes`: which loops are newly said to stick, and how many verdicts changed
-    otherwise, beyond `changes`. `unlisted`: how many loops there is something to do about that `work` has no room for.
-    `retired`: how many of the run's loops are retired and left out."""
+    relied on. `unlisted`: how many loops there is something to do about that `work` has no room for. `retired`: how
+    many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -128,8 +149,7 @@ class Digest:
     work: list[Work]
     areas: list[Area]
     old: list[DigestLoop]
-    changes: list[ChangeView]
-    more_changes: bool
+    changed: Changed
     to_manual: list[str]
     repairs: list[RepairView]
     more_repairs: bool
@@ -140,8 +160,6 @@ class Digest:
     retired: int = 0
     reliable: int = 0
     why_old: str = ""
-    new_besides: list[str] = field(default_factory=list)
-    other_changes: int = 0
     unlisted: Unlisted = field(default_factory=lambda: Unlisted())
 
     @property
@@ -154,9 +172,21 @@ class Digest:
         return f"and {'at least ' if left else ''}{doing.more} more"
 
     @property
+    def changes(self) -> list[ChangeView]:
+        return self.changed.listed
+
+    @property
+    def new_besides(self) -> list[str]:
+        return self.changed.new_besides
+
+    @property
+    def other_changes(self) -> int:
+        return self.changed.others
+
+    @property
     def new(self) -> set[str]:
         """Tags of loops that are newly said to stick."""
-        return {change.loop for change in self.changes if change.kind == "new"} | set(self.new_besides)
+        return self.changed.new
 
     @property
     def others(self) -> list[Area]:
@@ -203,25 +233,10 @@ def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
     return datetime.fromisoformat(run.ended_at)
 
 
-@dataclass(frozen=True)
-class _Changed:
-    """listed: what changed, told loop by loop; new_besides: those that are newly said to stick and stand not there;
-    others: how many verdicts changed otherwise and stand not there."""
-
-    listed: list[ChangeView]
-    new_besides: list[str]
-    others: int
-
-    @property
-    def new(self) -> set[str]:
-        return {change.loop for change in self.listed if change.kind == "new"} | set(self.new_besides)
-
-
-NOTHING_CHANGED = _Changed([], [], 0)
 TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
 
 
-def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> _Changed:
+def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> Changed:
     """Those that are newly said to stick are told whatever else changed; what wavers comes last. Of loops that came to
     stand together and changed the change of the weightiest is told."""
     found = digests.changed_of(connection, number)
@@ -235,7 +250,7 @@ def _changed(connection: Connection, number: int, clock: PlantClock, together: A
     told = {row.tag: for_all(change_of(row, clock), changed) for row in rows} | again
     new_besides = [tag for tag in besides if kinds[tag] == "new"]
     shown = [told[tag] for tag in listed if tag in told]
-    return _Changed(shown, new_besides, len(besides) + len(others) - len(new_besides))
+    return Changed(shown, new_besides, len(besides) + len(others) - len(new_besides))
 
 
 def ended_run(backend: Backend, audit_id: str) -> AuditView:
@@ -248,8 +263,36 @@ def ended_run(backend: Backend, audit_id: str) -> AuditView:
 
 def digest_of(backend: Backend, audit_id: str) -> Digest:
     """Raises as `ended_run`."""
-    run = ended_run(backend, audit_id)
-    number, began = identifier(audit_id), datetime.fromisoformat(run.created_at)
+    return _made(_read(backend, ended_run(backend, audit_id)), backend.clock)
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What a digest is made of. of_time, repaired_at: by tag, of those of `worst` and `old`."""
+
+    plant: str
+    url: str
+    run: AuditView
+    since_ns: int | None
+    arrivals: list[str]
+    shelf: Shelf
+    compared: bool
+    changed: Changed
+    counted: list[CountRow]
+    worst: list[ComplaintRow]
+    old: list[ComplaintRow]
+    of_time: dict[str, Judged]
+    repaired_at: dict[str, str | None]
+    not_auditable: list[RefusedRow]
+    to_be_done: list[ToBeDone]
+    retired: int
+    work: list[Work]
+    to_manual: list[ToManual]
+    repairs: Repairs
+
+
+def _read(backend: Backend, run: AuditView) -> _Read:
+    number, began = identifier(run.id), datetime.fromisoformat(run.created_at)
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
     shelved = shelf(backend, number, began)
@@ -266,74 +309,91 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
         changed = _changed(connection, number, backend.clock, together) if compared else NOTHING_CHANGED
         notes_until = _notes_until(connection, run)
         to_be_done = digests.to_be_done(connection, number, since_ns, left_out)
-        written = notes.standing(connection, [row.tag for row in [*worst, *old]], notes_until)
-    told = tally(counted)
-    refused_loops: dict[str, list[str]] = {}
-    for row in not_auditable:
-        refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
-    repaired = repairs(backend, number, began)
-    url = backend.settings.public_url
-    of_time, all_the_same = judged(backend, [row.tag for row in [*worst, *old]], number), shelved.by_tag()
-
-    def loop_of(row: Any) -> DigestLoop:
-        found = (of_time.get(row.tag), all_the_same.get(row.tag))
-        words = [one.words(backend.clock) if one else "" for one in found]
-        window = {name: iso_utc(row._mapping[name]) for name in ("window_start", "window_end")}
-        before = of_before({**row._mapping, **window}, iso_utc(written.get(row.tag, Standing()).repaired_at))
-        return replace(_loop(row, url, *words), of_before_repair=before)
-
-    work = work_list(
-        backend, shelved, number, since_ns, most=ALL_WORK, notes_until=notes_until, besides=sorted(changed.new)
-    )
-    return Digest(
+        tags = [row.tag for row in [*worst, *old]]
+        written = notes.standing(connection, tags, notes_until)
+    besides = sorted(changed.new)
+    return _Read(
         plant=backend.settings.plant,
+        url=backend.settings.public_url,
         run=run,
+        since_ns=since_ns,
+        arrivals=of_run(backend, number, began, reach),
+        shelf=shelved,
+        compared=compared,
+        changed=changed,
+        counted=counted,
+        worst=worst,
+        old=old,
+        of_time=judged(backend, tags, number),
+        repaired_at={tag: iso_utc(one.repaired_at) for tag, one in written.items()},
+        not_auditable=not_auditable,
+        to_be_done=to_be_done,
+        retired=retired,
+        work=work_list(backend, shelved, number, since_ns, ALL_WORK, notes_until, besides),
+        to_manual=to_manual(backend, number) if compared else [],
+        repairs=repairs(backend, number, began),
+    )
+
+
+def _made(read: _Read, clock: PlantClock) -> Digest:
+    told, all_the_same = tally(read.counted), read.shelf.by_tag()
+    refused_loops: dict[str, list[str]] = {}
+    for row in read.not_auditable:
+        refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
+
+    def loop_of(row: ComplaintRow) -> DigestLoop:
+        found = (read.of_time.get(row.tag), all_the_same.get(row.tag))
+        words = [one.words(clock) if one else "" for one in found]
+        window = {name: iso_utc(getattr(row, name)) for name in ("window_start", "window_end")}
+        before = of_before({**row._asdict(), **window}, read.repaired_at.get(row.tag))
+        return replace(_loop(row, read.url, *words), of_before_repair=before)
+
+    return Digest(
+        plant=read.plant,
+        run=read.run,
         verdicts=told.verdicts,
         refused=told.refused,
         refused_loops=refused_loops,
-        arrivals=of_run(backend, number, began, reach),
-        work=work,
-        unlisted=_unlisted(to_be_done, work),
-        areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(worst, lambda row: row.unit)],
-        old=[_of_old_record(loop_of(row), row.input_end_ns) for row in old],
-        changes=changed.listed,
-        more_changes=bool(changed.new_besides or changed.others),
-        new_besides=changed.new_besides,
-        other_changes=changed.others,
-        to_manual=_to_manual(backend, number) if compared else [],
-        repairs=repaired.listed,
-        more_repairs=repaired.more,
-        shelf=shelved,
-        compared=compared,
-        public_url=url,
-        clock=backend.clock,
-        retired=retired,
-        why_old=_why_old(since_ns, backend.clock) if old else "",
+        arrivals=read.arrivals,
+        work=read.work,
+        unlisted=_unlisted(read.to_be_done, read.work),
+        areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(read.worst, lambda row: row.unit)],
+        old=[_of_old_record(loop_of(row), row.input_end_ns) for row in read.old],
+        changed=read.changed,
+        to_manual=_manual_words(read.to_manual, clock),
+        repairs=read.repairs.listed,
+        more_repairs=read.repairs.more,
+        shelf=read.shelf,
+        compared=read.compared,
+        public_url=read.url,
+        clock=clock,
+        retired=read.retired,
+        why_old=_why_old(read.since_ns, clock) if read.old else "",
         reliable=told.reliable.get("stiction", 0),
     )
 
 
-def _to_manual(backend: Backend, number: int) -> list[str]:
+def _manual_words(found: Sequence[ToManual], clock: PlantClock) -> list[str]:
     return [
         f"{one_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is of "
-        f"before: {one.judged.words(backend.clock)}"
-        for one in to_manual(backend, number)[:CHANGES]
+        f"before: {one.judged.words(clock)}"
+        for one in found[:CHANGES]
     ]
 
 
-def _loop(row: Any, url: str, of_time: str, shelved: str) -> DigestLoop:
-    why = reasons_of(row._mapping)[0][:LONGEST_WHY]
+def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop:
+    why = reasons_of(row._asdict())[0][:LONGEST_WHY]
     shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
-    measured = PRIOR_ONLY not in codes_of(row._mapping)
+    measured = PRIOR_ONLY not in codes_in(row.reasons)
     return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
 
 
-def _of_old_record(loop: DigestLoop, newest_ns: int) -> DigestLoop:
-    return replace(loop, recorded_to=iso_utc(moment_of(newest_ns)), of_old_record=True)
+def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
+    recorded_to = None if newest_ns is None else iso_utc(moment_of(newest_ns))
+    return replace(loop, recorded_to=recorded_to, of_old_record=True)
 
 
-def _unlisted(to_be_done: Sequence[Any], work: Sequence[Work]) -> Unlisted:
-    """to_be_done: rows with verdict, reliability and how many loops."""
+def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:
     counted, listed = Counter[str](), Counter(_kind(one.verdict, one.reliability) for one in work)
     for row in to_be_done:
         counted[_kind(row.verdict, row.reliability)] += row.loops
@@ -341,6 +401,7 @@ def _unlisted(to_be_done: Sequence[Any], work: Sequence[Work]) -> Unlisted:
 
 
 def _kind(verdict: str, reliability: str) -> str:
+    """Of what there is something to do about: where the valve is not said to stick, PV does not answer OP."""
     if verdict != "stiction":
         return "unanswered"
     return "reliable" if reliability == "reliable" else "unsure"
@@ -354,8 +415,3 @@ def _why_old(since_ns: int | None, clock: PlantClock) -> str:
         f"no sample since {clock.told_at(moment_of(since_ns))}, {LATE.days} days before the newest of the plant, or "
         "without a date; what is said of them is of then"
     )
-
-
-def one_line(text: str) -> str:
-    """A tag may hold anything, a line end too."""
-    return " ".join(text.split())

@@ -7,6 +7,7 @@ from email.policy import SMTP
 from email.utils import formatdate
 
 from app.services.digests.sending import Mail, NotSentError
+from app.services.telling.naming import one_line
 from app.settings import Settings
 
 TIMEOUT_S = 15.0
@@ -60,4 +61,4 @@ def _connected(settings: Settings) -> smtplib.SMTP:
 
 def _words(told: bytes | str) -> str:
     text = told.decode("utf-8", "replace") if isinstance(told, bytes) else told
-    return " ".join(text.split())[:300]
+    return one_line(text)[:300]

@@ -7,13 +7,14 @@ from functools import partial
 from typing import Any
 
 from app.services.addresses import loop_address
-from app.services.digests.digest import Digest, DigestLoop, one_line
+from app.services.digests.digest import Digest, DigestLoop
 from app.services.digests.doings import Asked, Doing
 from app.services.moments import PlantClock
 from app.services.plant.repaired import RepairView
 from app.services.plant.worst import nothing_worst
 from app.services.rendering import document
 from app.services.results import ChangeView
+from app.services.telling.naming import one_line
 from app.services.telling.wording import (
     CHANGE_WORDS,
     VERDICT_RANK,
@@ -88,7 +89,10 @@ def as_json(digest: Digest) -> dict[str, Any]:
     """What a webhook gets, flat where it can be."""
     told = asdict(digest)
     run, shelved = told.pop("run"), told.pop("shelf")["listed"]
-    del told["public_url"], told["clock"]
+    del told["public_url"], told["clock"], told["changed"]
+    changed = digest.changed
+    told |= {"changes": list(map(asdict, changed.listed)), "more_changes": changed.more}
+    told |= {"new_besides": changed.new_besides, "other_changes": changed.others}
     for work in told["work"]:
         work["step"] = work["step"]["text"]
     return (

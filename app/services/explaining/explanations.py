@@ -13,13 +13,14 @@ from app.errors import DataError, NotFoundError, RequestError
 from app.nanoseconds import NS_PER_H
 from app.services.auditing.recordings import recording_of
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.damage import damage_in_words
 from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
 from app.services.results import Page
+from app.services.telling.wording import codes_in
 from app.storage import explanations, notes, series, verdicts
 from app.storage.documents import Document, pack_document, unpack_document
 from app.storage.explanations import ExplanationRow
@@ -93,8 +94,7 @@ def list_explanations(backend: Backend, tag: str, limit: int = 100, cursor: str 
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         rows = explanations.page(connection, loop.id, limit + 1, before[0] if before else None)
-    following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([summary(row, tag) for row in rows[:limit]], following)
+    return page_of(rows, limit, lambda row: summary(row, tag), lambda row: (row.id,))
 
 
 def newest(backend: Backend, tag: str) -> dict[str, Any] | None:
@@ -142,7 +142,7 @@ def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
         "window_end": _iso(row.window_end_ns),
         "as_judged": row.as_judged,
         "verdict": row.verdict,
-        "effect_codes": row.effects.split(";") if row.effects else [],
+        "effect_codes": list(codes_in(row.effects)),
         "error_code": row.error_code,
         "error_text": row.error_text,
     }
@@ -201,7 +201,7 @@ def _audited(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked | None:
         return None
     with backend.database.read() as connection:
         made = verdicts.newest_said(connection, loop.id)
-        if made is None or made.input_start_ns is None:
+        if made is None or made.input_start_ns is None or made.input_end_ns is None:
             return None
         window_ns = (made.input_start_ns, made.input_end_ns)
         found = series.readable(connection, loop.id, *window_ns, backend.settings.hold_days)

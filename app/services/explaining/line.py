@@ -13,9 +13,13 @@ from app.engine.mismatch.judge.residuals import LagsTest
 from app.engine.mismatch.judge.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
 from app.engine.mismatch.loop.law import Law
 from app.errors import DataError
+from app.services.audit_json.numbers import or_none
 
 Kind = Literal["trace", "column", "model", "identified"]
 """What a recording is compared with; identified: our own linear loop."""
+
+FIGURES = 6
+"""Significant ones, of each number of an explanation."""
 
 GIVEN_WORDS: dict[Kind, str] = {
     "trace": "the given simulation",
@@ -111,8 +115,7 @@ def located_line(located: Location, name: str, elapsed_s: float | None = None) -
 
 
 def rounded(value: float | None) -> float | None:
-    """Six significant figures; None for what is not a number."""
-    return None if value is None or value != value or abs(value) == float("inf") else float(f"{value:.6g}")
+    return or_none(value, FIGURES)
 
 
 def windows(found: tuple[Window, ...]) -> list[list[float | None]]:

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from app.engine.recording import FloatArray
+from app.services.audit_json.numbers import listed
 from app.services.backend import Backend
 from app.services.explaining.explanations import stored_answer
+from app.services.explaining.line import FIGURES
 from app.services.explaining.trace_table import as_csv, column
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.trend import extremes
@@ -34,19 +35,15 @@ def plot(backend: Backend, tag: str, explanation_id: str, points: int = 2000) ->
     some = np.arange(0, n, max(1, -(-n // points)))
     return {
         "start": iso_utc(moment_of(answer.told["start_ns"])),
-        "time_s": _numbers(column(signals, "time")[kept]),
-        "recording": _numbers(shown[0][kept]),
-        "given": None if np.all(np.isnan(given)) else _numbers(given[kept]),
-        "refitted": _numbers(shown[1][kept]),
-        "explained": _numbers(shown[2][kept]),
+        "time_s": listed(column(signals, "time")[kept], FIGURES),
+        "recording": listed(shown[0][kept], FIGURES),
+        "given": None if np.all(np.isnan(given)) else listed(given[kept], FIGURES),
+        "refitted": listed(shown[1][kept], FIGURES),
+        "explained": listed(shown[2][kept], FIGURES),
         "trigger_label": answer.told["trigger"],
-        "trigger": _numbers(signals.signals["trigger"][some]),
-        "residual_before": _numbers(column(signals, "residual_refitted")[some]),
-        "residual_after": _numbers(column(signals, "residual_explained")[some]),
+        "trigger": listed(signals.signals["trigger"][some], FIGURES),
+        "residual_before": listed(column(signals, "residual_refitted")[some], FIGURES),
+        "residual_after": listed(column(signals, "residual_explained")[some], FIGURES),
         "windows": line["located"]["windows"][:SHOWN_WINDOWS],
         "held_out": line["fit"]["held_out"][:SHOWN_WINDOWS],
     }
-
-
-def _numbers(values: FloatArray) -> list[float | None]:
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]

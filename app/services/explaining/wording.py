@@ -159,8 +159,8 @@ def windows_in_words(windows: Sequence[Sequence[float]], start: str | None, cloc
 def _stretch(start: str, window: Sequence[float], clock: PlantClock) -> str:
     """2026-01-31 04:00:00 to 04:10:00."""
     began = datetime.fromisoformat(start)
-    first, last = (clock.to_the_second(iso_utc(began + timedelta(seconds=at)) or "") for at in window)
-    return f"{first} to {last[11:] if first[:10] == last[:10] else last}"
+    first, last = (iso_utc(began + timedelta(seconds=at)) or "" for at in window)
+    return clock.span(first, last, to_the_second=True)
 
 
 def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:

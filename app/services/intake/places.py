@@ -6,7 +6,7 @@ file's name.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, islice
+from itertools import groupby
 from types import MappingProxyType
 from typing import cast
 
@@ -15,12 +15,12 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError
 from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, loop_of, names_its_loop, stem_of, unit_of
 from app.services.backend import Backend
+from app.services.telling.naming import NAMED, named
 from app.storage import receipts
 from app.storage import tags as stored
 from app.storage.tags import OTHER, KeptTag, Key, ReadTag
 from app.storage.types import now, storable
 
-NAMED = 5
 LONGEST_TAG = IngestOptions().max_name
 
 
@@ -194,5 +194,4 @@ def _said(place: TagPlace | ReadTag) -> str:
 
 
 def _some(places: Sequence[TagPlace], said: Callable[[TagPlace], str]) -> str:
-    more = f" and {len(places) - NAMED} more" if len(places) > NAMED else ""
-    return ", ".join(" ".join(said(place).split()) for place in islice(places, NAMED)) + more
+    return named([said(place) for place in places[:NAMED]], len(places))

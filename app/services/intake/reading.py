@@ -30,6 +30,7 @@ from app.services.intake.swapped import SetPoints
 from app.services.intake.uploads import path_of
 from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
+from app.services.telling.naming import named
 from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
 from app.storage.series import Place, Stretch
@@ -38,7 +39,6 @@ from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 BATCH_LOOPS = 200
 BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
-NAMED = 5
 BATCH_VALUES = 2_000_000
 FAULTS_IN_ALL = 3
 """Attempts after which a fault of ours is told: it would most likely be the same at the tenth, an hour later."""
@@ -156,10 +156,8 @@ def _times(summary: FileSummary) -> dict[str, str | None]:
 
 def _of_retired(tags: list[str]) -> Iterator[str]:
     if tags:
-        more = f" and {len(tags) - NAMED} more" if len(tags) > NAMED else ""
-        named = ", ".join(" ".join(tag.split()) for tag in tags[:NAMED])
         which = f"{len(tags)} of its loops are" if len(tags) > 1 else "One of its loops is"
-        yield f"{which} retired: what came of them is stored, and not audited with the plant ({named}{more})."
+        yield f"{which} retired: what came of them is stored, and not audited with the plant ({named(tags)})."
 
 
 def _tags(loop: LoopTags) -> dict[str, Any]:

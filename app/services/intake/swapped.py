@@ -6,11 +6,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.ingest import LoopSamples
+from app.services.telling.naming import named
 
 NEARER = 0.1
 MOSTLY = 0.9
 FEWEST = 50
-NAMED = 5
 
 
 class SetPoints:
@@ -34,9 +34,7 @@ class SetPoints:
     def notes(self) -> Iterator[str]:
         loops = [loop for loop, count in self._looked_at.items() if count >= FEWEST and self._is_with_op(loop)]
         if loops:
-            more = f" and {len(loops) - NAMED} more" if len(loops) > NAMED else ""
-            named = ", ".join(" ".join(loop.split()) for loop in loops[:NAMED])
-            yield f"SP lies with OP, far from PV: are the tags of PV and OP exchanged, or is SP in %? {named}{more}"
+            yield f"SP lies with OP, far from PV: are the tags of PV and OP exchanged, or is SP in %? {named(loops)}"
 
     def _is_with_op(self, loop: str) -> bool:
         return self._with_op[loop] >= MOSTLY * self._looked_at[loop]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from sqlalchemy import Connection
@@ -17,7 +17,7 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError, RequestError
 from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, without_controls
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.intake import places
 from app.services.intake.places import Correction
 from app.services.intake.synced import SyncedFile
@@ -74,6 +74,11 @@ class Receiving:
         if self._file.size + len(data) > most:
             raise RequestError("upload_too_large", f"an upload may have at most {most} bytes; send it in parts")
         self._file.write(data)
+
+    def take(self, file: IO[bytes]) -> None:
+        """Writes the rest of a file."""
+        while part := file.read(COPY_BYTES):
+            self.write(part)
 
     def commit(self, correction: Correction | None = None) -> Receipt:
         """Bytes and row are on disk when this returns, and so is the correction that came with it, or none of them.
@@ -180,8 +185,7 @@ def _name(given: str) -> str:
 
 def receive_file(backend: Backend, path: Path) -> Receipt:
     with receive(backend, filename=path.name) as receiving, path.open("rb") as file:
-        while part := file.read(COPY_BYTES):
-            receiving.write(part)
+        receiving.take(file)
         return receiving.commit()
 
 
@@ -201,8 +205,7 @@ def read_again(
     reading = ReadingOptions(told.get("time_zone"), _over(mapping, told.get("mapping")), told.get("date_order"))
     with receive(backend, filename=row.filename, reading=reading, received_by=received_by) as receiving:
         with path.open("rb") as file:
-            while part := file.read(COPY_BYTES):
-                receiving.write(part)
+            receiving.take(file)
         return receiving.commit(Correction(mapping, row.filename, received_by or "") if keep else None)
 
 
@@ -231,8 +234,7 @@ def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) 
     with backend.database.read() as connection:
         rows = uploads.page(connection, limit + 1, before[0] if before else None)
         counted = uploads.count_loops(connection, [row.id for row in rows])
-    following = encode(rows[limit - 1].id) if len(rows) > limit else None
-    return Page([_view(row, counted.get(row.id, 0)) for row in rows[:limit]], following)
+    return page_of(rows, limit, lambda row: _view(row, counted.get(row.id, 0)), lambda row: (row.id,))
 
 
 def _whole(connection: Connection, upload_id: str) -> UploadView:

@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 from app.services.backend import Backend
 from app.services.moments import FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of, span_ns
+from app.services.telling.naming import NAMED, named
 from app.storage import arrivals as stored
 
 LATE = timedelta(days=2)
@@ -15,7 +16,6 @@ AHEAD = timedelta(hours=1)
 
 DATED_NS = ns_of(FIRST_DATED)
 EVER_NS = (1 << 63) - 1
-NAMED = 5
 NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the same records."
 
 
@@ -59,8 +59,8 @@ def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None 
         newest_ns = stored.newest(connection, DATED_NS, ns_of(at + AHEAD), audit_id)
 
         def ending(since_ns: int, before_ns: int) -> tuple[int, tuple[tuple[str, str], ...]]:
-            count, named = stored.ending(connection, since_ns, before_ns, NAMED, audit_id)
-            return count, tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in named)
+            count, ends = stored.ending(connection, since_ns, before_ns, NAMED, audit_id)
+            return count, tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in ends)
 
         beside = (*ending(ns_of(at + AHEAD) + 1, EVER_NS), *ending(-EVER_NS, DATED_NS))
         if newest_ns is None:
@@ -77,24 +77,23 @@ def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[st
         told = f"Recorded up to {clock.told(found.recorded_to)}"
         lines.append(f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}.")
     if found.behind:
-        named = listed(found.named, found.behind, clock)
-        lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {named}.")
+        which = listed(found.named, found.behind, clock)
+        lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {which}.")
     if found.ahead:
         have = f"{found.ahead} loops have" if found.ahead > 1 else "One loop has"
-        named = listed(found.named_ahead, found.ahead, clock)
-        lines.append(f"{have} samples ahead of the clock, is their time zone right? {named}.")
+        which = listed(found.named_ahead, found.ahead, clock)
+        lines.append(f"{have} samples ahead of the clock, is their time zone right? {which}.")
     if found.undated:
-        named = listed(found.named_undated, found.undated)
+        which = listed(found.named_undated, found.undated)
         lines.append(
-            f"Without a date, because their files tell no start: {named}. No other loop is compared with them."
+            f"Without a date, because their files tell no start: {which}. No other loop is compared with them."
         )
     return lines
 
 
-def listed(named: tuple[tuple[str, str], ...], count: int, clock: PlantClock | None = None) -> str:
+def listed(ends: tuple[tuple[str, str], ...], count: int, clock: PlantClock | None = None) -> str:
     """Tags with their newest samples, where times are told by a clock."""
-    shown = ", ".join(f"{' '.join(tag.split())}{f' ({clock.short(end)})' if clock else ''}" for tag, end in named)
-    return f"{shown} and {count - len(named)} more" if count > len(named) else shown
+    return named([f"{tag} ({clock.short(end)})" if clock else tag for tag, end in ends], count)
 
 
 def nothing_new(backend: Backend, audit_id: int) -> list[str]:

@@ -1,9 +1,7 @@
 """Which verdicts are other ones than before, and why."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
@@ -12,10 +10,12 @@ from app.services.plant.evidence_moved import moved, probability_moved
 from app.services.plant.judged import ToManual, to_manual
 from app.services.plant.stood_together import ALONE, AsOne
 from app.services.results import ChangedBy, ChangeView, Kind
+from app.services.telling.reasons import extra_in
 from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.telling.stored_evidence import began_at
-from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words
+from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words, codes_in
 from app.storage import plant
+from app.storage.plant import ChangedRow, SecondNight
 
 LISTED_CHANGES = 200
 FILLED_MORE = 0.05
@@ -75,7 +75,7 @@ def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
     return sorted(changes, key=lambda change: change.kind == "wavers")
 
 
-def kind_of(row: Any) -> Kind:
+def kind_of(row: ChangedRow) -> Kind:
     """new: it is now said to stick. cured: it was, and now it is said not to. wavers: no news. flipped: any other."""
     if _wavers(row, _why(row)):
         return "wavers"
@@ -84,45 +84,47 @@ def kind_of(row: Any) -> Kind:
     return "cured" if row.verdict_before == "stiction" and row.verdict == "no_stiction" else "flipped"
 
 
-def second_night(again: Sequence[Any], changed: Sequence[Any], clock: PlantClock) -> list[ChangeView]:
+def second_night(again: Sequence[SecondNight], changed: Sequence[ChangedRow], clock: PlantClock) -> list[ChangeView]:
     """Those of `plant.second_nights` that are news, and that have not changed since."""
     since = {row.tag for row in changed}
-    return [told for row in again if row.tag not in since and (told := of_second_night(row, clock)) is not None]
+    return [told for one in again if one.changed.tag not in since and (told := of_second_night(one, clock)) is not None]
 
 
-def of_second_night(row: Any, clock: PlantClock) -> ChangeView | None:
+def of_second_night(night: SecondNight, clock: PlantClock) -> ChangeView | None:
     """A change that wavered the night before and stands: news now. None where it was news then."""
-    before, between = row.probability_before, row.probability_between
-    if None not in (before, between) and abs(between - before) >= NEWS_FROM:
+    if _is_far(night.changed.probability_before, night.probability_between):
         return None
-    told = change_of(row, clock)
+    told = change_of(night.changed, clock)
     return replace(told, kind="new", because=f"{SECOND_NIGHT}; {told.because}")
 
 
-def change_of(row: Any, clock: PlantClock) -> ChangeView:
+def change_of(row: ChangedRow, clock: PlantClock) -> ChangeView:
     why = _why(row)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row, clock))
     of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
     return ChangeView(row.tag, row.unit, kind_of(row), *verdicts_told, *of_now)
 
 
-def _wavers(row: Any, why: ChangedBy) -> bool:
+def _wavers(row: ChangedRow, why: ChangedBy) -> bool:
     """Whether a change is that of a loop on the edge: not to be relied on, and its probability has hardly moved. A
     valve that began to stick, and a PV that never answers, are news all the same."""
     if why not in ("loop", "data") or row.reliability == "reliable" or row.likely_cause == UNANSWERED:
         return False
-    probabilities = (row.probability_before, row.probability)
-    near = None in probabilities or abs(probabilities[1] - probabilities[0]) < NEWS_FROM
-    return near and BEGAN not in row.reasons.split(";")
+    return not _is_far(row.probability_before, row.probability) and BEGAN not in codes_in(row.reasons)
 
 
-def _why(row: Any) -> ChangedBy:
+def _is_far(before: float | None, now: float | None) -> bool:
+    """Whether a probability has moved far enough to be news."""
+    return before is not None and now is not None and abs(now - before) >= NEWS_FROM
+
+
+def _why(row: ChangedRow) -> ChangedBy:
     """Another engine or configuration is the method; a record much poorer, shorter or longer is the data."""
     if row.verdict_before is None:
         return "first"
     if row.engine_changed or row.config_changed:
         return "method"
-    new = set(row.reasons.split(";")) - set((row.reasons_before or "").split(";"))
+    new = set(codes_in(row.reasons)) - set(codes_in(row.reasons_before))
     if OF_REPAIRS & new:
         return "repair"
     if BEGAN in new:
@@ -135,32 +137,32 @@ def _why(row: Any) -> ChangedBy:
     return "data" if poorer or shorter or resampled or _longer(row) else "loop"
 
 
-def _longer(row: Any) -> bool:
+def _longer(row: ChangedRow) -> bool:
     return row.samples_ratio is not None and row.samples_ratio > 1 / FEWER_SAMPLES
 
 
-def _because(why: ChangedBy, row: Any, clock: PlantClock) -> str:
+def _because(why: ChangedBy, row: ChangedRow, clock: PlantClock) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
     evidence = moved(row) if why in ("loop", "data") else ""
     if why == "loop" and not _answers_no_more(row):
-        if BEGAN in row.reasons.split(";"):
+        if BEGAN in codes_in(row.reasons):
             return _began(row, clock)
         return evidence or probability_moved(row) or WHY_WORDS["loop"]
     words = _cause(why, row)
     return f"{evidence}; {words}" if evidence else words
 
 
-def _answers_no_more(row: Any) -> bool:
+def _answers_no_more(row: ChangedRow) -> bool:
     return bool(row.likely_cause == UNANSWERED != row.likely_cause_before)
 
 
-def _began(row: Any, clock: PlantClock) -> str:
-    start = json.loads(row.extra_json or "{}").get("episode_start")
+def _began(row: ChangedRow, clock: PlantClock) -> str:
+    start = extra_in(row.extra_json).get("episode_start")
     began = began_at({"episode_start": start, "reasons_text": row.reasons_text}, clock)
     return f"began to stick {began or 'within the record'}"
 
 
-def _cause(why: ChangedBy, row: Any) -> str:
+def _cause(why: ChangedBy, row: ChangedRow) -> str:
     if why in ("loop", "data") and _answers_no_more(row):
         return cause_words(UNANSWERED)
     if why == "data" and _longer(row):

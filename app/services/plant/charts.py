@@ -18,13 +18,14 @@ from app.engine.reference import yper
 from app.errors import DataError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S
+from app.services.audit_json.numbers import listed
 from app.services.audit_json.spectra import spectra
 from app.services.backend import Backend
 from app.services.damage import damage_in_words
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find, verdict_detail
 from app.services.plant.standing import judged_part, where_pv_stands
-from app.services.plant.trend import extremes, numbers
+from app.services.plant.trend import extremes
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples
 
@@ -186,7 +187,7 @@ def _trend(record: _Record, valve: dict[str, float] | None, part: slice = slice(
     # A moment without values within each hole breaks the lines there.
     where, at = np.searchsorted(kept, holes, side="right"), (time_ns[holes] + time_ns[holes + 1]) // 2
     time = [iso_utc(moment_of(int(t))) for t in np.insert(time_ns[kept], where, at)]
-    lines = {name: numbers(np.insert(signal[kept], where, np.nan)) for name, signal in given.items()}
+    lines = {name: listed(np.insert(signal[kept], where, np.nan)) for name, signal in given.items()}
     standing = np.insert(record.standing[part][kept], where, False).astype(int).tolist()
     return {"samples": n, "shown": len(kept), "time": time, **lines, "standing": standing}
 
@@ -215,7 +216,7 @@ def _scatter(record: _Record) -> dict[str, Any]:
     samples = len(places)
     # The newest ones in a row, not every tenth: it is the path from point to point that shows a sticking valve.
     places = places[-SCATTERED:]
-    path = {"op": numbers(record.op[places]), "pv": numbers(record.pv[places])}
+    path = {"op": listed(record.op[places]), "pv": listed(record.pv[places])}
     standing = record.standing[places].astype(int).tolist()
     return {"samples": samples, "shown": len(places), **path, "standing": standing}
 
@@ -228,7 +229,7 @@ def _errors(record: _Record) -> dict[str, Any] | None:
     if len(error) < 2 or np.ptp(error) <= resolution(error):
         return None
     count, edges = np.histogram(error, BINS)
-    return {"middle": numbers((edges[1:] + edges[:-1]) / 2), "share_pct": numbers(100.0 * count / len(error))}
+    return {"middle": listed((edges[1:] + edges[:-1]) / 2), "share_pct": listed(100.0 * count / len(error))}
 
 
 def _spectra(record: _Record) -> dict[str, Any] | None:

@@ -1,31 +1,36 @@
 """What of the evidence moved most between two verdicts of a loop."""
 
-from typing import Any
-
 from app.services.telling.stored_evidence import Shape, shapes
-from app.services.telling.wording import PRIOR_ONLY, probability
+from app.services.telling.wording import PRIOR_ONLY, codes_in, probability
+from app.storage.plant import ChangedRow
 
 LEAST_MOVE = 0.1
 """Of the probability; where it moved less, the verdict's edge is what changed."""
 
 
-def moved(row: Any) -> str:
+def moved(row: ChangedRow) -> str:
     """ "PV stands while OP moves, and then follows it, for 60 % of the time (8 % before), probability 0.10 -> 0.99";
-    empty where a verdict has no measured probability, or it hardly moved. row: what `plant.changes` tells."""
-    measured = probability_moved(row)
-    if not measured or abs(row.probability - row.probability_before) < LEAST_MOVE:
+    empty where a verdict has no measured probability, or it hardly moved."""
+    measured = _measured(row)
+    if measured is None or abs(measured[1] - measured[0]) < LEAST_MOVE:
         return ""
     of_now = shapes(row.reasons, row.reasons_text, row.extra_json)
     of_before = shapes(row.reasons_before, row.reasons_text_before, row.extra_json_before)
     for_it = {code: shape for code, shape in of_now.items() if _speaks_for(row.verdict, shape)}
-    return f"{_seen(for_it, of_before)}{measured}"
+    return f"{_seen(for_it, of_before)}{probability_moved(row)}"
 
 
-def probability_moved(row: Any) -> str:
+def probability_moved(row: ChangedRow) -> str:
     """ "probability 0.48 -> 0.55"; empty where one of the two verdicts has no measured probability."""
-    now, before = row.probability, row.probability_before
-    prior = PRIOR_ONLY in f"{row.reasons};{row.reasons_before or ''}".split(";")
-    return "" if prior or now is None or before is None else f"probability {probability(before)} -> {probability(now)}"
+    measured = _measured(row)
+    return "" if measured is None else "probability " + " -> ".join(map(probability, measured))
+
+
+def _measured(row: ChangedRow) -> tuple[float, float] | None:
+    """Before and now; None where one of the two verdicts has no measured probability."""
+    before, now = row.probability_before, row.probability
+    prior = PRIOR_ONLY in (*codes_in(row.reasons), *codes_in(row.reasons_before))
+    return None if prior or now is None or before is None else (before, now)
 
 
 def _seen(now: dict[str, Shape], before: dict[str, Shape]) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future, wait
 from dataclasses import replace
 
-from app.engine.plant_wide.groups import IN_STEP, UNNAMED, Group, groups
+from app.engine.plant_wide.groups import UNNAMED, Group, groups
 from app.nanoseconds import NS_PER_S
 from app.services.audit_json.swings import candidates
 from app.services.backend import Backend
@@ -14,7 +14,6 @@ from app.services.plant.set_points import set_points_together
 from app.services.results import GroupMember, GroupView
 from app.storage import verdicts
 
-IN_STEP_FROM = IN_STEP
 PATIENCE_S = 0.1
 LOOKED_INTO = 20
 
@@ -64,14 +63,20 @@ def _asked_of_set_points(backend: Backend, found: Sequence[GroupView]) -> list[G
     ]
 
 
-def groups_of(backend: Backend, tag: str) -> list[GroupView]:
-    """Those that the loop belongs to, as far as they are known by now."""
-    return [group for group in soon(backend) or () if any(member.loop == tag for member in group.members)]
+def groups_of(found: Groups | None, tag: str) -> list[GroupView]:
+    """Those that the loop belongs to; none where they are not known yet."""
+    return [group for group in found or () if any(member.loop == tag for member in group.members)]
 
 
 def told_apart(groups: Sequence[GroupView]) -> tuple[list[GroupView], list[GroupView]]:
     """Groups that something may shake together, and those that may well share their period by chance."""
     return [group for group in groups if not unnamed(group)], [group for group in groups if unnamed(group)]
+
+
+def surely_together(found: Groups | None) -> list[GroupView]:
+    """For a list that has no room to say of a group that it may be chance: without those that the engine tells as such,
+    though something may shake them."""
+    return [group for group in found or () if not group.by_chance]
 
 
 def unnamed(group: GroupView) -> bool:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection
@@ -13,6 +12,7 @@ from app.services.damage import damage_in_words
 from app.services.moments import PlantClock, iso_utc, moment_of, ns_of
 from app.storage import judged as stored
 from app.storage import series
+from app.storage.judged import SpanRow
 
 LEFT_OUT = timedelta(hours=1)
 """Newer samples than what was judged are told of where they are of an hour or more."""
@@ -34,11 +34,9 @@ class Judged:
 
     def words(self, clock: PlantClock) -> str:
         """ "judged 2026-11-24 22:00 to 23:59; in manual since"."""
-        start, end = clock.short(self.start), clock.short(self.end)
-        until = end.removeprefix(f"{start.partition(' ')[0]} ")
         since = "in manual since" if self.manual else "what was recorded since cannot be judged"
         damage = damage_in_words(self.damaged, clock).removesuffix(".")
-        return f"judged {start} to {until}; {since}{f'. {damage}' if damage else ''}"
+        return f"judged {clock.span(self.start, self.end)}; {since}{f'. {damage}' if damage else ''}"
 
 
 @dataclass(frozen=True)
@@ -55,27 +53,32 @@ class ToManual:
 def judged(backend: Backend, tags: Sequence[str], audit_id: int | None = None) -> dict[str, Judged]:
     """Of the loops whose newest verdict (or that of a run) is of a time that is well before their newest samples."""
     with backend.database.read() as connection:
-        late = [row for row in stored.spans(connection, tags, audit_id) if _left_out(row.window_end, row.input_end_ns)]
-        return {row.tag: _judged(connection, row, backend.settings.hold_days) for row in late}
+        rows = stored.spans(connection, tags, audit_id)
+        found = {row.tag: _judged(connection, row, backend.settings.hold_days) for row in rows}
+    return {tag: of for tag, of in found.items() if of is not None}
 
 
 def to_manual(backend: Backend, run: int, *, and_since: bool = False) -> list[ToManual]:
     """The loops that went to manual with a run (and_since: or since then); the weightiest first."""
     with backend.database.read() as connection:
-        rows = [row for row in stored.no_further(connection, run, and_since, LOOKED_AT) if _newly(row)]
-        told = [(row, _judged(connection, row, backend.settings.hold_days)) for row in rows]
-    return [ToManual(row.tag, row.unit, row.verdict, row.reliability, of) for row, of in told if of.manual]
-
-
-def _newly(row: Any) -> bool:
-    return _left_out(row.window_end, row.input_end_ns) and not _left_out(row.end_before, row.given_before)
+        rows = stored.no_further(connection, run, and_since, LOOKED_AT)
+        newly = [row for row in rows if not _left_out(row.end_before, row.given_before)]
+        told = [(row, _judged(connection, row.span, backend.settings.hold_days)) for row in newly]
+    return [
+        ToManual(row.span.tag, row.unit, row.verdict, row.reliability, of)
+        for row, of in told
+        if of is not None and of.manual
+    ]
 
 
 def _left_out(window_end: datetime | None, given_to_ns: int | None) -> bool:
     return window_end is not None and given_to_ns is not None and moment_of(given_to_ns) - window_end >= LEFT_OUT
 
 
-def _judged(connection: Connection, row: Any, hold_days: float) -> Judged:
+def _judged(connection: Connection, row: SpanRow, hold_days: float) -> Judged | None:
+    """None where all that was given was judged, but for less than is told of."""
+    if row.window_end is None or row.input_end_ns is None or not _left_out(row.window_end, row.input_end_ns):
+        return None
     later = series.readable(connection, row.loop_id, ns_of(row.window_end) + 1, row.input_end_ns, hold_days)
     mode = None if later.samples is None else later.samples.signals.get("automatic")
     known = np.array([]) if mode is None else mode[np.isfinite(mode)]

@@ -43,6 +43,7 @@ def loop_sheet(
     row = loops.loop_health(backend, it.tag, shelved)
     detail = loops.verdict_detail(backend, found, row["audit_id"])
     repair = notes.newest_repair(backend, found)
+    together = soon(backend)
     return {
         "it": it,
         "row": row,
@@ -54,11 +55,11 @@ def loop_sheet(
         "judged": judged(backend, [it.tag]).get(it.tag),
         "periods": periods(backend, found, row, detail),
         "why_first": why_first(detail.get("rivals", ()), row["rival_winner"]),
-        "groups_known": soon(backend) is not None,
+        "groups_known": together is not None,
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
         "most_nights": NIGHTS,
         "history": loops.chained_history(backend, found, NIGHTS),
-        "groups": groups_of(backend, it.tag),
+        "groups": groups_of(together, it.tag),
         "stood_with": _stood_with(backend, row),
         "repair": repair,
         "compared": compared(backend, found, repair, it.pv_unit),

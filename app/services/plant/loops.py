@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from app.errors import FieldError, LoopauditError, NotFoundError, RequestError
 from app.services.audit_json.rows import FORM, KEY_FIGURES, as_row, compact, sent
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.continuing import CONTINUES, check, check_retired, follow, taken_over
 from app.services.plant.shelving import Shelf
@@ -59,8 +59,7 @@ def list_loops(
     after = decode(cursor, (str,))
     with backend.database.read() as connection:
         rows = loops.page(connection, limit + 1, after[0] if after else None, wanted)
-    following = encode(rows[limit - 1].tag) if len(rows) > limit else None
-    return Page([view_of(row) for row in rows[:limit]], following)
+    return page_of(rows, limit, view_of, lambda row: (row.tag,))
 
 
 def get_loop(backend: Backend, tag: str) -> LoopView:
@@ -199,8 +198,7 @@ def verdict_history(
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
         found = verdicts.history(connection, row.id, limit + 1, before[0] if before else None)
-    following = encode(found[limit - 1]["audit_id"]) if len(found) > limit else None
-    return Page([as_row(verdict) for verdict in found[:limit]], following)
+    return page_of(found, limit, as_row, lambda verdict: (verdict["audit_id"],))
 
 
 def chained_history(backend: Backend, loop: OneLoop, limit: int) -> list[dict[str, Any]]:

@@ -1,16 +1,16 @@
 """What the last nights said of a loop: one verdict may be a bad night's, seven that agree are none."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS
+from app.services.telling.reasons import extra_in
+from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS, codes_in
 from app.storage import continuing
 from app.storage import nights as stored
+from app.storage.nights import NightRow, StickingRow
 
 NIGHTS = 7
 AUDITS = 6 * NIGHTS
@@ -47,7 +47,7 @@ def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
         chains = continuing.earlier_of(connection, tags)
         before = [one for chain in chains.values() for one in chain]
         rows = stored.recent(connection, [*tags, *before], AUDITS, until)
-    by_tag: dict[str, dict[str, Any]] = {}
+    by_tag: dict[str, dict[str, NightRow]] = {}
     for row in rows:
         by_tag.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
     found = {tag: _together([by_tag.get(one, {}) for one in (*chains.get(tag, ())[::-1], tag)]) for tag in tags}
@@ -55,13 +55,13 @@ def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
     return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
 
 
-def _together(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _together(parts: Sequence[Mapping[str, NightRow]]) -> dict[str, NightRow]:
     """By date, in its order; where a loop had two tags on one date, what was said under the later one."""
     whole = {date: row for part in parts for date, row in part.items()}
     return dict(sorted(whole.items()))
 
 
-def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:
+def _nights(dated: Mapping[str, NightRow]) -> tuple[Night, ...]:
     earlier = [None, *dated.values()]
     return tuple(
         Night(date, row.verdict, row.reliability, _again(row, before))
@@ -69,7 +69,7 @@ def _nights(dated: Mapping[str, Any]) -> tuple[Night, ...]:
     )
 
 
-def _again(row: Any, before: Any) -> str:
+def _again(row: NightRow, before: NightRow | None) -> str:
     """Why the same is said of the same samples, or of the same window: what came after it could not be judged. A repair
     or the method may have changed it."""
     if before is None or row.input_end_ns is None or row.verdict != before.verdict:
@@ -97,6 +97,6 @@ def onsets(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
     return {row.tag: _onset(row) for row in rows}
 
 
-def _onset(row: Any) -> Onset:
-    began = json.loads(row.extra_json).get("episode_start") if BEGAN in row.reasons.split(";") else None
+def _onset(row: StickingRow) -> Onset:
+    began = extra_in(row.extra_json).get("episode_start") if BEGAN in codes_in(row.reasons) else None
     return Onset(began or iso_utc(row.audited_at) or "", bool(began), row.otherwise is None)

@@ -7,11 +7,10 @@ from typing import Any
 from app.errors import NotFoundError, RequestError
 from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, identifier
+from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc
 from app.services.plant.loops import OneLoop, find
-from app.services.plant.shelving import check_shelving, kind_at
-from app.services.plant.shelving import withdraw_shelving as withdraw_from_shelf
+from app.services.plant.shelving import check_shelving, kind_at, withdraw_shelving
 from app.services.results import NoteView, Page
 from app.storage import notes, verdicts
 from app.storage.notes import NoteRow
@@ -80,14 +79,14 @@ def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str 
         return _view(notes.by_id(connection, row.id, key))
 
 
-def withdraw_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
+def end_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
     """The loop is shelved no longer, by this note or one before it; what was written stays.
 
     Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it does not shelve.
     """
     row = find(backend, tag)
     key = identifier(note_id)
-    withdraw_from_shelf(backend, row.id, tag, key, withdrawn_by)
+    withdraw_shelving(backend, row.id, tag, key, withdrawn_by)
     with backend.database.read() as connection:
         return _view(notes.by_id(connection, row.id, key))
 
@@ -102,8 +101,7 @@ def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | N
     row, before = find(backend, loop), decode(cursor, (int,))
     with backend.database.read() as connection:
         found = notes.of_loop(connection, row.id, limit + 1, before[0] if before else None)
-    following = encode(found[limit - 1].id) if len(found) > limit else None
-    return Page([_view(note) for note in found[:limit]], following)
+    return page_of(found, limit, _view, lambda note: (note.id,))
 
 
 def newest_repair(backend: Backend, loop: OneLoop) -> Repair | None:

@@ -59,9 +59,7 @@ def _of_old(clock: PlantClock, stretch: list[str] | None, ends: tuple[str, str] 
     age = datetime.fromisoformat(ends[1]) - datetime.fromisoformat(stretch[1])
     if age <= A_DAY:
         return ""
-    first, last = (clock.short(at) for at in stretch)
-    until = last.removeprefix(f"{first.partition(' ')[0]} ")
-    return f"{first} to {until}, {age / A_DAY:.1f} days before the newest sample"
+    return f"{clock.span(*stretch)}, {age / A_DAY:.1f} days before the newest sample"
 
 
 def _identified(clock: PlantClock, stretch: list[str] | None, window: Any, identified: Any) -> list[str]:

@@ -19,6 +19,7 @@ def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
     seen, shelved = overview(backend), shelf(backend)
     together = as_one(backend, shelved, since_ns=reach.current_ns)
     changed = changes(backend, together=together)
+    found = groups.soon(backend)
     newest_run = None if changed.run_id is None else int(changed.run_id)
     return {
         "seen": seen,
@@ -27,8 +28,8 @@ def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
         "arrivals": of_now(backend, newest_run, reach) if seen.audited else [],
         "late_days": LATE.days,
         "newest_run": newest_run_of(backend),
-        "groups_known": groups.soon(backend) is not None,
+        "groups_known": found is not None,
         "repairs": repairs(backend),
         "shelf": shelved,
-        "groups": [group for group in groups.soon(backend) or () if not group.by_chance],
+        "groups": groups.surely_together(found),
     }

@@ -10,7 +10,7 @@ from typing import Any
 from app.errors import RequestError
 from app.services.audit_json.rows import FORM, as_row, compact
 from app.services.backend import Backend
-from app.services.cursors import decode, encode, refused
+from app.services.cursors import decode, page_of, refused
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.shelving import Shelf
 from app.services.plant.written import marks_of, written_of
@@ -83,8 +83,7 @@ def _stored(
     after = _after(cursor, sort, any_order=any_order)
     with backend.database.read() as connection:
         rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
-    last = rows[limit - 1] if len(rows) > limit else None
-    return Page(rows[:limit], encode(sort, last["sorted_by"], last["tag"]) if last else None)
+    return page_of(rows, limit, lambda row: row, lambda row: (sort, row["sorted_by"], row["tag"]))
 
 
 def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
@@ -123,9 +122,8 @@ def reliability_json(
         after = _after(cursor, sort)
         rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
         settled = verdicts.settled(connection, {row.audit_id for row in rows})
-    last = rows[limit - 1] if len(rows) > limit else None
-    behind = encode(sort, last.value, last.tag) if last else None
-    shown = rows[:limit]
+    sent_page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
+    shown, behind = sent_page.rows, sent_page.next_cursor
     runs = {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
     marks = marks_of(backend, [row.tag for row in shown])
     said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown], marks.told]

@@ -12,6 +12,7 @@ from app.services.moments import iso_utc
 from app.services.telling.repair_sides import side_of
 from app.services.telling.wording import VERDICT_WORDS, brief
 from app.storage import repaired as stored
+from app.storage.repaired import RepairRow
 
 LOOKED_BACK = timedelta(days=14)
 LISTED, LOOKED_AT = 30, 1000
@@ -99,13 +100,13 @@ def in_vain(
     return {tag: outcome for tag, outcome in outcomes.items() if outcome in IN_VAIN}
 
 
-def _of_row(row: Mapping[str, Any], repair: Any) -> Outcome:
+def _of_row(row: Mapping[str, Any], repair: RepairRow) -> Outcome:
     start, end = (row[name] and datetime.fromisoformat(row[name]) for name in ("window_start", "window_end"))
     told = side_of(start, end, repair.repaired_at) == "after"
     return _outcome(repair.verdict_before, row["verdict"] if told else None, row["reliability"] == "reliable")
 
 
-def _view(row: Any) -> RepairView:
+def _view(row: RepairRow) -> RepairView:
     told = row.verdict is not None and side_of(row.window_start, row.window_end, row.repaired_at) == "after"
     now, *of_now = (row.verdict, row.reliability, row.likely_cause) if told else (None, None, None)
     outcome = _outcome(row.verdict_before, now, of_now[0] == "reliable")

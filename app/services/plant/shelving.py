@@ -11,7 +11,8 @@ from sqlalchemy import Connection
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief
+from app.services.telling.naming import one_line
+from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, looked_at_today
 from app.storage import notes, shelvings
 from app.storage.shelvings import ShelvedRow
 
@@ -56,7 +57,7 @@ class Shelved:
 
     def words(self, clock: PlantClock) -> str:
         """ "shelved until 2026-10-01 06:00 (work order WO-17)", and what is worse since."""
-        order = f" (work order {' '.join(self.work_order.split())})" if self.work_order else ""
+        order = f" (work order {one_line(self.work_order)})" if self.work_order else ""
         return f"shelved until {clock.short(self.until)}{order}{f', but {self.worse}' if self.worse else ''}"
 
 
@@ -124,7 +125,7 @@ def withdraw_shelving(backend: Backend, loop_id: int, tag: str, note_id: int, wi
 def _kind(verdict: str | None, reliability: str | None, likely_cause: str | None) -> str:
     if verdict == "stiction" and reliability == "reliable":
         return STICKS
-    return UNANSWERED if likely_cause == UNANSWERED else ""
+    return UNANSWERED if looked_at_today({"verdict": verdict, "likely_cause": likely_cause}) else ""
 
 
 def _view(row: ShelvedRow) -> Shelved:

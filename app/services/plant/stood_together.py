@@ -1,19 +1,17 @@
 """Loops whose PV came to stand together, as lists tell of them: once, by the weightiest of those that are listed."""
 
-import json
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from typing import Any
 
 from app.engine.plant_wide.stood_together import SHUT_DOWN_S, Stand, StoodTogether
 from app.services.backend import Backend
+from app.services.moments import seconds_of
 from app.services.plant.shelving import Shelf
+from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import look, of_all
 from app.services.telling.wording import STOOD_TOGETHER
-from app.storage import standing as stored
-
-SINCE, TOGETHER_SINCE = "unanswered_since", "stood_together_since"
+from app.storage import unanswered as stored
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ def _listed_alike(rows: Sequence[Any], since_ns: int | None) -> list[list[Any]]:
     parts: dict[tuple[bool, float], list[Any]] = {}
     for row in rows:
         old = since_ns is not None and (row.end_ns is None or row.end_ns < since_ns)
-        parts.setdefault((old, _seconds(_field(row, TOGETHER_SINCE))), []).append(row)
+        parts.setdefault((old, seconds_of(_field(row, TOGETHER_SINCE))), []).append(row)
     groups: list[list[Any]] = []
     of_old = None
     for (old, since_s), part in sorted(parts.items(), key=lambda item: item[0]):
@@ -101,8 +99,8 @@ def _listed_alike(rows: Sequence[Any], since_ns: int | None) -> list[list[Any]]:
 def _goes_on(group: Sequence[Any], part: Sequence[Any], since_s: float) -> bool:
     """Whether a later part is of the group. What runs told of one group may differ in when it began: the loop that came
     to stand first may have been audited later, or be at work by then. What one run told apart stays apart."""
-    began_s = min(_seconds(_field(row, TOGETHER_SINCE)) for row in group)
-    last_s = max(_seconds(_field(row, SINCE)) for row in group)
+    began_s = min(seconds_of(_field(row, TOGETHER_SINCE)) for row in group)
+    last_s = max(seconds_of(_field(row, SINCE)) for row in group)
     apart = {row.audit_id for row in group} & {row.audit_id for row in part}
     return not apart and since_s <= max(began_s + SHUT_DOWN_S, last_s)
 
@@ -110,18 +108,14 @@ def _goes_on(group: Sequence[Any], part: Sequence[Any], since_s: float) -> bool:
 def _told(rows: Sequence[Any]) -> Together:
     in_time = sorted((_stand(row) for row in rows), key=lambda stand: (stand.since_s, stand.tag))
     group = StoodTogether(tuple(in_time))
-    since = min((_field(row, TOGETHER_SINCE) for row in rows), key=_seconds)
+    since = min((_field(row, TOGETHER_SINCE) for row in rows), key=seconds_of)
     return Together(tuple(row.tag for row in rows), group.unit, since, of_all(group), look(group))
 
 
 def _stand(row: Any) -> Stand:
-    return Stand(row.tag, _seconds(_field(row, SINCE)), 0.0, row.sampling_interval_s, row.unit)
+    return Stand(row.tag, seconds_of(_field(row, SINCE)), 0.0, row.sampling_interval_s, row.unit)
 
 
 def _field(row: Any, name: str) -> str:
-    value: str = json.loads(row.extra_json)[name]
+    value: str = extra_in(row.extra_json)[name]
     return value
-
-
-def _seconds(iso: str) -> float:
-    return datetime.fromisoformat(iso).timestamp()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.errors import DataError, RequestError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S
+from app.services.audit_json.numbers import listed
 from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
@@ -94,7 +95,7 @@ def _thinned(samples: Samples, points: int) -> Samples:
 def _view(tag: str, samples: Samples, n: int, points: int) -> TrendView:
     shown = _thinned(samples, points)
     time = [iso_utc(moment_of(int(t))) or "" for t in shown.time_ns]
-    signals = {name: numbers(values) for name, values in shown.signals.items()}
+    signals = {name: listed(values) for name, values in shown.signals.items()}
     missing: list[float | None] = [None] * len(shown)
     time_ms: list[int] = (shown.time_ns // 1_000_000).tolist()
     held = {name: iso_utc(moment_of(samples.held_ns[name])) for name in samples.held_ns}
@@ -133,7 +134,3 @@ def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64
         found.append(places[rows, np.argmin(np.where(np.isnan(values), np.inf, values), axis=1)])
         found.append(places[rows, np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)])
     return np.unique(np.concatenate(found))
-
-
-def numbers(values: FloatArray) -> list[float | None]:
-    return [None if np.isnan(value) else float(value) for value in values]

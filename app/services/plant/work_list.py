@@ -6,6 +6,7 @@ from datetime import datetime
 from itertools import takewhile
 from typing import Any
 
+from app.engine.codes import NO_ANSWER_VERDICTS
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
@@ -14,10 +15,11 @@ from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
 from app.services.plant.repaired import repairs
 from app.services.plant.shelving import Shelf, Shelved
 from app.services.plant.stood_together import Together, as_one
-from app.services.plant.worst import not_shelved
+from app.services.plant.worst import asked_today, not_shelved
+from app.services.telling.naming import named
 from app.services.telling.next_steps import Step
-from app.services.telling.standing_wording import named
-from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, codes_of, looked_at_today
+from app.services.telling.reasons import SINCE
+from app.services.telling.wording import VERDICT_WORDS, brief, codes_of, looked_at_today
 from app.storage.verdicts import RowFilter
 
 MOST, MOST_TODAY = 10, 5
@@ -48,7 +50,7 @@ class Work:
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
-        others = f"with it {named(self.stood_with, len(self.stood_with))}" if self.stood_with else ""
+        others = f"with it {named(self.stood_with)}" if self.stood_with else ""
         told = (self.together, others, self.size, self.since, self.judged, self.shelved, self.written)
         return "; ".join(one for one in told if one)
 
@@ -68,8 +70,8 @@ def work_list(
     that lack most to full health, times their importance. Loops that came to stand together are listed once."""
     together = as_one(backend, shelved, audit_id, since_ns)
 
-    def listed(limit: int, **asked: Any) -> list[Work]:
-        wanted = RowFilter(**asked, audit_id=audit_id, recorded_from_ns=since_ns, left_out=together.left_out)
+    def listed(limit: int, asked: RowFilter) -> list[Work]:
+        wanted = replace(asked, audit_id=audit_id, recorded_from_ns=since_ns, left_out=together.left_out)
         rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
@@ -84,17 +86,18 @@ def work_list(
         return [told(row) for row in rows]
 
     failed = [repair.loop for repair in repairs(backend, audit_id, notes_until).listed if repair.outcome == "sticks"]
-    work = listed(most, tags=tuple(failed), verdict=("stiction",), reliability="reliable") if failed else []
+    sticks = RowFilter(verdict=("stiction",))
+    work = listed(most, replace(sticks, tags=tuple(failed), reliability="reliable")) if failed else []
     again = {one.loop for one in work}
-    today = listed(LOOKED_AT, verdict=("inconclusive", "not_auditable"), likely_cause=UNANSWERED)
+    today = listed(LOOKED_AT, asked_today(since_ns))
     work += sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most - len(work))]
     for reliability in ("reliable", "not_reliable"):
         room = most - len(work)
-        sticking = listed(room and room + len(again), verdict=("stiction",), reliability=reliability)
+        sticking = listed(room and room + len(again), replace(sticks, reliability=reliability))
         work += [one for one in sticking if one.loop not in again][:room]
     # Of these valves, which stick, `most` may have left no room.
     left = tuple(sorted(set(besides) - {one.loop for one in work}))
-    return work + (listed(len(left), tags=left, verdict=("stiction",)) if left else [])
+    return work + (listed(len(left), replace(sticks, tags=left)) if left else [])
 
 
 def _work(
@@ -135,7 +138,7 @@ def _size(row: Mapping[str, Any]) -> str:
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
     """Where PV does not answer, since when, if that was seen; of a valve that sticks, when it began to, as its first
     verdict told it; else the first of the nights that said the same. Where a repair came in between that is told."""
-    unanswered_since = row.get("unanswered_since")
+    unanswered_since = row.get(SINCE)
     if looked_at_today(row) and unanswered_since and clock.dated(unanswered_since):
         return f"since {clock.short(unanswered_since)}"
     if row["verdict"] == "stiction" and onset is not None:
@@ -146,7 +149,7 @@ def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, ons
 
 
 def _since_night(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock) -> str:
-    alike = ("inconclusive", "not_auditable") if looked_at_today(row) else (row["verdict"],)
+    alike = NO_ANSWER_VERDICTS if looked_at_today(row) else (row["verdict"],)
     same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
     if not same:
         return ""

@@ -12,12 +12,12 @@ from datetime import datetime
 from itertools import groupby
 from typing import Any
 
+from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.services.backend import Backend
 from app.services.plant.changes import Changes
 from app.services.plant.reliability import table
 from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.stood_together import ALONE, AsOne, as_one
-from app.services.telling.wording import UNANSWERED
 from app.storage import plant, verdicts
 from app.storage.verdicts import RowFilter
 
@@ -50,7 +50,7 @@ def worst_tags(backend: Backend, since_ns: int | None, shelved: Shelf) -> list[s
             wanted = replace(asked, left_out=left_out)
             return [row.tag for row in verdicts.sent_rows(connection, limit, "priority", True, wanted, None)]
 
-        today = set(first(MOST_TODAY, _asked_today(since_ns)))
+        today = set(first(MOST_TODAY, asked_today(since_ns)))
         found = first(WORST + len(today), RowFilter(recorded_from_ns=since_ns))
     return [tag for tag in found if tag not in today][:WORST]
 
@@ -66,15 +66,15 @@ def look_today(
     since_ns: as of `worst`. Of loops that came to stand together the weightiest, with all of them in `together`."""
     told = as_one(backend, shelved, since_ns=since_ns) if together is None else together
     news = {row.loop for row in changed.rows} if changed else set()
-    asked = replace(_asked_today(since_ns), left_out=told.left_out)
+    asked = replace(asked_today(since_ns), left_out=told.left_out)
     rows = not_shelved(backend, MOST_TODAY, asked, shelved)
     rows = [row | {"together": told.by_tag.get(row["loop"])} for row in rows]
     return sorted(rows, key=lambda row: news.isdisjoint(row["together"].loops if row["together"] else (row["loop"],)))
 
 
-def _asked_today(since_ns: int | None) -> RowFilter:
-    refused = ("inconclusive", "not_auditable")
-    return RowFilter(verdict=refused, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
+def asked_today(since_ns: int | None) -> RowFilter:
+    """The loops in which PV does not answer OP; since_ns: as of `worst`."""
+    return RowFilter(verdict=NO_ANSWER_VERDICTS, likely_cause=UNANSWERED, recorded_from_ns=since_ns)
 
 
 def worst(

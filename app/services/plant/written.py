@@ -11,6 +11,7 @@ from app.services.moments import PlantClock, iso_utc
 from app.services.plant.contradicted import contradicted
 from app.services.plant.repaired import Outcome, asked_after, in_vain
 from app.services.plant.shelving import Shelf, Shelved, shelf
+from app.services.telling.naming import one_line
 from app.services.telling.next_steps import Ask, Step, after_repair, step_for, step_of
 from app.services.telling.repair_sides import of_before
 from app.services.telling.wording import STICKS
@@ -54,7 +55,7 @@ class Written:
         step = step_of(row, self.clock, iso_utc(standing.repaired_at))
         if outcome is None or standing.repaired_at is None:
             return step
-        order = " ".join((standing.repair_order or "").split())
+        order = one_line(standing.repair_order or "")
         return after_repair(step, self.clock.date(standing.repaired_at), order, sure=outcome == "sticks")
 
     def shelved_words(self, row: Mapping[str, Any]) -> str | None:

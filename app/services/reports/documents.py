@@ -11,7 +11,7 @@ from app.services.addresses import loop_address
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
-from app.services.moments import PlantClock, iso_utc
+from app.services.moments import PlantClock, iso_utc, seconds_of
 from app.services.plant import loops, notes
 from app.services.plant.arrivals import arrivals
 from app.services.plant.charts import charts
@@ -99,11 +99,11 @@ def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:
     trend = drawn["trend"]
     if trend is None:
         return []
-    x = [datetime.fromisoformat(stamp).timestamp() for stamp in trend["time"]]
+    x = [seconds_of(stamp) for stamp in trend["time"]]
     first, last = trend["time"][0], trend["time"][-1]
     ends = Ends(x[0], x[-1], clock.short(first), clock.told(last), "the audited window is shaded")
     window = drawn["window"]
-    shaded = [datetime.fromisoformat(stamp).timestamp() for stamp in window] if window else None
+    shaded = [seconds_of(stamp) for stamp in window] if window else None
     above = [Line("PV", trend["pv"], PV), *([Line("SP", trend["sp"], SP)] if trend.get("sp") else [])]
     valve = [Line("valve, estimated", trend["valve"], VALVE)] if trend.get("valve") else []
     below = [Line("OP", trend["op"], OP), *valve]
@@ -136,7 +136,7 @@ def _course(history: Sequence[Mapping[str, Any]], clock: PlantClock) -> Markup |
     if len(history) < 2:
         return None
     nights = list(reversed(history))
-    x = [datetime.fromisoformat(night["audited_at"]).timestamp() for night in nights]
+    x = [seconds_of(night["audited_at"]) for night in nights]
     measured = [measured_probability(night) for night in nights]
     probability = [None if value is None else 100.0 * value for value in measured]
     ends = Ends(x[0], x[-1], clock.short(nights[0]["audited_at"]), clock.short(nights[-1]["audited_at"]))

@@ -357,7 +357,7 @@ def as_table() -> str:
     unsure = ((f"look first, likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE_UNSURE.items())
     causes = {code: (f"likely cause: {CAUSE_WORDS[code]}", step) for code, step in BY_CAUSE.items()}
     refused = [causes.pop(code) for code in (*OF_NO_VERDICT, "data")]
-    dead = causes.pop("stuck_valve_or_dead_transmitter")
+    dead = causes.pop(UNANSWERED)
     parts = {
         "The five that you meet most": MOST_MET,
         "Valve sticks, and": OF_STICTION,

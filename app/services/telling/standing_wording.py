@@ -1,11 +1,9 @@
 """Loops whose PV came to stand together, in words: when, of which unit, and what to look at before any of them."""
 
 import math
-from collections.abc import Sequence
 
 from app.engine.plant_wide.stood_together import StoodTogether
-
-NAMED = 5
+from app.services.telling.naming import NAMED, named
 
 READS_THEM = "what reads them all (I/O card, multiplexer, gateway, the historian's interface)"
 LOOK_AT = {True: READS_THEM, False: f"whether their unit is down, then at {READS_THEM}"}
@@ -37,9 +35,3 @@ def when(group: StoodTogether) -> str:
     of_them = f", {at_once} of the {count} in one scan" if group.at_once else ""
     minutes = math.ceil(group.span_s / 60.0)
     return f"within {'a minute' if minutes <= 1 else f'{minutes} minutes'}{of_them}{unit}"
-
-
-def named(tags: Sequence[str], count: int) -> str:
-    """The first of so many, and how many more."""
-    more = count - NAMED
-    return f"{', '.join(tags[:NAMED])}{f' and {more} more' if more > 0 else ''}"

@@ -3,7 +3,6 @@
 Nobody else reads numbers out of sentences.
 """
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +11,8 @@ from typing import Any
 from app.engine.evidence import Measured
 from app.engine.verdict.wording import figure, is_spoken, sentence
 from app.services.moments import PlantClock
-from app.services.telling.reasons import reasons_of
+from app.services.telling.reasons import extra_in, reasons_of
+from app.services.telling.wording import codes_in
 
 SHAPE = "shape_"
 MEASURED = "measured"
@@ -22,7 +22,7 @@ detail, so that two verdicts can be compared."""
 _FIT = re.compile(r"a sticky valve explains (-?\d+) % of PV, a linear one (-?\d+) %")
 _VOTE = re.compile(r"(\d+|none) says? (no stiction|stiction)")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?: %)?")
-"""As engines up to 1.0.0 worded them, whose figures were kept nowhere else."""
+"""Of rows without `measured`."""
 
 _BEGAN_AT = re.compile(r"has been sticking since ([^;]+);")
 """Of rows without the start of an episode."""
@@ -62,10 +62,10 @@ class Votes:
 
 def shapes(codes: str | None, text: str | None, extra_json: str | None) -> dict[str, Shape]:
     """By code, the loudest first. codes, text, extra_json: of a stored verdict."""
-    measured = json.loads(extra_json or "{}").get(MEASURED)
+    measured = extra_in(extra_json).get(MEASURED)
     if measured is None:
         return _shapes_of_sentences(codes, text)
-    named = [code for code in (codes or "").split(";") if code.startswith(SHAPE) and code in measured]
+    named = [code for code in codes_in(codes) if code.startswith(SHAPE) and code in measured]
     told = {code: _shape(code.removeprefix(SHAPE), Measured(*measured[code])) for code in named}
     return {code: shape for code, shape in told.items() if shape is not None}
 
@@ -114,7 +114,7 @@ def _shape(name: str, found: Measured) -> Shape | None:
 
 def _shapes_of_sentences(codes: str | None, text: str | None) -> dict[str, Shape]:
     """Nothing where the sentences cannot be told apart."""
-    named, told = (codes or "").split(";"), reasons_of({"reasons": codes, "reasons_text": text})
+    named, told = codes_in(codes), reasons_of({"reasons": codes, "reasons_text": text})
     found = zip(named, told, strict=True) if len(named) == len(told) else ()
     return {code: _shape_of_sentence(code.removeprefix(SHAPE), told) for code, told in found if code.startswith(SHAPE)}
 

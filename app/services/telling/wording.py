@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from app.engine.codes import NO_ANSWER_VERDICTS, ReasonCode
 from app.engine.codes import UNANSWERED as UNANSWERED
-from app.engine.codes import ReasonCode
 from app.engine.evidence import told_probability
 
 VERDICT_WORDS = {
@@ -114,7 +114,7 @@ def starter_words(started_by: str | None) -> str:
 
 def looked_at_today(row: Mapping[str, Any]) -> bool:
     """Whether PV does not answer OP: a stuck valve or a dead transmitter, as a verdict or as what keeps from one."""
-    return row.get("likely_cause") == UNANSWERED and row["verdict"] in ("inconclusive", "not_auditable")
+    return row.get("likely_cause") == UNANSWERED and row["verdict"] in NO_ANSWER_VERDICTS
 
 
 def _of_before_repair(row: Mapping[str, Any]) -> bool:
@@ -158,7 +158,12 @@ def cause_words(code: str | None) -> str:
 def codes_of(row: Mapping[str, Any]) -> list[str]:
     """The codes of the reasons of a row, or of an audit line, the weightiest first."""
     reasons = row["reasons"] or ""
-    return reasons.split(";") if isinstance(reasons, str) else [reason["code"] for reason in reasons]
+    return list(codes_in(reasons)) if isinstance(reasons, str) else [reason["code"] for reason in reasons]
+
+
+def codes_in(text: str | None) -> tuple[str, ...]:
+    """The codes that a column keeps as one text; none where it is empty."""
+    return tuple(text.split(";")) if text else ()
 
 
 def health(value: float | None) -> str:

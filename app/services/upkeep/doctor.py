@@ -20,6 +20,7 @@ from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
+from app.services.telling.naming import one_line
 from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
@@ -237,7 +238,7 @@ def room(backend: Backend) -> Check:
         count, longest = uploads.waiting_for_room(connection)
     if longest is None or longest.waits_since is None:
         return Check("room", "ok", "no upload waits for room on the disk")
-    name = " ".join(longest.filename.split())
+    name = one_line(longest.filename)
     since = backend.clock.told_at(longest.waits_since)
     found = f"{count} uploads wait" if count > 1 else "1 upload waits"
     found += f" for room on the disk, {longest.id} ({name}, {longest.size_bytes} bytes) since {since}"
@@ -381,7 +382,7 @@ def _is_damaged(backend: Backend, error: SQLAlchemyError) -> bool:
 
 def _reason(error: SQLAlchemyError) -> str:
     """In the data base's own words, on one line, without the statement that SQLAlchemy adds."""
-    words = " ".join(str(getattr(error, "orig", None) or error).split())
+    words = one_line(str(getattr(error, "orig", None) or error))
     return redacted(words[:LONGEST_REASON]) or type(error).__name__
 
 

@@ -1,19 +1,17 @@
 """Loops whose PV does not answer OP, heard together: since when, and which of them came to stand with one another."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Any
 
 from app.engine.judgement import ANSWERS_NO_MORE
 from app.engine.plant_wide.stood_together import Stand, stood_together
 from app.nanoseconds import NS_PER_S
-from app.services.moments import EPOCH, PlantClock, iso_utc
+from app.services.moments import EPOCH, PlantClock, iso_utc, seconds_of
+from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import with_others
-from app.services.telling.wording import codes_of
-
-SINCE = "unanswered_since"
+from app.services.telling.wording import codes_in, codes_of
 
 INTERVALS_APART = 3.0
 """Sampling intervals that may lie between two records that touch."""
@@ -30,13 +28,14 @@ class Standing:
 
 
 def unknown_since(rows: Iterable[Any]) -> list[int]:
-    """Of `storage.standing.unanswered` the loops, by id, whose PV stood when the record began."""
+    """Of `storage.unanswered.unanswered` the loops, by id, whose PV stood when the record began."""
     return [row.loop_id for row in rows if _since(row) is None]
 
 
 def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Standing]:
-    """By tag. rows: `storage.standing.unanswered`, before: `unanswered_before` of those that are `unknown_since`. Where
-    PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of it."""
+    """By tag. rows: `storage.unanswered.unanswered`, before: `unanswered_before` of those that are `unknown_since`.
+    Where PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of
+    it."""
     known = {row.tag: _since(row) for row in rows}
     earlier: dict[int, list[Any]] = {}
     for one in before:
@@ -44,13 +43,13 @@ def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Stand
     found = {row.tag: _carried(row, earlier.get(row.loop_id, ())) for row in rows if known[row.tag] is None}
     carried = {tag: since for tag, since in found.items() if since is not None}
     stands = [
-        Stand(row.tag, _seconds(since), (row.input_end_ns - row.input_start_ns) / NS_PER_S, interval_s, row.unit)
+        Stand(row.tag, seconds_of(since), (row.input_end_ns - row.input_start_ns) / NS_PER_S, interval_s, row.unit)
         for row in rows
         if (since := known[row.tag] or carried.get(row.tag)) is not None
         and PlantClock.dated(since)  # else each counts from a start of its own
         and (interval_s := row.sampling_interval_s) is not None
         and row.input_start_ns is not None
-        and _stands(row.reasons.split(";"))
+        and _stands(codes_in(row.reasons))
     ]
     return {tag: Standing({SINCE: since}) for tag, since in carried.items()} | _together(stands, carried)
 
@@ -68,14 +67,14 @@ def _carried(row: Any, earlier: Iterable[Any]) -> str | None:
 
 
 def _since(row: Any) -> str | None:
-    since: str | None = json.loads(row.extra_json).get(SINCE)
+    since: str | None = extra_in(row.extra_json).get(SINCE)
     return since
 
 
 def of_lines(lines: Iterable[Mapping[str, Any]]) -> dict[str, Standing]:
     """The same of audit lines; those without a date stand by themselves."""
     stands = [
-        Stand(line["loop"], _seconds(line[SINCE]), line["samples"] * interval_s, interval_s)
+        Stand(line["loop"], seconds_of(line[SINCE]), line["samples"] * interval_s, interval_s)
         for line in lines
         if line[SINCE] is not None and (interval_s := line["sampling_interval_s"]) and _stands(codes_of(line))
     ]
@@ -85,7 +84,7 @@ def of_lines(lines: Iterable[Mapping[str, Any]]) -> dict[str, Standing]:
 def _together(stands: Sequence[Stand], carried: Mapping[str, str]) -> dict[str, Standing]:
     found: dict[str, Standing] = {}
     for group in stood_together(stands):
-        told = {"stood_with": len(group.stands) - 1, "stood_together_since": _iso(group.since_s)}
+        told = {"stood_with": len(group.stands) - 1, TOGETHER_SINCE: _iso(group.since_s)}
         for tag in (stand.tag for stand in group.stands):
             since = {SINCE: carried[tag]} if tag in carried else {}
             found[tag] = Standing(since | told, with_others(group, tag), group.chance_probability)
@@ -95,10 +94,6 @@ def _together(stands: Sequence[Stand], carried: Mapping[str, str]) -> dict[str, 
 def _stands(reasons: Sequence[str]) -> bool:
     """A PV that moves, and answers no more, did so some time after its stem stuck: that hour tells of no other loop."""
     return ANSWERS_NO_MORE not in reasons
-
-
-def _seconds(iso: str) -> float:
-    return datetime.fromisoformat(iso).timestamp()
 
 
 def _iso(seconds: float) -> str | None:
