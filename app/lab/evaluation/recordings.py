@@ -9,6 +9,7 @@ from app.engine.fitness import Fitness
 from app.engine.oscillation import Oscillation
 from app.engine.preparation import prepare
 from app.engine.recording import Recording
+from app.engine.verdict.shape_model import ShapeModel
 from app.errors import DataError
 from app.ingest import read_recordings
 
@@ -44,17 +45,19 @@ class Labelled:
         return 1.0 if self.tier == STATED else _TRUST_OF_OTHERS
 
 
-def labelled(folder: Path) -> list[Labelled]:
-    """The recordings of a folder with labels.csv, in its order."""
+def labelled(folder: Path, model: ShapeModel | None = None) -> list[Labelled]:
+    """The recordings of a folder with labels.csv, in its order. model: by which a stretch of a long record is the one
+    to learn from; the shipped one where None, which has learnt from these recordings.
+    """
     with (folder / "labels.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    return [_labelled(row, read(folder / f"{row['recording']}.csv")) for row in rows]
+    return [_labelled(row, read(folder / f"{row['recording']}.csv"), model) for row in rows]
 
 
-def _labelled(row: dict[str, str], recording: Recording) -> Labelled:
+def _labelled(row: dict[str, str], recording: Recording, model: ShapeModel | None) -> Labelled:
     integrating = {"True": True, "False": False}.get(row.get("integrating", ""))
     recording = replace(recording, integrating=integrating)
-    prepared = prepare(recording)
+    prepared = prepare(recording, model=model)
     fitness, oscillation = prepared.fitness, prepared.oscillation
     features = None if oscillation is None else observe(fitness.audited, oscillation)
     return Labelled(
