@@ -222,7 +222,8 @@ def residuals_in_words(fit: dict[str, Any], name: str) -> tuple[str, str]:
 
 
 def outcome(test: dict[str, Any] | None) -> str:
-    if test is None:
+    """A dash too where an answer was kept without a figure."""
+    if test is None or test["p"] is None or test["statistic"] is None:
         return UNASKED
     chance = "p < 0.001" if test["p"] < LEAST_P else f"p {test['p']:.2g}"
     return f"{'none seen' if test['statistic'] <= test['limit'] else 'yes'} ({chance})"
