@@ -1,6 +1,6 @@
 """From a recording and a simulation to an explanation: the one function that walks the whole way."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,15 +64,29 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     prepared = replace(prepare(comparison, taken), acted=acted)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
-    selection = competed.selection if prepared.unrelated else reviewed(prepared.base, competed.selection)
-    selection = replace(selection, fit=settle(selection.fit))
-    doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
-    if doubts:
-        selection = Selection(prepared.base, (), selection.ranking)
-    explanation = assemble(comparison, prepared, selection, doubts)
+    told = assemble(comparison, prepared, weighed(prepared, competed.selection))
     if second is None:
-        return explanation
-    return validated(explanation, prepared, selection, second, by_model=comparison.simulation is not None)
+        return told.explanation
+    by_model = comparison.simulation is not None
+    return validated(told.explanation, prepared, told.selection, second, by_model=by_model)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A selection that stands on the record that it was fitted to, and why what was named before it does not."""
+
+    selection: Selection
+    refused: tuple[Reason, ...] = ()
+
+
+def weighed(prepared: Prepared, selection: Selection) -> Weighed:
+    """The selection, its names less sure for what they leave, its numbers by its free run where noise took that up;
+    nothing of it where OP does not move PV.
+    """
+    asked = selection if prepared.unrelated else reviewed(prepared.base, selection)
+    asked = replace(asked, fit=settle(asked.fit))
+    doubts = prepared.unrelated or (op_moves_nothing(asked.fit) if asked.effects else ())
+    return Weighed(Selection(prepared.base, (), asked.ranking), doubts) if doubts else Weighed(asked)
 
 
 def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
@@ -143,12 +157,19 @@ def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
     return (Reason("given_not_validated", text),)
 
 
-def assemble(
-    comparison: Comparison, prepared: Prepared, selection: Selection, refused: tuple[Reason, ...] = ()
-) -> Explanation:
-    """Held-out figures, effects, windows, model and traces of a selection; of the bare refit where unseen data refuse
-    what was selected.
+@dataclass(frozen=True, eq=False)
+class Told:
+    """An explanation, and the selection that it tells of."""
+
+    explanation: Explanation
+    selection: Selection
+
+
+def assemble(comparison: Comparison, prepared: Prepared, tried: Weighed) -> Told:
+    """Held-out figures, effects, windows, model and traces of a selection; of what is left of it where unseen data
+    refuse it.
     """
+    selection, refused = tried.selection, tried.refused
     usable = prepared.record.usable
     final = selection.fit
     held = kept_out(final, usable)
@@ -167,8 +188,8 @@ def assemble(
     others = [other for other in stretches(usable) if doubts and not np.array_equal(other, held)]
     runs = [seen, *(free_runs(prepared, final, other) for other in others)]
     if doubts and mostly_worse(comparison.pv, runs):
-        left = selection.alone or Selection(prepared.base, (), selection.ranking)
-        return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), (*refused, *doubts))
+        left = left_of(prepared, selection)
+        return assemble(comparison, prepared, replace(left, refused=(*refused, *doubts, *left.refused)))
     conclusion = conclude(
         prepared.base,
         tuple(pattern_effect(p, prepared.record) for p in prepared.patterns),
@@ -179,7 +200,7 @@ def assemble(
     sensors = tuple(p.part for p in prepared.patterns)
     controller = None if comparison.simulation is None else comparison.simulation.controller
     closed = close_again(prepared.base, final, sensors, prepared.acted, prepared.given, controller)
-    return Explanation(
+    explanation = Explanation(
         name=comparison.name,
         verdict=conclusion.verdict,
         effects=merged(conclusion.effects),
@@ -202,6 +223,16 @@ def assemble(
         closed_loop=closed,
         engine_version=ENGINE_VERSION,
     )
+    return Told(explanation, selection)
+
+
+def left_of(prepared: Prepared, selection: Selection) -> Weighed:
+    """What is left of a selection that unseen data refuse: the first of two effects alone, weighed as any selection is;
+    else the bare refit.
+    """
+    if selection.alone is not None:
+        return weighed(prepared, selection.alone)
+    return Weighed(Selection(prepared.base, (), selection.ranking))
 
 
 def given_run(comparison: Comparison, prepared: Prepared, held: BoolArray) -> FloatArray | None:
