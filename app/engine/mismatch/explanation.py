@@ -10,6 +10,7 @@ from app.engine.mismatch.compare.comparison import Comparison, mended, record_of
 from app.engine.mismatch.compare.patterns import Pattern, find_patterns
 from app.engine.mismatch.compare.preparing import OTHER_UNIT, Prepared, prepare, without_hidden
 from app.engine.mismatch.compare.read_back import without_read_backs
+from app.engine.mismatch.compare.resting import Lacking, rest_along, rest_unknown
 from app.engine.mismatch.compare.sampling import Taken, taken_of
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.closed_loop import close_again
@@ -118,11 +119,14 @@ def validated(
     hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)
     record = without_hidden(record, hidden)
     given = prepared.given if by_model else second.trace if prepared.given_trace is not None else None
-    judged = validate(prepared.base, selection.fit, sensors, record, given)
+    rest = rest_along(prepared, record, second.trace)
+    lacking = rest_unknown(prepared, selection.fit) if rest is None else Lacking()
+    record = record if rest is None else record.resting(rest)
+    judged = None if lacking.too_much else validate(prepared.base, selection.fit, sensors, record, given)
     said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
     said += far_apart(prepared.record, record)
     said += given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
-    return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said))
+    return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said, *lacking.said))
 
 
 def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:

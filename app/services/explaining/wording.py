@@ -79,6 +79,7 @@ EVIDENCE_WORDS = {
     "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
     "simulation_bridged": "samples of the simulation without a value are bridged",
     "second_elsewhere": "the second recording is far from the first: another unit, loop or operating point",
+    "second_not_simulated": "the given simulation is not linear, and there is none of the second recording",
     "simulation_cut": "samples of the simulation outside the recording are not compared",
     "controller_cleared": "a PID law explains OP: the controller does its part",
     "controller_not_evaluated": "no PID law explains OP: the controller is not judged",

@@ -24,13 +24,16 @@ LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step wi
 class TraceModel:
     """The linear model behind a simulated trace, and how much of the trace it leaves (left): as a share of its
     deviation or of PV's, whichever is less, for the open trace of an integrator may wander far beyond PV; share: of the
-    trace's own.
+    trace's own. rest: (N,) what it leaves, unit of PV; zero where the trace is linear. plant: as it runs along the
+    trace, from its mean `level`.
     """
 
     given: Given
     left: float
     share: float
     rest: FloatArray
+    plant: Plant
+    level: float
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,8 @@ def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
 
 
 def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -> TraceModel:
-    y = trace - np.mean(trace)
+    level = float(np.mean(trace))
+    y = trace - level
     ts = record.sampling_interval_s
     best: Plant | None = None
     least = np.inf
@@ -83,7 +87,7 @@ def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     share = float(np.std(rest) / np.std(y))
     linear = left <= ALIKE or rounded_off(trace, rest)
-    return TraceModel(given, left, share, np.zeros(record.samples) if linear else rest)
+    return TraceModel(given, left, share, np.zeros(record.samples) if linear else rest, best, level)
 
 
 def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[FloatArray]:
