@@ -293,7 +293,8 @@ def merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 
 def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
     """The refit and the explained model, both fitted without the samples `held` (N,), over the whole record."""
-    base_seen, final_seen = refit_without(prepared.base, held), refit_without(final, held)
+    base_seen = refit_without(prepared.base, held)
+    final_seen = refit_without(final, held, base_seen.given if final.given is prepared.base.given else None)
     sensors = sensors_of(final_seen, prepared.patterns)
     explained = seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
     mid = prepared.record.pv_mid

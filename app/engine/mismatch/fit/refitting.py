@@ -96,9 +96,11 @@ def parameters_of(found: Fit) -> Part | None:
 
 
 def freed(found: Fit, part: Part) -> Given:
-    """The given model with the parameters that a fit found."""
+    """The given model with the parameters that a fit found, trusted no more than their factors were: they come from the
+    very samples that they are fitted to again.
+    """
     context = Context(found.record, found.plant)
-    return replace(found.given, plant=altered_plant(context, (part,)).changed(b=0.0, x0=0.0))
+    return replace(found.given, plant=altered_plant(context, (part,)).changed(b=0.0, x0=0.0), deviation=DEVIATION)
 
 
 def off_in_words(given: Given, found: Given, asked: str = "") -> Reason:
