@@ -23,7 +23,7 @@ CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
-PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
+PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s"}
 
 
 def effect_of(effect: Believed, final: Fit) -> Effect:

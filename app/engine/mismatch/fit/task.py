@@ -66,8 +66,9 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     free = [Free("K", g.K, 1.0, max(given.deviation, gain_deviation), 0.05, 20.0)]
     if not given.integrating:
         free.append(Free("tau", g.tau, 0.0, given.deviation, -wide, wide, log=True))
-    if g.tau2 > 0.0:
-        free.append(Free("tau2", g.tau2, 0.0, given.deviation, -wide, wide, log=True))
+    for name, lag in (("tau2", g.tau2), ("tau3", g.tau3)):
+        if lag > 0.0:
+            free.append(Free(name, lag, 0.0, given.deviation, -wide, wide, log=True))
     late = np.hypot(given.deviation * g.theta, 0.15 * ts) / ts
     free.append(Free("theta", ts, g.theta / ts, late, 0.0, max(3.0 * g.theta / ts, 3.0 + g.theta / ts), step=0.05))
     drift = max(abs(g.K) * record.op_span, 1e-300) if given.integrating else span
