@@ -188,11 +188,12 @@ def files_to_write(
 
 
 def as_text(line: dict[str, Any]) -> str:
-    from app.services.explaining.wording import left_in_words, unmoved, verdict_in_words
+    from app.services.explaining.wording import left_in_words, ranges_of, unmoved, verdict_in_words
 
     said = [f"{line['recording']}: {verdict_in_words(line['verdict'], line['effects'])}"]
     for effect in line["effects"]:
         said += effect_in_words(effect)
+    said += [f"  {told}" for told in [ranges_of(line["effects"])] if told]
     fit = line["fit"]
     said.append(f"held-out RMSE  {errors_in_words(fit)}")
     said += [f"  {told}" for told in unmoved(fit, line["effects"])]
@@ -244,11 +245,11 @@ def located_in_words(line: dict[str, Any]) -> str:
 
 
 def effect_in_words(effect: dict[str, Any]) -> list[str]:
-    from app.services.explaining.wording import parameters_in_words
+    from app.services.explaining.wording import no_size, parameters_in_words
 
     other = f" (or {', '.join(effect['alternatives'])})" if effect["alternatives"] else ""
     said = [f"  {effect['effect']}{other}, probability {effect['probability']}, {effect['condition']}"]
-    said += [f"    {words}" for words in parameters_in_words(effect["parameters"])]
+    said += [f"    {words}" for words in [*parameters_in_words(effect["parameters"]), no_size(effect)] if words]
     shown = ", ".join(f"{a}-{b} s" for a, b in effect["windows"][:6])
     said.append(f"    windows: {shown}{' ...' if len(effect['windows']) > 6 else ''}")
     return said + [f"    {reason['text']}" for reason in effect["evidence"]]

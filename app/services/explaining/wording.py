@@ -174,8 +174,18 @@ def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
         "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
         "unmoved": unmoved(found["fit"], found["effects"]) if found["fit"] else [],
-        "ranges": RANGES if any(effect["parameters"] for effect in found["effects"]) else "",
+        "ranges": ranges_of(found["effects"]),
     }
+
+
+def ranges_of(effects: Sequence[Mapping[str, Any]]) -> str:
+    """How far the ranges behind the numbers of effects can be trusted; nothing where there are none."""
+    return RANGES if any(effect["parameters"] for effect in effects) else ""
+
+
+def no_size(effect: Mapping[str, Any]) -> str:
+    """That the numbers of a valve are not its size; nothing where there are none."""
+    return NO_SIZE if effect["effect"] in SIZED_ELSEWHERE and effect["parameters"] else ""
 
 
 def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) -> str:
@@ -186,7 +196,6 @@ def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) 
 
 
 def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock) -> dict[str, Any]:
-    sized = effect["effect"] in SIZED_ELSEWHERE and effect["parameters"]
     return {
         "code": effect["effect"],
         "words": effect_words(effect["effect"]),
@@ -195,7 +204,7 @@ def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock
         "block": effect["block"],
         "condition": effect["condition"],
         "parameters": parameters_in_words(effect["parameters"]),
-        "no_size": NO_SIZE if sized else "",
+        "no_size": no_size(effect),
         "windows": windows_in_words(effect["windows"], start, clock),
         "reasons": [reason["text"] for reason in effect["evidence"]],
     }
