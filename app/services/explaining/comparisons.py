@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
-from app.engine.recording import FloatArray, Recording
+from app.engine.recording import BoolArray, FloatArray, Recording
 from app.engine.signals.sampled import held
 from app.errors import DataError, RequestError
 from app.ingest import (
@@ -29,6 +29,7 @@ from app.services.explaining.aligning import Aligned, beyond, covering, onto, sa
 NOT_MEASURED = ("ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 GAP_INTERVALS = 3.0
+SAME_STAMP = 0.01  # of an interval: so near a stamp a grid point is the sample
 STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
 SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
@@ -354,9 +355,8 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
     interval = at[-1] / (len(at) - 1) if at[-1] / (len(at) - 1) > SPARSE * interval else interval
     grid = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1) * interval
-    nearest = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
-    known = (at[nearest] - at[nearest - 1]) < GAP_INTERVALS * interval
-    even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=0.01 * interval))
+    known = known_at(grid, at, interval)
+    even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=SAME_STAMP * interval))
 
     def resampled(signal: FloatArray, *, steps: bool = False) -> FloatArray:
         values = signal[order]
@@ -381,6 +381,16 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         trace=resampled(signals["trace"]) if "trace" in signals else None,
         notes=notes,
     )
+
+
+def known_at(grid: FloatArray, at: FloatArray, interval: float) -> BoolArray:
+    """(M,) True where a point of the grid (M,) is no invention: between samples, at the times (N,), that are no gap
+    apart, and on a sample at the end of a gap.
+    """
+    behind = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
+    before, after = at[behind - 1], at[behind]
+    recorded = np.minimum(np.abs(grid - before), np.abs(after - grid)) <= SAME_STAMP * interval
+    return recorded | (after - before < GAP_INTERVALS * interval)
 
 
 def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
