@@ -187,8 +187,11 @@ def identify_structure(record: Experiment, structure: Structure) -> Fit:
 
 def own_again(record: Experiment, given: Given) -> Given:
     """Our own linear loop, made anew from the samples of a record (N,) that are compared: other samples had their share
-    in it. Its structure, and which way PV goes, stay.
+    in it. Its structure, its dead time and which way PV goes stay: they say in which valley it lies, which no fit
+    leaves, for lags stand for a dead time in another.
     """
-    structure = Structure(given.second_order, given.integrating)
-    plant = fit_structure(record, Target(record.pv, record.usable), structure).given.plant
-    return replace(given, plant=plant) if plant.K * given.plant.K > 0.0 else given
+    structure, was = Structure(given.second_order, given.integrating), given.plant
+    further = was.tau2 if was.tau2 > 0.0 else was.tau
+    start = np.array([was.theta / record.sampling_interval_s, np.log(was.tau), np.log(further)])
+    plant = descend_trace(record, Target(record.pv, record.usable), structure, start)
+    return replace(given, plant=plant.changed(b=0.0, x0=0.0, theta=was.theta)) if plant.K * was.K > 0.0 else given
