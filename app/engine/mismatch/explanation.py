@@ -16,7 +16,7 @@ from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.closed_loop import close_again
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.free_run import settle
-from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.fit.windows import windows_along
 from app.engine.mismatch.judge.conclude import (
     conclude,
     held_out_worse,
@@ -112,8 +112,9 @@ def validated(
     Its further signals all stay: a read-back among them moves nothing, for no part of the first record is driven by it.
     A limit of PV that the model has too is simulated, and compared like the rest.
     """
-    second = as_compared(second, taken_of(second))
-    record = record_of(second)
+    taken = taken_of(second)
+    second = as_compared(second, taken)
+    record = replace(record_of(second), first_s=0.0 if taken is None else taken.first_s)
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     simulated = {part.block.name for part in lasting(sensors)}
     hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)
@@ -179,7 +180,7 @@ def assemble(comparison: Comparison, prepared: Prepared, tried: Weighed) -> Told
     held = kept_out(final, usable)
     seen = free_runs(prepared, final, held)
     traces = Traces(
-        np.arange(prepared.record.samples, dtype=np.float64) * comparison.sampling_interval_s,
+        prepared.record.time_s,
         comparison.pv,
         given_run(comparison, prepared, held),
         seen.refitted,
@@ -312,7 +313,7 @@ def improvement_of(traces: Traces, base: Fit) -> Improvement:
 
     given = None if traces.given is None else judged(traces.given)
     refitted, explained = judged(traces.refitted), judged(traces.explained)
-    return Improvement(given, refitted, explained, windows_of(held, record.sampling_interval_s))
+    return Improvement(given, refitted, explained, windows_along(record, held))
 
 
 def in_words(found: Fit) -> str:

@@ -48,6 +48,8 @@ class Prepared:
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     """taken: where PV is held between equal intervals, how it was taken; the comparison is one at these instants."""
     record = record_of(comparison)
+    if taken is not None:
+        record = replace(record, first_s=taken.first_s)
     patterns = find_patterns(record)
     if taken is not None:
         patterns = (held(record, taken.interval_s), *patterns)
