@@ -133,9 +133,27 @@ def read_comparison(
     Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
     a column with a usual name (PV_sim) is taken; without that our own identified loop is the simulation.
     """
+    return read_with_recording(path, columns, simulated, options).comparison
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """A comparison, and the recording that the file holds with all that an audit knows of it; None where it was read as
+    a table alone.
+    """
+
+    comparison: Comparison
+    recording: Recording | None = None
+
+
+def read_with_recording(
+    path: Path, columns: Columns, simulated: str | None, options: IngestOptions = READ_PLAINLY
+) -> Read:
+    """As `read_comparison`, with the recording."""
     read = None if columns.named else exported(path, columns.loop, options)
     found = None if read is None else of_export(path, read, simulated, options)
-    return of_table(path, columns, simulated, options) if found is None else found
+    found = of_table(path, columns, simulated, options) if found is None else found
+    return Read(found, None if read is None else read.recordings[0])
 
 
 def exported(path: Path, loop: str | None, options: IngestOptions) -> RecordingsRead | None:
@@ -159,14 +177,6 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recordings
         loops = ", ".join(r.name.rpartition(":")[2] for r in found[:8])
         raise DataError("several_loops", f"{path} holds {len(found)} loops ({loops}, ...); name one with --loop")
     return replace(read, recordings=found) if found else None
-
-
-def recording_of_export(path: Path, columns: Columns, options: IngestOptions = READ_PLAINLY) -> Recording | None:
-    """What `read_comparison` made its comparison of, with the mode; None where it was read as a table."""
-    if columns.named:
-        return None
-    read = exported(path, columns.loop, options)
-    return None if read is None else read.recordings[0]
 
 
 def of_export(path: Path, read: RecordingsRead, simulated: str | None, options: IngestOptions) -> Comparison | None:
