@@ -187,9 +187,13 @@ def identify_structure(record: Experiment, structure: Structure) -> Fit:
 
 def own_again(record: Experiment, given: Given) -> Given:
     """Our own linear loop, made anew from the samples of a record (N,) that are compared: other samples had their share
-    in it. Its structure, its dead time and which way PV goes stay: they say in which valley it lies, which no fit
-    leaves, for lags stand for a dead time in another.
+    in it. A given one as it is, and so one behind a stem: it is found with the stem, which all samples show.
+
+    Its structure, its dead time and which way PV goes stay: they say in which valley it lies, which no fit leaves, for
+    lags stand for a dead time in another.
     """
+    if not given.own or given.behind_stem:
+        return given
     structure, was = Structure(given.second_order, given.integrating), given.plant
     further = was.tau2 if was.tau2 > 0.0 else was.tau
     start = np.array([was.theta / record.sampling_interval_s, np.log(was.tau), np.log(further)])

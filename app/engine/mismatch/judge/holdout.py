@@ -15,8 +15,6 @@ from app.engine.mismatch.fit.task import Given, make_task, start_at
 from app.engine.mismatch.fit.windows import active_mask
 from app.engine.mismatch.judge.residuals import ResidualTests
 from app.engine.mismatch.loop.block import Part
-from app.engine.mismatch.loop.chain import signal_after
-from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.recording import BoolArray, FloatArray
 
 SHARE = 0.3
@@ -174,7 +172,7 @@ def refit_without(found: Fit, held: BoolArray, given: Given | None = None) -> Fi
     has. What is known of a linear loop of our own beforehand is read off the other samples too.
     """
     record = found.record.comparing(found.record.usable & ~held)
-    given = given_without(found, record) if given is None else given
+    given = own_again(record, found.given) if given is None else given
     if not found.parts:
         return fit_linear(record, given)
     task = make_task(record, given, tuple(part.block for part in found.parts))
@@ -186,16 +184,3 @@ def refit_without(found: Fit, held: BoolArray, given: Given | None = None) -> Fi
     blind = settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))
     near = settle(fit(task, x, found.noise, ROUNDS, STEPS))
     return near if near.likelihood > blind.likelihood + LOST else blind
-
-
-def given_without(found: Fit, record: Experiment) -> Given:
-    """The linear model that a refit begins with: the given one; our own, made anew from what is compared of a record,
-    behind the stem where it was found behind one.
-    """
-    given = found.given
-    if not given.own:
-        return given
-    stems = [part for part in found.parts if part.block.stage == "valve"] if given.behind_stem else []
-    if stems:
-        record = record.with_op(signal_after(record, found.plant, found.parts, stems[0]) + record.op_mid)
-    return own_again(record, given)
