@@ -22,8 +22,8 @@ BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 class Given:
     """The linear model to start from, and how far to trust it.
 
-    plant: gain, time constants, dead time. deviation: relative standard deviation of its gain and time constants, of its
-    dead time too where `late_deviation` is None.
+    plant: gain, time constants, dead time. deviation: relative standard deviation of its gain and time constants, and,
+    where `late_deviation` is None, of its dead time.
     second_order, integrating: its structure, which the refit keeps. behind_stem: our own, found behind a stem.
     """
 
