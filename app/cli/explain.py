@@ -4,7 +4,6 @@ with it.
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,12 +13,11 @@ import typer
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
-from app.errors import LoopauditError, RequestError
+from app.errors import RequestError
 from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
 
 if TYPE_CHECKING:
     from app.engine.mismatch import Comparison, Explanation
-    from app.services.explaining.line import Kind
 
 
 FIGURES = ("given", "refitted", "explained")
@@ -80,13 +78,11 @@ def explain(
     from time import perf_counter
 
     limit_to_one(OF_LINEAR_ALGEBRA)
-    from app.engine.long_records.stretches import LONG_SAMPLES
     from app.engine.mismatch import explain as explain_comparison
     from app.engine.mismatch import locate
-    from app.services.explaining.comparisons import Columns, is_file, read_comparison, recording_of_export
-    from app.services.explaining.line import Second, explanation_line, located_line
-    from app.services.explaining.models import with_model
-    from app.services.explaining.narrowing import narrowed
+    from app.services.explaining.comparisons import Columns
+    from app.services.explaining.files import Asked, explained_files
+    from app.services.explaining.line import explanation_line, located_line
 
     started, options = perf_counter(), read_in(time_zone, date_order)
     if sim is not None and sim_model is not None:
@@ -95,55 +91,23 @@ def explain(
         raise RequestError("quick_alone", "--quick has no fit: --validate, --trace, --plot and --model need one")
     refuse_other_pictures(plot)
     refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
-    comparison = read_comparison(file, Columns(op, pv, sp, loop), sim, options)
-    if sim_model is not None:
-        comparison = with_model(comparison, sim_model)
-    simulated = comparison.trace is not None or comparison.simulation is not None
-    if judged and simulated:
-        raise RequestError("judged_alone", "--judged takes part of the record; a simulation is compared with all of it")
-    if judged:
-        comparison = narrowed(comparison, recording_of_export(file, Columns(op, pv, sp, loop), options))
-    elif not simulated and len(comparison.pv) > LONG_SAMPLES:
+    second = Columns(validate_op or op, validate_pv or pv, sp, loop)
+    asked = Asked(file, Columns(op, pv, sp, loop), sim, sim_model, validate, second, judged, options)
+    found = explained_files(asked)
+    comparison = found.first
+    if found.long:
         say(f"all {len(comparison.pv)} samples are explained by one loop; --judged takes those that an audit judges")
     if quick:
         located = located_line(locate(comparison), comparison.name, perf_counter() - started)
         sys.stdout.write(as_json(located) if format_ is Form.json else located_in_words(located))
         return
-    second = None
-    if validate is not None:
-        columns = Columns(validate_op or op, validate_pv or pv, sp, loop)
-        with of_the_second(validate):
-            column = None if is_file(sim) else sim
-            second = read_comparison(validate, columns, column, options)
-            second = second if sim_model is None else with_model(second, sim_model)
-    explanation = explain_comparison(comparison, second)
-    told = None if second is None else Second(second.name, kind_of(second, None, sim_model))
-    line = explanation_line(explanation, perf_counter() - started, kind_of(comparison, sim, sim_model), told)
+    explanation = explain_comparison(comparison, found.second)
+    line = explanation_line(explanation, perf_counter() - started, found.kind, found.told_second)
     for path, text in files_to_write(explanation, comparison, line, (trace, plot, model)):
         with written(path) as stream:
             stream.write(text)
         say(f"wrote {path}")
     sys.stdout.write(as_json(line) if format_ is Form.json else as_text(line))
-
-
-@contextmanager
-def of_the_second(path: Path) -> Iterator[None]:
-    """What is wrong with the second recording is not taken for the first one's."""
-    try:
-        yield
-    except LoopauditError as error:
-        raise type(error)(error.code, f"in the second recording, {path}: {error.message}") from error
-
-
-def kind_of(comparison: "Comparison", sim: str | None, sim_model: str | None) -> "Kind":
-    """What a recording is compared with."""
-    from app.services.explaining.comparisons import is_file
-
-    if sim_model is not None:
-        return "model"
-    if comparison.trace is None:
-        return "identified"
-    return "trace" if is_file(sim) else "column"
 
 
 def as_json(line: dict[str, Any]) -> str:
@@ -188,11 +152,12 @@ def files_to_write(
 
 
 def as_text(line: dict[str, Any]) -> str:
-    from app.services.explaining.wording import left_in_words, unmoved, verdict_in_words
+    from app.services.explaining.wording import left_in_words, ranges_of, unmoved, verdict_in_words
 
     said = [f"{line['recording']}: {verdict_in_words(line['verdict'], line['effects'])}"]
     for effect in line["effects"]:
         said += effect_in_words(effect)
+    said += [f"  {told}" for told in [ranges_of(line["effects"])] if told]
     fit = line["fit"]
     said.append(f"held-out RMSE  {errors_in_words(fit)}")
     said += [f"  {told}" for told in unmoved(fit, line["effects"])]
@@ -244,11 +209,11 @@ def located_in_words(line: dict[str, Any]) -> str:
 
 
 def effect_in_words(effect: dict[str, Any]) -> list[str]:
-    from app.services.explaining.wording import parameters_in_words
+    from app.services.explaining.wording import no_size, parameters_in_words
 
     other = f" (or {', '.join(effect['alternatives'])})" if effect["alternatives"] else ""
     said = [f"  {effect['effect']}{other}, probability {effect['probability']}, {effect['condition']}"]
-    said += [f"    {words}" for words in parameters_in_words(effect["parameters"])]
+    said += [f"    {words}" for words in [*parameters_in_words(effect["parameters"]), no_size(effect)] if words]
     shown = ", ".join(f"{a}-{b} s" for a, b in effect["windows"][:6])
     said.append(f"    windows: {shown}{' ...' if len(effect['windows']) > 6 else ''}")
     return said + [f"    {reason['text']}" for reason in effect["evidence"]]

@@ -46,7 +46,7 @@ EvidenceCode = Literal[
     "likelihood", "margin", "residual", "refit", "scan", "no_effect_pays", "own_loop", "own_dynamics", "parameters_off",
     "lack_of_fit", "nearest_name", "held_out_disagrees", "held_out_worse", "op_moves_nothing", "too_few_data",
     "free_run_astray", "too_little_excitation", "simulation_unrelated", "simulation_shifted", "simulation_cut",
-    "simulation_bridged", "second_elsewhere", "given_not_validated", "samples_damaged",
+    "simulation_bridged", "second_elsewhere", "given_not_validated", "second_not_simulated", "samples_damaged",
     "controller_cleared", "controller_not_evaluated", "controller_differs", "yper_lacked", "pv_held", "pv_levels",
     "pv_at_limit", "pv_repeats", "pv_straight", "read_back", "wild_samples", "time_runs_back", "part_explained",
     "numbers_in_doubt", "times_assumed", "times_repeated",

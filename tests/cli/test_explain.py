@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from app.cli.explain import as_text
 from app.cli.main import cli
 from app.errors import LoopauditError
+from app.services.explaining.wording import NO_SIZE, RANGES
 from tests.engine.wandering import STICKY, TS, recorded
 
 runner = CliRunner()
@@ -279,3 +281,16 @@ def test_a_second_recording_in_another_unit_is_said_to_be_far_off(recording: Pat
     assert "the second recording is far from the first: PV is from 4" in shown
     alike = ["--sim-model", LAGGED, "--validate", str(other_recording(recording, tmp_path))]
     assert "far from the first" not in runner.invoke(cli, ["explain", str(recording), *alike]).stdout
+
+
+def test_numbers_are_told_with_the_caution_that_pages_have(recording: Path) -> None:
+    result = runner.invoke(cli, ["explain", str(recording), "--sim", "PV_sim", "--format", "json"])
+    line = json.loads(result.stdout)
+    width = {"width": {"value": 2.0, "low": 1.9, "high": 2.1, "unit": "OP"}}
+    sized = line["effects"][0] | {"effect": "valve.deadband", "parameters": width}
+    told = as_text(line | {"effects": [sized]})
+    assert f"    {NO_SIZE}\n" in told
+    assert f"  {RANGES}\n" in told
+    stuck = as_text(line | {"effects": [line["effects"][0] | {"parameters": {}}]})
+    assert NO_SIZE not in stuck
+    assert RANGES not in stuck

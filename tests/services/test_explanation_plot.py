@@ -1,9 +1,15 @@
 """OP beside the traces of an explanation."""
 
-import numpy as np
+from dataclasses import replace
 
-from app.services.explaining.plot import COLOURS, as_many
-from app.services.explaining.svg import DIFFERS, UNSEEN, legend, panel, ticks
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, explain
+from app.engine.mismatch.judge.result import Verdict
+from app.services.explaining.plot import COLOURS, as_many, explanation_html
+from app.services.explaining.svg import DIFFERS, UNSEEN, explanation_svg, legend, panel, ticks
+from tests.engine.plain_loop import GIVEN, TS, moves, recorded
 
 
 def test_ticks_are_round_numbers_within_the_axis() -> None:
@@ -23,3 +29,13 @@ def test_a_drawing_has_what_was_given_and_two_colours_for_two_kinds_of_stretch()
 def test_op_keeps_step_with_traces_at_an_interval_that_is_no_whole_number_of_samples() -> None:
     np.testing.assert_array_equal(as_many(np.arange(10.0), 4), [0.0, 2.0, 5.0, 7.0])
     np.testing.assert_array_equal(as_many(np.arange(10.0), 10), np.arange(10.0))
+
+
+@pytest.mark.parametrize(("verdict", "said"), [("consistent", "nothing is missing"), ("inconclusive", "does not tell")])
+def test_a_plot_without_names_says_what_the_verdict_says(verdict: Verdict, said: str) -> None:
+    op = 40.0 + moves()
+    found = replace(explain(Comparison("loop", TS, op, recorded(moves()), simulation=GIVEN)), verdict=verdict)
+    assert found.effects == ()
+    for drawn in (explanation_svg(found, op), explanation_html(found, op)):
+        assert said in drawn
+        assert ("nothing is missing" in drawn) is (verdict == "consistent")

@@ -1,6 +1,6 @@
 """From a recording and a simulation to an explanation: the one function that walks the whole way."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,12 +10,13 @@ from app.engine.mismatch.compare.comparison import Comparison, mended, record_of
 from app.engine.mismatch.compare.patterns import Pattern, find_patterns
 from app.engine.mismatch.compare.preparing import OTHER_UNIT, Prepared, prepare, without_hidden
 from app.engine.mismatch.compare.read_back import without_read_backs
+from app.engine.mismatch.compare.resting import Lacking, rest_along, rest_unknown
 from app.engine.mismatch.compare.sampling import Taken, taken_of
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.closed_loop import close_again
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.free_run import settle
-from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.fit.windows import windows_along
 from app.engine.mismatch.judge.conclude import (
     conclude,
     held_out_worse,
@@ -64,15 +65,29 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     prepared = replace(prepare(comparison, taken), acted=acted)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
-    selection = competed.selection if prepared.unrelated else reviewed(prepared.base, competed.selection)
-    selection = replace(selection, fit=settle(selection.fit))
-    doubts = prepared.unrelated or (op_moves_nothing(selection.fit) if selection.effects else ())
-    if doubts:
-        selection = Selection(prepared.base, (), selection.ranking)
-    explanation = assemble(comparison, prepared, selection, doubts)
+    told = assemble(comparison, prepared, weighed(prepared, competed.selection))
     if second is None:
-        return explanation
-    return validated(explanation, prepared, selection, second, by_model=comparison.simulation is not None)
+        return told.explanation
+    by_model = comparison.simulation is not None
+    return validated(told.explanation, prepared, told.selection, second, by_model=by_model)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """A selection that stands on the record that it was fitted to, and why what was named before it does not."""
+
+    selection: Selection
+    refused: tuple[Reason, ...] = ()
+
+
+def weighed(prepared: Prepared, selection: Selection) -> Weighed:
+    """The selection, its names less sure for what they leave, its numbers by its free run where noise took that up;
+    nothing of it where OP does not move PV.
+    """
+    asked = selection if prepared.unrelated else reviewed(prepared.base, selection)
+    asked = replace(asked, fit=settle(asked.fit))
+    doubts = prepared.unrelated or (op_moves_nothing(asked.fit) if asked.effects else ())
+    return Weighed(Selection(prepared.base, (), asked.ranking), doubts) if doubts else Weighed(asked)
 
 
 def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
@@ -97,18 +112,22 @@ def validated(
     Its further signals all stay: a read-back among them moves nothing, for no part of the first record is driven by it.
     A limit of PV that the model has too is simulated, and compared like the rest.
     """
-    second = as_compared(second, taken_of(second))
-    record = record_of(second)
+    taken = taken_of(second)
+    second = as_compared(second, taken)
+    record = replace(record_of(second), first_s=0.0 if taken is None else taken.first_s)
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     simulated = {part.block.name for part in lasting(sensors)}
     hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)
     record = without_hidden(record, hidden)
     given = prepared.given if by_model else second.trace if prepared.given_trace is not None else None
-    judged = validate(prepared.base, selection.fit, sensors, record, given)
+    rest = rest_along(prepared, record, second.trace)
+    lacking = rest_unknown(prepared, selection.fit) if rest is None else Lacking()
+    record = record if rest is None else record.resting(rest)
+    judged = None if lacking.too_much else validate(prepared.base, selection.fit, sensors, record, given)
     said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
     said += far_apart(prepared.record, record)
     said += given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
-    return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said))
+    return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said, *lacking.said))
 
 
 def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
@@ -143,18 +162,25 @@ def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
     return (Reason("given_not_validated", text),)
 
 
-def assemble(
-    comparison: Comparison, prepared: Prepared, selection: Selection, refused: tuple[Reason, ...] = ()
-) -> Explanation:
-    """Held-out figures, effects, windows, model and traces of a selection; of the bare refit where unseen data refuse
-    what was selected.
+@dataclass(frozen=True, eq=False)
+class Told:
+    """An explanation, and the selection that it tells of."""
+
+    explanation: Explanation
+    selection: Selection
+
+
+def assemble(comparison: Comparison, prepared: Prepared, tried: Weighed) -> Told:
+    """Held-out figures, effects, windows, model and traces of a selection; of what is left of it where unseen data
+    refuse it.
     """
+    selection, refused = tried.selection, tried.refused
     usable = prepared.record.usable
     final = selection.fit
     held = kept_out(final, usable)
     seen = free_runs(prepared, final, held)
     traces = Traces(
-        np.arange(prepared.record.samples, dtype=np.float64) * comparison.sampling_interval_s,
+        prepared.record.time_s,
         comparison.pv,
         given_run(comparison, prepared, held),
         seen.refitted,
@@ -167,8 +193,8 @@ def assemble(
     others = [other for other in stretches(usable) if doubts and not np.array_equal(other, held)]
     runs = [seen, *(free_runs(prepared, final, other) for other in others)]
     if doubts and mostly_worse(comparison.pv, runs):
-        left = selection.alone or Selection(prepared.base, (), selection.ranking)
-        return assemble(comparison, prepared, replace(left, fit=settle(left.fit)), (*refused, *doubts))
+        left = left_of(prepared, selection)
+        return assemble(comparison, prepared, replace(left, refused=(*refused, *doubts, *left.refused)))
     conclusion = conclude(
         prepared.base,
         tuple(pattern_effect(p, prepared.record) for p in prepared.patterns),
@@ -179,7 +205,7 @@ def assemble(
     sensors = tuple(p.part for p in prepared.patterns)
     controller = None if comparison.simulation is None else comparison.simulation.controller
     closed = close_again(prepared.base, final, sensors, prepared.acted, prepared.given, controller)
-    return Explanation(
+    explanation = Explanation(
         name=comparison.name,
         verdict=conclusion.verdict,
         effects=merged(conclusion.effects),
@@ -202,6 +228,16 @@ def assemble(
         closed_loop=closed,
         engine_version=ENGINE_VERSION,
     )
+    return Told(explanation, selection)
+
+
+def left_of(prepared: Prepared, selection: Selection) -> Weighed:
+    """What is left of a selection that unseen data refuse: the first of two effects alone, weighed as any selection is;
+    else the bare refit.
+    """
+    if selection.alone is not None:
+        return weighed(prepared, selection.alone)
+    return Weighed(Selection(prepared.base, (), selection.ranking))
 
 
 def given_run(comparison: Comparison, prepared: Prepared, held: BoolArray) -> FloatArray | None:
@@ -258,7 +294,8 @@ def merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 
 def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
     """The refit and the explained model, both fitted without the samples `held` (N,), over the whole record."""
-    base_seen, final_seen = refit_without(prepared.base, held), refit_without(final, held)
+    base_seen = refit_without(prepared.base, held)
+    final_seen = refit_without(final, held, base_seen.given if final.given is prepared.base.given else None)
     sensors = sensors_of(final_seen, prepared.patterns)
     explained = seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
     mid = prepared.record.pv_mid
@@ -276,7 +313,7 @@ def improvement_of(traces: Traces, base: Fit) -> Improvement:
 
     given = None if traces.given is None else judged(traces.given)
     refitted, explained = judged(traces.refitted), judged(traces.explained)
-    return Improvement(given, refitted, explained, windows_of(held, record.sampling_interval_s))
+    return Improvement(given, refitted, explained, windows_along(record, held))
 
 
 def in_words(found: Fit) -> str:

@@ -10,13 +10,13 @@ from app.engine.mismatch.compare.read_back import without_read_backs
 from app.engine.mismatch.compete.competition import glance
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.refitting import CODE, offered_beside
-from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.fit.windows import whole, windows_along
 from app.engine.mismatch.judge.conclude import nothing_left, too_few
 from app.engine.mismatch.judge.result import NOWHERE, Location
 from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
-from app.engine.mismatch.report import location_of, pattern_effect, whole
+from app.engine.mismatch.report import location_of, pattern_effect
 
 
 def locate(comparison: Comparison) -> Location:
@@ -56,6 +56,6 @@ def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     windows = whole(base.record)
     if best.block.active is not None and best.block.stage != "process":
         mask = best.block.active(base.record.op_deviation, part.values, Context(base.record, base.plant))
-        windows = windows_of(mask, base.record.sampling_interval_s)
+        windows = windows_along(base.record, mask)
     reason = Reason("scan", f"a scan gains {best.gain:.1f} points of log-likelihood with {best.block.code}")
     return Location(best.block.place, windows, best.block.condition, None, (reason,))

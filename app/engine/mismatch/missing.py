@@ -14,7 +14,8 @@ from app.engine.mismatch.compete.worth import worth
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.refitting import freed, off_in_words, offered_beside, parameters_of
 from app.engine.mismatch.judge.conclude import nothing_left, too_few
-from app.engine.mismatch.physics import library
+from app.engine.mismatch.loop.block import Block
+from app.engine.mismatch.physics import fixed, library
 from app.engine.mismatch.physics.generic import DYNAMIC
 
 NEARLY = 0.5
@@ -45,7 +46,7 @@ def compete(prepared: Prepared) -> Competed:
     selection = select(coarse.fit, (*blocks, *offered_beside(base)), already, coarse.stems)
     off = parameters_of(selection.fit) if selection.effects else None
     if off is None:
-        return beside_own_dynamics(base, coarse, selection, already)
+        return beside_own_dynamics(base, coarse, selection, blocks, already)
     given = freed(selection.fit, off)
     again = fit_linear(base.record, given)
     coarse = coarse_of(again, factor_for(again))
@@ -62,25 +63,27 @@ def shortened_for(base: Fit) -> Coarse:
         beginning = base.record.stretch(0, WANTED_SAMPLES)
         if not too_few(beginning) and np.ptp(beginning.op) > 0.0:
             alone = fit_linear(beginning, base.given)
-            stems = restarted(alone, library(beginning))
+            stems = restarted(alone, fixed())
             if any(takes_its_place(stem, None) for stem in stems):
                 return Coarse(alone, factor, stems)
     coarse = coarse_of(base, factor)
-    return replace(coarse, stems=restarted(coarse.fit, library(coarse.fit.record)))
+    return replace(coarse, stems=restarted(coarse.fit, fixed()))
 
 
 def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
     return selection if coarse.factor == 1 else refined(base, selection)
 
 
-def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already: tuple[str, ...]) -> Competed:
+def beside_own_dynamics(
+    base: Fit, coarse: Coarse, selection: Selection, blocks: tuple[Block, ...], already: tuple[str, ...]
+) -> Competed:
     """Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
     become part of our own loop, and what is missing beside them is looked for again.
     """
     own = lacking_dynamics(selection)
     if own is None:
         return Competed(base, finely(base, coarse, selection))
-    named = tuple(block for block in library(coarse.fit.record) if block.name != own.block.name)
+    named = tuple(block for block in blocks if block.name != own.block.name)
     if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
         # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
         return Competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))

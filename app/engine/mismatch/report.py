@@ -9,7 +9,7 @@ from app.engine.mismatch.compare.patterns import Pattern
 from app.engine.mismatch.compete.naming import Believed
 from app.engine.mismatch.compete.worth import hidden_gain
 from app.engine.mismatch.fit.fitting import Fit
-from app.engine.mismatch.fit.windows import Window, active_mask, windows_of
+from app.engine.mismatch.fit.windows import active_mask, whole, windows_along
 from app.engine.mismatch.judge.intervals import deviations, interval
 from app.engine.mismatch.judge.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.judge.stem_sizes import size_of_stiction
@@ -23,16 +23,14 @@ CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
-PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "theta": "s"}
+PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s"}
 
 
 def effect_of(effect: Believed, final: Fit) -> Effect:
     """A believed effect as it stands in the final fit."""
     part = next(p for p in final.parts if p.block.name == effect.contender.block.name)
     mask = active_mask(final, part)
-    windows = (
-        windows_of(mask, final.record.sampling_interval_s) if part.block.active is not None else whole(final.record)
-    )
+    windows = windows_along(final.record, mask) if part.block.active is not None else whole(final.record)
     return Effect(
         code=effect.code,
         alternatives=effect.alternatives,
@@ -81,10 +79,6 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
     return (*said, *effect.left)
 
 
-def whole(record: Experiment) -> tuple[Window, ...]:
-    return (Window(0.0, record.duration_s),)
-
-
 def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     block = pattern.part.block
     context = Context(record, UNUSED_PLANT)
@@ -94,7 +88,7 @@ def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
             block.parameters(context), absolute(block.parameters(context), pattern.part.values, record), strict=True
         )
     )
-    windows = windows_of(pattern.shows, record.sampling_interval_s)
+    windows = windows_along(record, pattern.shows)
     return Effect(
         block.code,
         (),

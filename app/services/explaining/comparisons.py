@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, LinearSimulation
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
-from app.engine.recording import FloatArray, Recording
+from app.engine.recording import BoolArray, FloatArray, Recording
 from app.engine.signals.sampled import held
 from app.errors import DataError, RequestError
 from app.ingest import (
@@ -29,6 +29,7 @@ from app.services.explaining.aligning import Aligned, beyond, covering, onto, sa
 NOT_MEASURED = ("ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
 GAP_INTERVALS = 3.0
+SAME_STAMP = 0.01  # of an interval: so near a stamp a grid point is the sample
 STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
 SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
@@ -132,9 +133,27 @@ def read_comparison(
     Any layout that ingest reads, as long as no columns are named; a table with a header otherwise. Without `simulated`
     a column with a usual name (PV_sim) is taken; without that our own identified loop is the simulation.
     """
+    return read_with_recording(path, columns, simulated, options).comparison
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """A comparison, and the recording that the file holds with all that an audit knows of it; None where it was read as
+    a table alone.
+    """
+
+    comparison: Comparison
+    recording: Recording | None = None
+
+
+def read_with_recording(
+    path: Path, columns: Columns, simulated: str | None, options: IngestOptions = READ_PLAINLY
+) -> Read:
+    """As `read_comparison`, with the recording."""
     read = None if columns.named else exported(path, columns.loop, options)
     found = None if read is None else of_export(path, read, simulated, options)
-    return of_table(path, columns, simulated, options) if found is None else found
+    found = of_table(path, columns, simulated, options) if found is None else found
+    return Read(found, None if read is None else read.recordings[0])
 
 
 def exported(path: Path, loop: str | None, options: IngestOptions) -> RecordingsRead | None:
@@ -158,14 +177,6 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recordings
         loops = ", ".join(r.name.rpartition(":")[2] for r in found[:8])
         raise DataError("several_loops", f"{path} holds {len(found)} loops ({loops}, ...); name one with --loop")
     return replace(read, recordings=found) if found else None
-
-
-def recording_of_export(path: Path, columns: Columns, options: IngestOptions = READ_PLAINLY) -> Recording | None:
-    """What `read_comparison` made its comparison of, with the mode; None where it was read as a table."""
-    if columns.named:
-        return None
-    read = exported(path, columns.loop, options)
-    return None if read is None else read.recordings[0]
 
 
 def of_export(path: Path, read: RecordingsRead, simulated: str | None, options: IngestOptions) -> Comparison | None:
@@ -354,9 +365,8 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
     interval = at[-1] / (len(at) - 1) if at[-1] / (len(at) - 1) > SPARSE * interval else interval
     grid = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1) * interval
-    nearest = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
-    known = (at[nearest] - at[nearest - 1]) < GAP_INTERVALS * interval
-    even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=0.01 * interval))
+    known = known_at(grid, at, interval)
+    even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=SAME_STAMP * interval))
 
     def resampled(signal: FloatArray, *, steps: bool = False) -> FloatArray:
         values = signal[order]
@@ -381,6 +391,16 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         trace=resampled(signals["trace"]) if "trace" in signals else None,
         notes=notes,
     )
+
+
+def known_at(grid: FloatArray, at: FloatArray, interval: float) -> BoolArray:
+    """(M,) True where a point of the grid (M,) is no invention: between samples, at the times (N,), that are no gap
+    apart, and on a sample at the end of a gap.
+    """
+    behind = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
+    before, after = at[behind - 1], at[behind]
+    recorded = np.minimum(np.abs(grid - before), np.abs(after - grid)) <= SAME_STAMP * interval
+    return recorded | (after - before < GAP_INTERVALS * interval)
 
 
 def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:

@@ -17,18 +17,25 @@ MODEL = {
     "controller": (),
     "name": (),
 }
+TIMES = ("integral_time_s", "derivative_time_s")
 CONTROLLER = {
     "gain": ("Kc", "kc", "Kp", "kp"),
     "integral_time_s": ("integral_time", "Ti_s", "Ti", "ti"),
     "derivative_time_s": ("derivative_time", "Td_s", "Td", "td"),
-    "type": ("form", "name"),
+    "type": (),
+    "form": (),
+    "name": (),
 }
+# What type and form may say, a word or two: which actions there are, and how they act together.
+ACTIONS = {"p": (), "pi": ("integral_time_s",), "pd": ("derivative_time_s",), "pid": TIMES}
+IDEAL = {"ideal", "standard", "isa", "noninteracting", "non-interacting"}
+SERIES = {"series", "serial", "interacting"}
 
 
 def simulation_from_json(text: str) -> LinearSimulation:
     """A model as JSON: {"gain": 1.2, "time_constants_s": [30, 5], "dead_time_s": 4, "integrating": false, "controller":
     {"gain": 0.5, "integral_time_s": 40, "derivative_time_s": 0}}, or a file with it; only its gain is needed. Its
-    figures are checked where it is compared.
+    figures are checked where it is compared. A controller is of the ideal form unless its type or form says series.
 
     Raises DataError("model_invalid") where it is no such JSON.
     """
@@ -69,9 +76,42 @@ def not_understood(error: Exception) -> DataError:
 def controller_from(found: object) -> Controller:
     told = understood(found, CONTROLLER, "its controller")
     integral = None if told.get("integral_time_s") is None else number(told, "integral_time_s", "its controller")
-    return Controller(
+    found = Controller(
         number(told, "gain", "its controller"), integral, number(told, "derivative_time_s", "its controller", 0.0)
     )
+    words = words_of(told)
+    check_actions(words, {"integral_time_s": found.integral_time_s, "derivative_time_s": found.derivative_time_s})
+    return of_series(found) if words & SERIES else found
+
+
+def words_of(told: Mapping[str, Any]) -> set[str]:
+    """What type and form say of a controller. Raises ValueError for what is not understood: another law than the one
+    that is meant would be compared.
+    """
+    said = [told[name] for name in ("type", "form") if told.get(name) is not None]
+    words = {word for text in said for word in str(text).lower().replace("_", " ").split()}
+    strange = words - IDEAL - SERIES - ACTIONS.keys()
+    if strange or (words & IDEAL and words & SERIES) or len(words & ACTIONS.keys()) > 1:
+        raise ValueError(
+            f"its controller is {' and '.join(map(repr, said))}; P, PI, PD or PID, ideal or series are understood"
+        )
+    return words
+
+
+def check_actions(words: set[str], times: Mapping[str, float | None]) -> None:
+    """Raises ValueError where a controller has a time of an action that it has not."""
+    for kind in words & ACTIONS.keys():
+        if beyond := [name for name, value in times.items() if value and name not in ACTIONS[kind]]:
+            raise ValueError(f"its controller is a {kind.upper()} and has {' and '.join(beyond)}")
+
+
+def of_series(series: Controller) -> Controller:
+    """The ideal controller that is the same as gain (1 + 1 / (Ti s)) (1 + Td s)."""
+    integral, derivative = series.integral_time_s, series.derivative_time_s
+    if integral is None or integral <= 0.0:
+        return series
+    both = integral + derivative
+    return Controller(series.gain * both / integral, both, integral * derivative / both if both else 0.0)
 
 
 def understood(found: object, names: Mapping[str, tuple[str, ...]], whose: str) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from plotly.subplots import make_subplots
 
 from app.engine.mismatch import Explanation
 from app.engine.recording import FloatArray
+from app.services.explaining.wording import VERDICT_WORDS
 
 COLOURS = {"recording": "#222222", "given": "#b0b0b0", "refitted": "#d98200", "explained": "#0b6fb8"}
 
@@ -45,7 +46,7 @@ def explanation_html(explanation: Explanation, op: FloatArray) -> str:
         if signal is not None:
             add_residual(figure, traces.time_s, op, traces.pv - signal, label)
     mark_windows(figure, explanation)
-    named = ", ".join(e.code for e in explanation.effects) or "nothing is missing"
+    named = ", ".join(e.code for e in explanation.effects) or VERDICT_WORDS[explanation.verdict]
     fit = explanation.fit
     gain = f"held-out RMSE {fit.refitted.rmse:.4g} refitted, {fit.explained.rmse:.4g} explained"
     title = f"{explanation.name}: {named}; {gain}"

@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.mismatch import Explanation
 from app.engine.recording import FloatArray
 from app.services.explaining.plot import COLOURS, as_many
+from app.services.explaining.wording import VERDICT_WORDS
 
 WIDTH, HEIGHT = 860, 450
 LEFT, TOP, GAP = 62, 34, 52
@@ -24,7 +25,7 @@ def explanation_svg(explanation: Explanation, op: FloatArray) -> str:
     given = [] if t.given is None else [("given", np.asarray(t.given))]
     lines = [("recording", t.pv), *given, ("refitted", t.refitted), ("explained", t.explained)]
     residuals = [(name, t.pv - signal) for name, signal in lines if name in ("refitted", "explained")]
-    named = ", ".join(e.code for e in explanation.effects) or "nothing is missing"
+    named = ", ".join(e.code for e in explanation.effects) or VERDICT_WORDS[explanation.verdict]
     fit = explanation.fit
     title = f"{explanation.name}: {named}; held-out RMSE {fit.refitted.rmse:.3g} refitted, {fit.explained.rmse:.3g}"
     body = [text(LEFT, 16, title + " explained", 13)]

@@ -79,6 +79,7 @@ EVIDENCE_WORDS = {
     "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
     "simulation_bridged": "samples of the simulation without a value are bridged",
     "second_elsewhere": "the second recording is far from the first: another unit, loop or operating point",
+    "second_not_simulated": "the given simulation is not linear, and there is none of the second recording",
     "simulation_cut": "samples of the simulation outside the recording are not compared",
     "controller_cleared": "a PID law explains OP: the controller does its part",
     "controller_not_evaluated": "no PID law explains OP: the controller is not judged",
@@ -173,8 +174,18 @@ def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
         "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
         "unmoved": unmoved(found["fit"], found["effects"]) if found["fit"] else [],
-        "ranges": RANGES if any(effect["parameters"] for effect in found["effects"]) else "",
+        "ranges": ranges_of(found["effects"]),
     }
+
+
+def ranges_of(effects: Sequence[Mapping[str, Any]]) -> str:
+    """How far the ranges behind the numbers of effects can be trusted; nothing where there are none."""
+    return RANGES if any(effect["parameters"] for effect in effects) else ""
+
+
+def no_size(effect: Mapping[str, Any]) -> str:
+    """That the numbers of a valve are not its size; nothing where there are none."""
+    return NO_SIZE if effect["effect"] in SIZED_ELSEWHERE and effect["parameters"] else ""
 
 
 def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) -> str:
@@ -185,7 +196,6 @@ def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) 
 
 
 def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock) -> dict[str, Any]:
-    sized = effect["effect"] in SIZED_ELSEWHERE and effect["parameters"]
     return {
         "code": effect["effect"],
         "words": effect_words(effect["effect"]),
@@ -194,7 +204,7 @@ def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock
         "block": effect["block"],
         "condition": effect["condition"],
         "parameters": parameters_in_words(effect["parameters"]),
-        "no_size": NO_SIZE if sized else "",
+        "no_size": no_size(effect),
         "windows": windows_in_words(effect["windows"], start, clock),
         "reasons": [reason["text"] for reason in effect["evidence"]],
     }
@@ -222,7 +232,8 @@ def residuals_in_words(fit: dict[str, Any], name: str) -> tuple[str, str]:
 
 
 def outcome(test: dict[str, Any] | None) -> str:
-    if test is None:
+    """A dash too where an answer was kept without a figure."""
+    if test is None or test["p"] is None or test["statistic"] is None:
         return UNASKED
     chance = "p < 0.001" if test["p"] < LEAST_P else f"p {test['p']:.2g}"
     return f"{'none seen' if test['statistic'] <= test['limit'] else 'yes'} ({chance})"

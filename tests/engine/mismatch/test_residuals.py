@@ -115,6 +115,37 @@ def test_without_moves_of_op_only_whiteness_is_asked() -> None:
     assert tests.independence is None
 
 
+def bumped(last: int) -> FloatArray:
+    """OP of a bump test, its last step at a sample before the stretch kept out."""
+    op = np.full(N, 40.0)
+    op[300:700], op[700:last] = 45.0, 36.0
+    return op
+
+
+@pytest.mark.parametrize(("last", "lags"), [(1390, 11), (1385, 6)])
+def test_op_that_stood_from_shortly_before_on_is_asked_where_it_still_shows(last: int, lags: int) -> None:
+    drawn = (np.random.default_rng(seed) for seed in range(60))
+    found = [residual_tests(loads(rng), bumped(last), EVERYWHERE, held()).independence for rng in drawn]
+    assert {test.lags for test in found} == {lags}
+    assert found[0].limit == pytest.approx(chdtri(lags, 0.05))
+    assert sum(not test.passed for test in found) <= 7
+
+
+def test_op_that_stood_for_longer_is_not_asked() -> None:
+    assert residual_tests(loads(np.random.default_rng(1)), bumped(1350), EVERYWHERE, held()).independence is None
+
+
+def test_op_livelier_before_the_stretch_than_in_it_is_not_accused() -> None:
+    found = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        steps = rng.normal(size=N) * np.where(np.arange(N) < 1395, 50.0, 1.0)
+        late = np.arange(N) >= 1400
+        tests = residual_tests(rng.normal(size=N), np.cumsum(steps), EVERYWHERE, late & (np.arange(N) < 1520))
+        found.append(tests.independence.p_value)
+    assert np.mean(np.array(found) < 0.05) == pytest.approx(0.05, abs=0.05)
+
+
 def test_an_explanation_shows_that_the_missing_physics_took_what_was_not_white() -> None:
     rng = np.random.default_rng(3)
     op, ts = moves(rng), 2.0

@@ -263,7 +263,8 @@ def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
     """The given model, checked, as a plant."""
     taus = sorted((t for t in simulation.time_constants_s if t > 0.0), reverse=True)
     if simulation.integrating:
-        plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=taus[0] if taus else 0.0, leak=0.0)
+        tau2, tau3 = (*taus, 0.0, 0.0)[:2]
+        plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=tau2, leak=0.0, tau3=tau3)
         return Given(plant, integrating=True, second_order=bool(taus))
     first = taus[0] if taus else LEAST_TIME_CONSTANT * record.sampling_interval_s
     plant = Plant(simulation.gain, first, simulation.dead_time_s, tau2=taus[1] if len(taus) > 1 else 0.0)

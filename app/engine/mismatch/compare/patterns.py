@@ -204,7 +204,7 @@ def jumps_free(pv: FloatArray, run: Run) -> bool:
 
 def stuck(record: Experiment, run: Run) -> Pattern:
     ts = record.sampling_interval_s
-    values = np.array([(run.first + 1) * ts, (run.last + 1) * ts])
+    values = record.first_s + np.array([(run.first + 1) * ts, (run.last + 1) * ts])
     shows = np.zeros(record.samples, dtype=np.bool_)
     shows[run.first + 1 : run.last + 1] = True
     text = f"PV repeats {record.pv[run.first]:.5g} for {run.length} samples while OP moves on"

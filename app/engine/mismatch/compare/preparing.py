@@ -11,7 +11,7 @@ from app.engine.mismatch.compare.sampling import Taken
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.refitting import off_in_words
-from app.engine.mismatch.fit.shifting import in_step
+from app.engine.mismatch.fit.shifting import InStep, in_step
 from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.judge.conclude import unrelated
 from app.engine.mismatch.loop.beginning import answers_the_record
@@ -29,7 +29,8 @@ class Prepared:
     """A comparison ready to be explained: the record, the patterns of PV, the given model and its refit. off: how far
     its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
     none of this OP. given: the linear model of the simulation as it came, started where PV started. acted: the record
-    in which the controller acted, before anything was shortened.
+    in which the controller acted, before anything was shortened. laid: the given trace as it was compared, multiplied
+    by `share`; None where none was given.
     """
 
     record: Experiment
@@ -40,11 +41,15 @@ class Prepared:
     unrelated: tuple[Reason, ...] = ()
     given: Plant | None = None
     acted: Experiment | None = None
+    laid: InStep | None = None
+    share: float = 1.0
 
 
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     """taken: where PV is held between equal intervals, how it was taken; the comparison is one at these instants."""
     record = record_of(comparison)
+    if taken is not None:
+        record = replace(record, first_s=taken.first_s)
     patterns = find_patterns(record)
     if taken is not None:
         patterns = (held(record, taken.interval_s), *patterns)
@@ -63,7 +68,7 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
         base = fit_linear(record, scaled(behind.given, share))
         off = (*laid.said, *off_by(behind.given, share))
         plant = as_pv_begins(record, behind.given)
-        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind), plant)
+        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind), plant, laid=laid, share=share)
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))

@@ -132,6 +132,11 @@ class Taken:
     def interval_s(self) -> float:
         return self.comparison.sampling_interval_s
 
+    @property
+    def first_s(self) -> float:
+        """The first instant, s from the first sample; less than 0 where that shows what was taken before it."""
+        return self.hold.first * self.sampled.sampling_interval_s
+
     def simulated_between(self, record: Experiment) -> Experiment:
         """The record of the comparison, simulated along OP as it was sampled where that is no longer than can be."""
         if len(self.sampled.pv) > MOST_SIMULATED:

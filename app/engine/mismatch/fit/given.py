@@ -2,7 +2,8 @@
 given.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -12,7 +13,7 @@ from app.engine.mismatch.fit.levels import rounded_off
 from app.engine.mismatch.fit.task import OWN_DEVIATION, Given, make_task, start_at
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 
 ALIKE = 1e-3
 TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
@@ -24,13 +25,16 @@ LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step wi
 class TraceModel:
     """The linear model behind a simulated trace, and how much of the trace it leaves (left): as a share of its
     deviation or of PV's, whichever is less, for the open trace of an integrator may wander far beyond PV; share: of the
-    trace's own.
+    trace's own. rest: (N,) what it leaves, unit of PV; zero where the trace is linear. plant: as it runs along the
+    trace, from its mean `level`.
     """
 
     given: Given
     left: float
     share: float
     rest: FloatArray
+    plant: Plant
+    level: float
 
 
 @dataclass(frozen=True)
@@ -49,13 +53,30 @@ STRUCTURES = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A signal (N,) that a linear model is to make from OP, and the samples `seen` (N,) at which it is known."""
+
+    signal: FloatArray
+    seen: BoolArray
+
+    @cached_property
+    def level(self) -> float:
+        return float(np.mean(self.signal[self.seen]))
+
+    @cached_property
+    def moves(self) -> FloatArray:
+        """(M,) from the level, where it is known."""
+        return self.signal[self.seen] - self.level
+
+
 def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
     """The simplest linear model that makes the simulated trace (N,) from OP; the rest of the trace is kept beside
     it.
     """
-    best = None
+    best, target = None, Target(trace, np.ones(record.samples, dtype=np.bool_))
     for structure in STRUCTURES:
-        found = fit_structure(record, trace, structure)
+        found = fit_structure(record, target, structure)
         told = not structure.second_order or found.given.plant.tau2 > LEAST_LAG * record.sampling_interval_s
         if best is None or (told and found.left < 0.5 * best.left):
             best = found
@@ -65,35 +86,37 @@ def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
     return best
 
 
-def fit_structure(record: Experiment, trace: FloatArray, structure: Structure) -> TraceModel:
-    y = trace - np.mean(trace)
+def fit_structure(record: Experiment, target: Target, structure: Structure) -> TraceModel:
+    trace, y = target.signal, target.moves
     ts = record.sampling_interval_s
     best: Plant | None = None
     least = np.inf
-    for start in starts(record, y, structure):
-        plant = descend_trace(record, y, structure, start)
-        error = float(np.sqrt(np.mean((run_process(record.op_deviation, plant, ts) - y) ** 2)))
+    for start in starts(record, target, structure):
+        plant = descend_trace(record, target, structure, start)
+        error = float(np.sqrt(np.mean((run_process(record.op_deviation, plant, ts)[target.seen] - y) ** 2)))
         if error < 0.98 * least:
             best, least = plant, error
         if least < 3e-4 * np.std(y):
             break
     assert best is not None  # noqa: S101 - there are starts
-    rest = y - run_process(record.op_deviation, best, ts)
-    left = float(np.std(rest) / max(min(float(np.std(y)), float(np.std(record.pv))), 1e-300))
+    rest = trace - target.level - run_process(record.op_deviation, best, ts)
+    beside = float(np.std(rest[target.seen]))
+    left = float(beside / max(min(float(np.std(y)), float(np.std(record.pv))), 1e-300))
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
-    share = float(np.std(rest) / np.std(y))
     linear = left <= ALIKE or rounded_off(trace, rest)
-    return TraceModel(given, left, share, np.zeros(record.samples) if linear else rest)
+    return TraceModel(
+        given, left, float(beside / np.std(y)), np.zeros(record.samples) if linear else rest, best, target.level
+    )
 
 
-def starts(record: Experiment, y: FloatArray, structure: Structure) -> list[FloatArray]:
+def starts(record: Experiment, target: Target, structure: Structure) -> list[FloatArray]:
     """The best points of a grid of time constants and dead times, none beside another: dead time in intervals, logs of
     the time constants.
     """
     ts = record.sampling_interval_s
     taus = TIMES if not structure.integrating or structure.second_order else TIMES[:1]
     points = [np.array([theta, np.log(tau * ts), np.log(0.3 * tau * ts)]) for tau in taus for theta in DEAD_TIMES]
-    errors = [float(np.sum(project(record, y, structure, z)[0] ** 2)) for z in points]
+    errors = [float(np.sum(project(record, target, structure, z)[0] ** 2)) for z in points]
     kept: list[FloatArray] = []
     for k in np.argsort(errors, kind="stable"):
         z = points[int(k)]
@@ -111,32 +134,32 @@ def plant_of(record: Experiment, structure: Structure, z: FloatArray, K: float, 
     return Plant(K, first, float(abs(z[0])) * record.sampling_interval_s, b, x0, second, leak)
 
 
-def project(record: Experiment, y: FloatArray, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residual (N,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags z."""
+def project(record: Experiment, target: Target, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual (M,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags z."""
     ts, u = record.sampling_interval_s, record.op_deviation
     zero = np.zeros_like(u)
     units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     plants = [plant_of(record, structure, z, *unit) for unit in units]
     columns = [run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(plants)]
-    basis = np.stack(columns, axis=1)
-    numbers: FloatArray = np.linalg.lstsq(basis, y, rcond=None)[0].astype(np.float64, copy=False)
-    return y - basis @ numbers, numbers
+    basis = np.stack(columns, axis=1)[target.seen]
+    numbers: FloatArray = np.linalg.lstsq(basis, target.moves, rcond=None)[0].astype(np.float64, copy=False)
+    return target.moves - basis @ numbers, numbers
 
 
-def descend_trace(record: Experiment, y: FloatArray, structure: Structure, start: FloatArray) -> Plant:
+def descend_trace(record: Experiment, target: Target, structure: Structure, start: FloatArray) -> Plant:
     """Variable projection: gain, offset and start are linear; time constants and dead time are searched."""
     ts = record.sampling_interval_s
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
     z = scipy.optimize.least_squares(
-        lambda z: project(record, y, structure, z)[0],
+        lambda z: project(record, target, structure, z)[0],
         np.clip(start, low, high),
         bounds=(low, high),
         max_nfev=40,
         diff_step=1e-4,
         x_scale=[1.0, 0.3, 0.3],
     ).x
-    K, b, x0 = project(record, y, structure, z)[1].tolist()
+    K, b, x0 = project(record, target, structure, z)[1].tolist()
     return plant_of(record, structure, z, K, b, x0)
 
 
@@ -155,8 +178,24 @@ def identify(record: Experiment, integrating: bool | None = None) -> Fit:
 
 
 def identify_structure(record: Experiment, structure: Structure) -> Fit:
-    """From the least-squares model of PV itself, then under coloured noise."""
-    plant = fit_structure(record, record.pv, structure).given.plant
+    """From the least-squares model of PV itself, where that is compared, then under coloured noise."""
+    plant = fit_structure(record, Target(record.pv, record.usable), structure).given.plant
     given = Given(plant, OWN_DEVIATION, structure.second_order, structure.integrating)
     task = make_task(record, given, ())
     return best_of_noise(task, start_at(task, plant, np.zeros(0)))
+
+
+def own_again(record: Experiment, given: Given) -> Given:
+    """Our own linear loop, made anew from the samples of a record (N,) that are compared: other samples had their share
+    in it. A given one as it is, and so one behind a stem: it is found with the stem, which all samples show.
+
+    Its structure, its dead time and which way PV goes stay: they say in which valley it lies, which no fit leaves, for
+    lags stand for a dead time in another.
+    """
+    if not given.own or given.behind_stem:
+        return given
+    structure, was = Structure(given.second_order, given.integrating), given.plant
+    further = was.tau2 if was.tau2 > 0.0 else was.tau
+    start = np.array([was.theta / record.sampling_interval_s, np.log(was.tau), np.log(further)])
+    plant = descend_trace(record, Target(record.pv, record.usable), structure, start)
+    return replace(given, plant=plant.changed(b=0.0, x0=0.0, theta=was.theta)) if plant.K * was.K > 0.0 else given

@@ -43,7 +43,8 @@ def has_time(plant: Plant) -> bool:
 def alter(plant: Plant, values: FloatArray, _: Context) -> Plant:
     gain, time, late = values
     tau = plant.tau * time if plant.leak > 0.0 else plant.tau
-    return plant.changed(K=plant.K * gain, tau=tau, tau2=plant.tau2 * time, theta=plant.theta * late)
+    tau2, tau3 = plant.tau2 * time, plant.tau3 * time
+    return plant.changed(K=plant.K * gain, tau=tau, tau2=tau2, tau3=tau3, theta=plant.theta * late)
 
 
 def further_off(values: FloatArray, context: Context) -> bool:
@@ -96,15 +97,18 @@ def parameters_of(found: Fit) -> Part | None:
 
 
 def freed(found: Fit, part: Part) -> Given:
-    """The given model with the parameters that a fit found."""
-    context = Context(found.record, found.plant)
-    return replace(found.given, plant=altered_plant(context, (part,)).changed(b=0.0, x0=0.0))
+    """The given model with the parameters that a fit found, trusted no more than their factors were: they come from the
+    very samples that they are fitted to again. A dead time that is not shorter stays as given: a longer one has a name.
+    """
+    plant = altered_plant(Context(found.record, found.plant), (part,)).changed(b=0.0, x0=0.0)
+    late = DEVIATION if part.values[2] < 1.0 / OFF_BY else found.given.deviation
+    return replace(found.given, plant=plant, deviation=DEVIATION, late_deviation=late)
 
 
 def off_in_words(given: Given, found: Given, asked: str = "") -> Reason:
     """Which of the given simulation's parameters the record shows otherwise, by how much, and what is asked of it."""
     before, after = given.plant, found.plant
-    times = tuple((name, getattr(before, name), getattr(after, name)) for name in ("tau", "tau2", "theta"))
+    times = tuple((name, getattr(before, name), getattr(after, name)) for name in ("tau", "tau2", "tau3", "theta"))
     changes = [("K", before.K, after.K), *(change for change in times if change[1] > 0.0)]
     if before.leak == 0.0:
         changes = [change for change in changes if change[0] != "tau"]

@@ -17,10 +17,13 @@ LEFT, HELPS = 0.05, 0.5  # what a linear model leaves of a trace that answers OP
 
 @dataclass(frozen=True, eq=False)
 class InStep:
-    """The linear model behind a trace that is in step with the record, and by how much it was shifted for that."""
+    """The linear model behind a trace that is in step with the record, and by how much (s) it was moved later for
+    that.
+    """
 
     behind: TraceModel
     said: tuple[Reason, ...] = ()
+    early_s: float = 0.0
 
 
 def in_step(record: Experiment, trace: FloatArray) -> InStep:
@@ -36,7 +39,8 @@ def in_step(record: Experiment, trace: FloatArray) -> InStep:
     if again.share > HELPS * behind.share:
         return InStep(behind)
     rest = np.concatenate((np.zeros(first), again.rest, np.zeros(n - last)))
-    return InStep(replace(again, rest=rest), (in_words(record, early, behind.share, again.share),))
+    said = (in_words(record, early, behind.share, again.share),)
+    return InStep(replace(again, rest=rest), said, early * record.sampling_interval_s)
 
 
 def in_words(record: Experiment, early: int, before: float, after: float) -> Reason:

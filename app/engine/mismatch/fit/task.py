@@ -22,7 +22,8 @@ BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 class Given:
     """The linear model to start from, and how far to trust it.
 
-    plant: gain, time constants, dead time. deviation: relative standard deviation of its gain and time constants.
+    plant: gain, time constants, dead time. deviation: relative standard deviation of its gain and time constants, and,
+    where `late_deviation` is None, of its dead time.
     second_order, integrating: its structure, which the refit keeps. behind_stem: our own, found behind a stem.
     """
 
@@ -31,6 +32,7 @@ class Given:
     second_order: bool = False
     integrating: bool = False
     behind_stem: bool = False
+    late_deviation: float | None = None
 
     @property
     def own(self) -> bool:
@@ -66,9 +68,11 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     free = [Free("K", g.K, 1.0, max(given.deviation, gain_deviation), 0.05, 20.0)]
     if not given.integrating:
         free.append(Free("tau", g.tau, 0.0, given.deviation, -wide, wide, log=True))
-    if g.tau2 > 0.0:
-        free.append(Free("tau2", g.tau2, 0.0, given.deviation, -wide, wide, log=True))
-    late = np.hypot(given.deviation * g.theta, 0.15 * ts) / ts
+    for name, lag in (("tau2", g.tau2), ("tau3", g.tau3)):
+        if lag > 0.0:
+            free.append(Free(name, lag, 0.0, given.deviation, -wide, wide, log=True))
+    trusted = given.deviation if given.late_deviation is None else given.late_deviation
+    late = np.hypot(trusted * g.theta, 0.15 * ts) / ts
     free.append(Free("theta", ts, g.theta / ts, late, 0.0, max(3.0 * g.theta / ts, 3.0 + g.theta / ts), step=0.05))
     drift = max(abs(g.K) * record.op_span, 1e-300) if given.integrating else span
     free.append(Free("b", drift, 0.0, 10.0, -50.0, 50.0))

@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.chain import signal_after, signal_before
+from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.recording import BoolArray
 
 
@@ -18,13 +19,26 @@ class Window:
     end_s: float
 
 
-def windows_of(mask: BoolArray, sampling_interval_s: float, least: int = 2) -> tuple[Window, ...]:
-    """The stretches of at least `least` samples where the mask (N,) is True."""
+def windows_of(mask: BoolArray, sampling_interval_s: float, least: int = 2, first_s: float = 0.0) -> tuple[Window, ...]:
+    """The stretches of at least `least` samples where the mask (N,) is True; first_s: its first sample, s from the
+    start of the recording, before which none begins.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     pairs = zip(edges[::2], edges[1::2], strict=True)
     return tuple(
-        Window(float(a * sampling_interval_s), float(b * sampling_interval_s)) for a, b in pairs if b - a >= least
+        Window(max(first_s + float(a * sampling_interval_s), 0.0), first_s + float(b * sampling_interval_s))
+        for a, b in pairs
+        if b - a >= least
     )
+
+
+def windows_along(record: Experiment, mask: BoolArray) -> tuple[Window, ...]:
+    """The stretches of a record (N,) where the mask (N,) is True."""
+    return windows_of(mask, record.sampling_interval_s, first_s=record.first_s)
+
+
+def whole(record: Experiment) -> tuple[Window, ...]:
+    return (Window(max(record.first_s, 0.0), record.first_s + record.duration_s),)
 
 
 def active_mask(fit: Fit, part: Part) -> BoolArray:

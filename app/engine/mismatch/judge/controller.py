@@ -2,7 +2,7 @@
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.fit.closed_loop import ClosedLoop
-from app.engine.mismatch.fit.windows import Window
+from app.engine.mismatch.fit.windows import whole
 from app.engine.mismatch.judge.result import NOWHERE, Location
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.law import Law, controller_of
@@ -52,7 +52,7 @@ def at_the_controller(record: Experiment, closed: ClosedLoop | None) -> Location
     told = () if closed is None else tuned_otherwise(record, closed)
     if not told:
         return NOWHERE
-    return Location("controller", (Window(0.0, record.duration_s),), "always", None, told)
+    return Location("controller", whole(record), "always", None, told)
 
 
 def yper_evidence(closed: ClosedLoop | None) -> tuple[Reason, ...]:

@@ -9,8 +9,9 @@ import numpy as np
 from app.engine.mismatch.compete.competition import descended
 from app.engine.mismatch.fit.fitting import Fit, descend, fit, fit_linear
 from app.engine.mismatch.fit.free_run import beside_load, settle, stem_swing
+from app.engine.mismatch.fit.given import own_again
 from app.engine.mismatch.fit.noise import compared_samples, fit_noise, whiten
-from app.engine.mismatch.fit.task import make_task
+from app.engine.mismatch.fit.task import Given, make_task, start_at
 from app.engine.mismatch.fit.windows import active_mask
 from app.engine.mismatch.judge.residuals import ResidualTests
 from app.engine.mismatch.loop.block import Part
@@ -159,23 +160,27 @@ def unseen_likelihood(found: Fit, held: BoolArray) -> float:
     return -len(e) * float(np.log(found.noise.deviation)) - 0.5 * float(e @ e)
 
 
-def refit_without(found: Fit, held: BoolArray) -> Fit:
-    """The same model with all its numbers fitted again, the held-out samples not compared.
+def refit_without(found: Fit, held: BoolArray, given: Given | None = None) -> Fit:
+    """The same model with all its numbers fitted again, the held-out samples not compared. given: the linear model to
+    begin with, where it is known already.
 
     A fit that gains nothing stays where it began, and that must not be what has seen the held-out samples: a linear
     model is fitted from the given one again. One with blocks first goes downhill, under the noise of the other samples,
     from where the fit of all ended: without the numbers along which the simulation jumps, because their slopes mislead
     and a descent of all at once may not move. Where that leaves the valley, as the samples that are left say, it is
     fitted from where the fit of all ended: what was held out tells in which valley it lies, as it does which blocks it
-    has.
+    has. What is known of a linear loop of our own beforehand is read off the other samples too.
     """
     record = found.record.comparing(found.record.usable & ~held)
+    given = own_again(record, found.given) if given is None else given
     if not found.parts:
-        return fit_linear(record, found.given)
-    task = make_task(record, found.given, tuple(part.block for part in found.parts))
-    noise = fit_noise(record.pv_deviation - task.simulated(found.x), record.usable, found.noise)
+        return fit_linear(record, given)
+    task = make_task(record, given, tuple(part.block for part in found.parts))
+    known = [part.values for part in found.parts]
+    x = found.x if given is found.given else start_at(task, found.plant, np.concatenate(known))
+    noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable, found.noise)
     smooth = [k for k, free in enumerate(task.free) if "." not in free.name or free.linear]
-    begun = descended(task, descend(task, found.x, noise, STEPS, smooth), STEPS)
+    begun = descended(task, descend(task, x, noise, STEPS, smooth), STEPS)
     blind = settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))
-    near = settle(fit(task, found.x, found.noise, ROUNDS, STEPS))
+    near = settle(fit(task, x, found.noise, ROUNDS, STEPS))
     return near if near.likelihood > blind.likelihood + LOST else blind

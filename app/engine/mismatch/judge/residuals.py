@@ -43,7 +43,7 @@ class LagsTest:
 @dataclass(frozen=True)
 class ResidualTests:
     """whiteness: of the innovations among themselves. independence: of the innovations from OP before them; None where
-    OP stands still.
+    OP stood still there.
     """
 
     whiteness: LagsTest
@@ -77,26 +77,39 @@ def white(e: FloatArray, at: IntArray, taken: float) -> LagsTest:
     noise model took there.
     """
     count, lags = len(at), np.arange(1, LAGS + 1)
-    squares = correlations(e, e, at, lags) ** 2
+    squares = (lagged_products(e, e, at, lags) / np.sum(e[at] ** 2)) ** 2
     return against_chance(count * (count + 2.0) * float(np.sum(squares / (count - lags))), LAGS, taken)
 
 
 def independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsTest | None:
-    """Haugh's test of innovations (N,) at the samples `at` on the whitened moves of OP one to `lags` samples before."""
+    """Haugh's test of innovations (N,) at the samples `at` on the whitened moves of OP one to `lags` samples before;
+    None where OP stood still there.
+
+    Each product is held against what OP moved so many samples before: it may be livelier before the samples asked than
+    among them. A lag at which it stood tells nothing, and is no degree of freedom.
+    """
     moves = np.diff(op, prepend=op[0])
     largest = float(np.max(np.abs(moves)))
     if largest == 0.0:
         return None
     moves = moves / largest
     a = np.convolve(moves, np.concatenate(([1.0], -autoregression(moves, OP_ORDER))))[: len(op)]
-    squares = correlations(e, a, at, np.arange(1, lags + 1)) ** 2
-    return against_chance(len(at) * float(np.sum(squares)), lags)
+    energy = np.array([np.sum(a[before(at, lag)] ** 2) for lag in range(1, lags + 1)])
+    told = energy > 0.0
+    if not np.any(told):
+        return None
+    squares = lagged_products(e, a, at, 1 + np.flatnonzero(told)) ** 2 / (np.sum(e[at] ** 2) * energy[told])
+    return against_chance(len(at) * float(np.sum(squares)), int(np.sum(told)))
 
 
-def correlations(now: FloatArray, before: FloatArray, at: IntArray, lags: IntArray) -> FloatArray:
-    """(lags,) correlations of one series (N,) at the samples `at` with another (N,) so many samples before."""
-    size = np.sqrt(np.sum(now[at] ** 2) * np.sum(before[at] ** 2)) + 1e-300
-    return np.array([now[at[at >= lag]] @ before[at[at >= lag] - lag] for lag in lags]) / size
+def lagged_products(now: FloatArray, then: FloatArray, at: IntArray, lags: IntArray) -> FloatArray:
+    """(lags,) sums of the products of one series (N,) at the samples `at` with another (N,) so many samples before."""
+    return np.array([now[at[at >= lag]] @ then[before(at, lag)] for lag in lags])
+
+
+def before(at: IntArray, lag: int) -> IntArray:
+    """The samples `lag` before the samples `at`, as far as the record has them."""
+    return at[at >= lag] - lag
 
 
 def against_chance(statistic: float, lags: int, taken: float = 0.0) -> LagsTest:

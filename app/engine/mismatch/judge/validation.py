@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from app.engine.mismatch.fit.fitting import Fit
-from app.engine.mismatch.fit.windows import windows_of
+from app.engine.mismatch.fit.windows import windows_along
 from app.engine.mismatch.judge.holdout import judge
 from app.engine.mismatch.judge.result import ExplainedModel, Improvement, PartModel
 from app.engine.mismatch.loop.block import Block, Context, Part
@@ -55,7 +55,7 @@ def validate(
         None if given is None else judge(record.pv, given, record.usable),
         judge(record.pv, refitted + record.pv_mid, record.usable),
         judge(record.pv, explained + record.pv_mid, record.usable),
-        windows_of(record.usable, record.sampling_interval_s),
+        windows_along(record, record.usable),
     )
 
 

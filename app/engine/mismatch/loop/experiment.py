@@ -33,6 +33,7 @@ class Experiment:
     measured: further signals (N,) by name. usable: (N,) True where PV is compared.
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
     finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
+    first_s: its first sample, s from the start of the recording: instants at which PV was taken have their own start.
     """
 
     sampling_interval_s: float
@@ -49,6 +50,7 @@ class Experiment:
     measured: tuple[tuple[str, FloatArray], ...] = ()
     rest: FloatArray = field(default_factory=lambda: np.zeros(0))
     finer: Finer | None = None
+    first_s: float = 0.0
 
     @property
     def samples(self) -> int:
@@ -66,8 +68,8 @@ class Experiment:
 
     @cached_property
     def time_s(self) -> FloatArray:
-        """(N,) seconds from the start; made once, because every simulation asks for it."""
-        return np.arange(self.samples, dtype=np.float64) * self.sampling_interval_s
+        """(N,) seconds from the start of the recording; made once, because every simulation asks for it."""
+        return self.first_s + np.arange(self.samples, dtype=np.float64) * self.sampling_interval_s
 
     @cached_property
     def op_follows_pv(self) -> bool:

@@ -1,0 +1,34 @@
+"""What of a recording with gaps is compared: every sample that was recorded, and nothing within a gap."""
+
+import numpy as np
+import pytest
+
+from app.engine.recording import FloatArray
+from app.services.explaining.comparisons import uniform
+
+
+def groups(each: int, missing: int) -> FloatArray:
+    """Times of 200 groups of samples a second apart, with gaps between the groups."""
+    firsts = np.arange(200) * float(each + missing)
+    return (firsts[:, None] + np.arange(each)).ravel()
+
+
+@pytest.mark.parametrize(("each", "missing"), [(3, 3), (4, 7), (30, 40)])
+@pytest.mark.parametrize("interval", [1.0, 0.1])
+def test_every_sample_that_was_recorded_is_known_and_none_within_a_gap(
+    each: int, missing: int, interval: float
+) -> None:
+    at = groups(each, missing) * interval
+    found = uniform("loop", at, {"op": np.sin(at), "pv": np.cos(at)}, {})
+    grid = np.arange(len(found.pv)) * found.sampling_interval_s
+    assert found.known is not None
+    assert found.known.sum() == len(at)
+    recorded = np.min(np.abs(grid[:, None] - at[None, :]), axis=1) < 0.02 * interval
+    np.testing.assert_array_equal(found.known, recorded)
+
+
+def test_a_grid_point_beside_the_end_of_a_gap_is_not_known() -> None:
+    at = np.concatenate((np.arange(200.0), 204.5 + np.arange(200.0)))
+    found = uniform("loop", at, {"op": np.sin(at), "pv": np.cos(at)}, {})
+    assert found.known is not None
+    assert np.flatnonzero(~found.known).tolist() == [200, 201, 202, 203, 204]
