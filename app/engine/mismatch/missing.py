@@ -6,7 +6,15 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.preparing import Prepared
-from app.engine.mismatch.compare.thinning import WANTED_SAMPLES, Coarse, coarse_of, factor_for, refined
+from app.engine.mismatch.compare.thinning import (
+    MOST_SAMPLES,
+    WANTED_SAMPLES,
+    Coarse,
+    Refined,
+    coarse_of,
+    factor_for,
+    refined,
+)
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.restarting import may_hide_a_stem, restarted, takes_its_place
 from app.engine.mismatch.compete.selection import Selection, select
@@ -23,7 +31,7 @@ NEARLY = 0.5
 @dataclass(frozen=True, eq=False)
 class Competed:
     """The linear loop that effects were looked for beside, and what was found. off: how far it is from the given one,
-    where that is further than it was trusted.
+    where that is further than it was trusted; and why names are lost that a shorter record suggested.
     """
 
     base: Fit
@@ -50,27 +58,35 @@ def compete(prepared: Prepared) -> Competed:
     again = fit_linear(base.record, given)
     coarse = coarse_of(again, factor_for(again))
     selection = select(coarse.fit, blocks, already)
-    return Competed(again, finely(again, coarse, selection), (off_in_words(base.given, given),))
+    fine = finely(again, coarse, selection)
+    return Competed(again, fine.selection, (off_in_words(base.given, given), *fine.lost))
 
 
 def shortened_for(base: Fit) -> Coarse:
     """What of a long record the names compete on: its beginning as sampled, where our own loop follows a stem there,
-    whose slips no block means hold; the record thinned otherwise.
+    whose slips no block means hold; the record thinned otherwise, as far as it may be. In a long one that may not stems
+    are looked for in the beginning alone.
     """
     factor = factor_for(base)
-    if factor > 1 and may_hide_a_stem(base):
+    if (factor > 1 or base.record.samples > MOST_SAMPLES) and may_hide_a_stem(base):
         beginning = base.record.stretch(0, WANTED_SAMPLES)
         if not too_few(beginning) and np.ptp(beginning.op) > 0.0:
             alone = fit_linear(beginning, base.given)
             stems = restarted(alone, library(beginning))
             if any(takes_its_place(stem, None) for stem in stems):
-                return Coarse(alone, factor, stems)
+                return Coarse(alone, -(-base.record.samples // WANTED_SAMPLES), stems)
     coarse = coarse_of(base, factor)
+    if coarse.fit.record.samples > MOST_SAMPLES:
+        return coarse
     return replace(coarse, stems=restarted(coarse.fit, library(coarse.fit.record)))
 
 
-def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
-    return selection if coarse.factor == 1 else refined(base, selection)
+def finely(base: Fit, coarse: Coarse, selection: Selection) -> Refined:
+    return Refined(selection) if coarse.factor == 1 else refined(base, selection)
+
+
+def competed(base: Fit, fine: Refined) -> Competed:
+    return Competed(base, fine.selection, fine.lost)
 
 
 def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already: tuple[str, ...]) -> Competed:
@@ -79,13 +95,13 @@ def beside_own_dynamics(base: Fit, coarse: Coarse, selection: Selection, already
     """
     own = lacking_dynamics(selection)
     if own is None:
-        return Competed(base, finely(base, coarse, selection))
+        return competed(base, finely(base, coarse, selection))
     named = tuple(block for block in library(coarse.fit.record) if block.name != own.block.name)
     if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
         # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
-        return Competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
-    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
-    return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
+        return competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
+    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).selection.fit
+    return competed(richer, finely(richer, coarse, select(own.fit, named, already)))
 
 
 def lacking_dynamics(selection: Selection) -> Contender | None:

@@ -33,6 +33,10 @@ class Experiment:
     measured: further signals (N,) by name. usable: (N,) True where PV is compared.
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
     finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
+    follows: whether OP follows PV, where another record of the same loop tells, as that as sampled does of its means,
+    whose OP holds answers to the noise of the PV beside it; None: this one tells.
+    reference_s: seconds of the record that sizes over its duration are of, as those of a drift; None: this one's.
+    reference_middles: of measured signals by name, where another record's count; None: this one's means.
     """
 
     sampling_interval_s: float
@@ -49,6 +53,9 @@ class Experiment:
     measured: tuple[tuple[str, FloatArray], ...] = ()
     rest: FloatArray = field(default_factory=lambda: np.zeros(0))
     finer: Finer | None = None
+    follows: bool | None = None
+    reference_s: float | None = None
+    reference_middles: tuple[tuple[str, float], ...] | None = None
 
     @property
     def samples(self) -> int:
@@ -72,21 +79,44 @@ class Experiment:
     @cached_property
     def op_follows_pv(self) -> bool:
         """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
+        if self.follows is not None:
+            return self.follows
         return identify_law(self.sp, self.pv, self.op, self.usable).explained >= FOLLOWS
 
     @property
     def duration_s(self) -> float:
         return self.samples * self.sampling_interval_s
 
+    @property
+    def reference_duration_s(self) -> float:
+        """Over how many seconds the sizes of what grows along the record are told."""
+        return self.duration_s if self.reference_s is None else self.reference_s
+
+    @cached_property
+    def middles(self) -> tuple[tuple[str, float], ...]:
+        """Where each measured signal's deviations are taken from, its unit."""
+        if self.reference_middles is not None:
+            return self.reference_middles
+        return tuple((name, float(np.mean(signal))) for name, signal in self.measured)
+
     def with_op(self, op: FloatArray) -> "Experiment":
-        """The same record under another OP (N,), its deviations from the same mean."""
-        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None)
+        """The same record under another OP (N,), its deviations from the same mean; PV is as late behind it."""
+        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None, follows=self.op_follows_pv)
+
+    def referring(self, first: "Experiment") -> "Experiment":
+        """The record with all that a model of the first one refers to, so that the model means the same here."""
+        return replace(
+            self,
+            follows=first.op_follows_pv,
+            reference_s=first.reference_duration_s,
+            reference_middles=first.middles,
+        )
 
     def stretch(self, begin: int, end: int) -> "Experiment":
         """The samples from `begin` to before `end`, as deviations from the means of the whole."""
         part = slice(begin, end)
         return replace(
-            self,
+            self.referring(self),
             op=self.op[part],
             pv=self.pv[part],
             usable=self.usable[part],
@@ -157,7 +187,7 @@ def alike(first: Experiment, second: Experiment) -> Experiment:
     it.
     """
     return replace(
-        second,
+        second.referring(first),
         op_mid=first.op_mid,
         pv_mid=first.pv_mid,
         op_deviation=second.op - first.op_mid,
