@@ -178,5 +178,5 @@ def export(found: Fit, sensors: tuple[Part, ...]) -> ExplainedModel:
         tuple(record.rest.tolist()) if np.any(record.rest != 0.0) else (),
         record.reference_duration_s,
         tuple(mid for _, mid in record.middles),
-        record.op_follows_pv,
+        record.fed_back,
     )

@@ -7,13 +7,15 @@ import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain, locate
 from app.engine.mismatch.compare.comparison import MOST_SAMPLES, record_of, shortened
-from app.engine.mismatch.compare.thinning import factor_for, refined
+from app.engine.mismatch.compare.thinning import factor_for, held_means, refined
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.naming import Believed
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.fitting import fit_linear
 from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.law import fed_back
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics import library
 from app.engine.recording import FloatArray
@@ -21,18 +23,30 @@ from app.engine.recording import FloatArray
 TAU, GAIN, INTEGRAL = 10.0, 2.0, 10.0
 
 
-def loop(samples: int, moving: bool = False, late: int = 0, seed: int = 0, bent: float = 0.0) -> Comparison:
-    """A PI loop shaken by its load and by noise, at 1 s, and the right simulation of it. bent: of the gain with OP."""
+def loop(
+    samples: int,
+    moving: bool = False,
+    late: int = 0,
+    seed: int = 0,
+    bent: float = 0.0,
+    filtered: float = 0.0,
+    shaken: float = 0.0,
+) -> Comparison:
+    """A PI loop shaken by its load and by noise, at 1 s, and the right simulation of it. bent: of the gain with OP.
+    filtered: the share of its filtered PV that the controller keeps with each sample. shaken: OP's own noise.
+    """
     rng, stay = np.random.default_rng(seed), np.exp(-1.0 / TAU)
     noise, shocks = 0.3 * rng.standard_normal(samples), 0.3 * rng.standard_normal(samples)
     sp = np.where(moving & (np.arange(samples) // 400 % 2 == 1), 5.0, 0.0)
     op, pv = np.zeros(samples), np.zeros(samples)
-    state = load = integral = 0.0
+    own = shaken * rng.standard_normal(samples)
+    state = load = integral = seen = 0.0
     for t in range(samples):
         pv[t] = state + noise[t]
-        error = sp[t] - pv[t]
+        seen = filtered * seen + (1.0 - filtered) * pv[t]
+        error = sp[t] - seen
         integral += GAIN * error / INTEGRAL
-        op[t] = GAIN * error + integral
+        op[t] = GAIN * error + integral + own[t]
         u = op[t - late] if t >= late else 0.0
         load = 0.9 * load + shocks[t]
         state = stay * state + (1.0 - stay) * (u + bent * u * abs(u) + load)
@@ -54,6 +68,34 @@ def test_a_clean_loop_of_many_samples_is_cleared(moving: bool, late: int, sample
     said = explain(loop(samples, moving, late))
     assert said.verdict == "consistent", [effect.code for effect in said.effects]
     assert not [reason for reason in said.evidence if reason.code == "parameters_off"]
+
+
+@pytest.mark.parametrize("samples", [2400, 4800])
+@pytest.mark.parametrize(("filtered", "shaken"), [(0.7, 0.0), (0.0, 0.6)])
+def test_a_clean_loop_is_cleared_whatever_its_controller_does(samples: int, filtered: float, shaken: float) -> None:
+    """OP carries the noise of PV though no PID law of PV explains it."""
+    comparison = loop(samples, moving=True, filtered=filtered, shaken=shaken)
+    record = record_of(comparison)
+    assert not record.op_follows_pv
+    assert record.fed_back
+    said = explain(comparison)
+    assert said.verdict == "consistent", [effect.code for effect in said.effects]
+
+
+@pytest.mark.parametrize("late", [0.0, 5.0])
+@pytest.mark.parametrize("tau", [0.01, 3.0, 60.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_no_experiment_is_taken_for_a_loop(tau: float, late: float, sign: float) -> None:
+    """Nor where the process answers within a sample, as in averages; nor what holds no noise, or does not move."""
+    rng = np.random.default_rng(6)
+    for u in (rng.standard_normal(6000), np.cumsum(rng.standard_normal(6000))):
+        pv = run_process(u, Plant(sign, tau, late), 1.0)
+        noisy = pv + 0.1 * np.std(pv) * rng.standard_normal(6000)
+        assert not experiment(1.0, u, noisy).fed_back
+        assert not experiment(3.0, held_means(u, 3), held_means(noisy, 3)).fed_back
+    wave = np.sin(np.arange(6000) / 40.0)
+    assert not fed_back(None, run_process(wave, Plant(sign, tau, late), 1.0), wave, np.ones(6000, dtype=np.bool_))
+    assert not fed_back(None, pv, np.full(6000, 50.0), np.ones(6000, dtype=np.bool_))
 
 
 def test_a_bent_gain_is_named_in_a_loop_of_many_samples() -> None:

@@ -90,14 +90,14 @@ def test_terms_of_moments_of_one_record_are_left_out_of_another() -> None:
 @pytest.mark.parametrize("follows", [False, True])
 def test_an_unnamed_model_simulates_the_same_again(follows: bool) -> None:
     """Its terms answer OP at once in an experiment, and a sample later where a controller set OP from PV."""
-    record = replace(driven(replace(LAG, theta=0.0), 1200), follows=follows)
+    record = replace(driven(replace(LAG, theta=0.0), 1200), feedback=follows)
     block = of_name(record, "unnamed/dynamic")
     whole = fitted(record, replace(LAG, theta=0.0), block, np.array([3.0, -2.0, 1.0, 0.5]))
     model = model_from_line(model_line(export(whole, ())))
     assert model.op_follows_pv is follows
     assert simulate_again(model, record.op) - record.pv_mid == pytest.approx(whole.simulated, abs=1e-9)
-    assert record.with_op(record.op + 1.0).op_follows_pv is follows
-    assert alike(record, driven(LAG, 600, 3)).op_follows_pv is follows
+    assert record.with_op(record.op + 1.0).fed_back is follows
+    assert alike(record, driven(LAG, 600, 3)).fed_back is follows
 
 
 def test_a_model_without_these_is_taken_for_one_of_the_record_at_hand() -> None:

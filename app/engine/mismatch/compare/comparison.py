@@ -228,7 +228,7 @@ def shortened(comparison: Comparison) -> Comparison:
     follows PV its beginning, because means of such a loop are of another one (`thinning.factor_for`).
     """
     samples = len(comparison.pv)
-    if samples > MOST_SAMPLES and record_of(comparison).op_follows_pv:
+    if samples > MOST_SAMPLES and record_of(comparison).fed_back:
         return begun(comparison, MOST_SAMPLES)
     return at_interval(comparison, -(-samples // MOST_SAMPLES))
 
@@ -250,7 +250,7 @@ def glimpse(comparison: Comparison) -> Comparison:
     follows PV.
     """
     n = len(comparison.pv)
-    if n > MOST_QUICK_SAMPLES and record_of(comparison).op_follows_pv:
+    if n > MOST_QUICK_SAMPLES and record_of(comparison).fed_back:
         return begun(comparison, MOST_QUICK_AS_SAMPLED)
     allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
     return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))

@@ -39,7 +39,7 @@ def factor_for(base: Fit) -> int:
     it, and a model that copies those copies PV, or is one of the controller.
     """
     record, plant = base.record, base.plant
-    if record.op_follows_pv:
+    if record.fed_back:
         return 1
     own = plant.tau if plant.leak > 0.0 else 10.0 * record.sampling_interval_s
     slowest = own + plant.tau2 + plant.theta

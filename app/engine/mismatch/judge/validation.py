@@ -179,7 +179,7 @@ def simulate_again(
         op_deviation=op - model.op_mid,
         op_span=model.op_span,
         pv_span=model.pv_span,
-        follows=model.op_follows_pv,
+        feedback=model.op_follows_pv,
         reference_s=model.duration_s,
         reference_middles=middles_of(model, record),
         rest=rest_of(model, len(op)),

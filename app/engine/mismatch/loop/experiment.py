@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.engine.mismatch.loop.law import identify_law
+from app.engine.mismatch.loop.law import fed_back, identify_law
 from app.engine.recording import BoolArray, FloatArray
 
 FOLLOWS = 0.8
@@ -33,8 +33,7 @@ class Experiment:
     measured: further signals (N,) by name. usable: (N,) True where PV is compared.
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
     finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
-    follows: whether OP follows PV, where another record of the same loop tells, as that as sampled does of its means,
-    whose OP holds answers to the noise of the PV beside it; None: this one tells.
+    feedback: whether OP is fed back from PV, where another record of the same loop tells; None: this one tells.
     reference_s: seconds of the record that sizes over its duration are of, as those of a drift; None: this one's.
     reference_middles: of measured signals by name, where another record's count; None: this one's means.
     """
@@ -53,7 +52,7 @@ class Experiment:
     measured: tuple[tuple[str, FloatArray], ...] = ()
     rest: FloatArray = field(default_factory=lambda: np.zeros(0))
     finer: Finer | None = None
-    follows: bool | None = None
+    feedback: bool | None = None
     reference_s: float | None = None
     reference_middles: tuple[tuple[str, float], ...] | None = None
 
@@ -79,9 +78,14 @@ class Experiment:
     @cached_property
     def op_follows_pv(self) -> bool:
         """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
-        if self.follows is not None:
-            return self.follows
         return identify_law(self.sp, self.pv, self.op, self.usable).explained >= FOLLOWS
+
+    @cached_property
+    def fed_back(self) -> bool:
+        """Whether OP carries the noise that PV has in the same sample, by a PID law or any other."""
+        if self.feedback is not None:
+            return self.feedback
+        return self.op_follows_pv or fed_back(self.sp, self.pv, self.op, self.usable)
 
     @property
     def duration_s(self) -> float:
@@ -101,13 +105,13 @@ class Experiment:
 
     def with_op(self, op: FloatArray) -> "Experiment":
         """The same record under another OP (N,), its deviations from the same mean; PV is as late behind it."""
-        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None, follows=self.op_follows_pv)
+        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None, feedback=self.fed_back)
 
     def referring(self, first: "Experiment") -> "Experiment":
         """The record with all that a model of the first one refers to, so that the model means the same here."""
         return replace(
             self,
-            follows=first.op_follows_pv,
+            feedback=first.fed_back,
             reference_s=first.reference_duration_s,
             reference_middles=first.middles,
         )
