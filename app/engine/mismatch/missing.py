@@ -7,7 +7,6 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.preparing import Prepared
 from app.engine.mismatch.compare.thinning import (
-    MOST_SAMPLES,
     WANTED_SAMPLES,
     Coarse,
     Refined,
@@ -64,20 +63,17 @@ def compete(prepared: Prepared) -> Competed:
 
 def shortened_for(base: Fit) -> Coarse:
     """What of a long record the names compete on: its beginning as sampled, where our own loop follows a stem there,
-    whose slips no block means hold; the record thinned otherwise, as far as it may be. In a long one that may not stems
-    are looked for in the beginning alone.
+    whose slips no block means hold; the record thinned otherwise.
     """
     factor = factor_for(base)
-    if (factor > 1 or base.record.samples > MOST_SAMPLES) and may_hide_a_stem(base):
+    if factor > 1 and may_hide_a_stem(base):
         beginning = base.record.stretch(0, WANTED_SAMPLES)
         if not too_few(beginning) and np.ptp(beginning.op) > 0.0:
             alone = fit_linear(beginning, base.given)
             stems = restarted(alone, library(beginning))
             if any(takes_its_place(stem, None) for stem in stems):
-                return Coarse(alone, -(-base.record.samples // WANTED_SAMPLES), stems)
+                return Coarse(alone, factor, stems)
     coarse = coarse_of(base, factor)
-    if coarse.fit.record.samples > MOST_SAMPLES:
-        return coarse
     return replace(coarse, stems=restarted(coarse.fit, library(coarse.fit.record)))
 
 

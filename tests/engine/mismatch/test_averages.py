@@ -12,7 +12,7 @@ from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.naming import Believed
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.fitting import fit_linear
-from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.fit.task import OWN_DEVIATION, Given
 from app.engine.mismatch.loop.block import Part
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.law import fed_back
@@ -107,7 +107,7 @@ def test_a_first_look_at_a_clean_loop_of_many_samples_finds_nothing() -> None:
     assert locate(loop(4100, moving=True)).block is None
 
 
-def test_no_averages_are_taken_where_op_follows_pv() -> None:
+def test_no_averages_are_taken_beside_a_simulation_where_op_follows_pv() -> None:
     samples = MOST_SAMPLES + 1000
     closed, free = loop(samples, moving=True), experiment_of(samples)
     begun, averaged = shortened(closed), shortened(free)
@@ -119,6 +119,16 @@ def test_no_averages_are_taken_where_op_follows_pv() -> None:
     slow = Given(Plant(1.0, 60.0, 0.0))
     assert factor_for(fit_linear(record_of(closed.part(slice(0, 9000))), slow, 1)) == 1
     assert factor_for(fit_linear(record_of(free.part(slice(0, 9000))), slow, 1)) == 3
+    own = replace(slow, deviation=OWN_DEVIATION)
+    assert factor_for(fit_linear(record_of(closed.part(slice(0, 9000))), own, 1)) == 3
+    assert shortened(replace(closed, simulation=None)).sampling_interval_s == 2.0
+
+
+def test_what_averages_suggest_of_our_own_loop_goes_with_a_reason() -> None:
+    """OP's means hold the controller's answers; what they are taken for does not pay among the samples themselves."""
+    said = explain(replace(loop(4100, moving=True, seed=1), simulation=None))
+    assert said.verdict == "consistent"
+    assert "whole_disagrees" in [reason.code for reason in said.evidence]
 
 
 def test_a_name_that_pays_stands_though_it_moves_the_error_of_a_long_record_little() -> None:

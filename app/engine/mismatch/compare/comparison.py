@@ -224,13 +224,20 @@ def wild_samples(pv: FloatArray) -> BoolArray:
 
 
 def shortened(comparison: Comparison) -> Comparison:
-    """The comparison at a longer interval where it has more samples than can be fitted in reasonable time; where OP
-    follows PV its beginning, because means of such a loop are of another one (`thinning.factor_for`).
+    """The comparison at a longer interval where it has more samples than can be fitted in reasonable time; beside
+    a given simulation its beginning where OP follows PV, because means of such a loop are of another one
+    (`thinning.factor_for`).
     """
     samples = len(comparison.pv)
-    if samples > MOST_SAMPLES and record_of(comparison).fed_back:
+    if samples > MOST_SAMPLES and answers_a_simulation(comparison):
         return begun(comparison, MOST_SAMPLES)
     return at_interval(comparison, -(-samples // MOST_SAMPLES))
+
+
+def answers_a_simulation(comparison: Comparison) -> bool:
+    """Whether a simulation was given of a loop whose OP follows PV: means would make it wrong."""
+    given = comparison.trace is not None or comparison.simulation is not None
+    return given and record_of(comparison).fed_back
 
 
 def begun(comparison: Comparison, most: int) -> Comparison:
@@ -246,11 +253,11 @@ def begun(comparison: Comparison, most: int) -> Comparison:
 
 
 def glimpse(comparison: Comparison) -> Comparison:
-    """The comparison as short as a first answer needs it, and PV's own memory allows it; as it was sampled where OP
-    follows PV.
+    """The comparison as short as a first answer needs it, and PV's own memory allows it; as it was sampled
+    beside a given simulation where OP follows PV.
     """
     n = len(comparison.pv)
-    if n > MOST_QUICK_SAMPLES and record_of(comparison).fed_back:
+    if n > MOST_QUICK_SAMPLES and answers_a_simulation(comparison):
         return begun(comparison, MOST_QUICK_AS_SAMPLED)
     allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
     return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))

@@ -1,5 +1,5 @@
 """Long records made shorter for the competition: block means, as far as the process is slow enough to allow it, and
-nowhere where OP follows PV.
+not beside a given simulation where OP follows PV.
 """
 
 from dataclasses import dataclass, replace
@@ -35,11 +35,12 @@ class Coarse:
 
 def factor_for(base: Fit) -> int:
     """By how much a record is thinned: to WANTED_SAMPLES where the process spans two coarse intervals at least, to
-    MOST_SAMPLES whatever it does. Not where OP follows PV: OP's mean over a block holds answers to what moved PV within
-    it, and a model that copies those copies PV, or is one of the controller.
+    MOST_SAMPLES whatever it does. Not beside a given simulation where OP follows PV: OP's mean over a block holds
+    answers to what moved PV within it, and a model that copies those copies PV, or is one of the controller. A loop of
+    our own is found from the same OP, and has its share of that.
     """
     record, plant = base.record, base.plant
-    if record.fed_back:
+    if record.fed_back and not base.given.own:
         return 1
     own = plant.tau if plant.leak > 0.0 else 10.0 * record.sampling_interval_s
     slowest = own + plant.tau2 + plant.theta
