@@ -50,6 +50,7 @@ EvidenceCode = Literal[
     "controller_cleared", "controller_not_evaluated", "controller_differs", "yper_lacked", "pv_held", "pv_levels",
     "pv_at_limit", "pv_repeats", "pv_straight", "read_back", "wild_samples", "time_runs_back", "part_explained",
     "numbers_in_doubt", "times_assumed", "times_repeated",
+    "whole_disagrees",
 ]  # fmt: skip
 """What an explanation rests on, and what is said of the comparison."""
 

@@ -10,10 +10,10 @@ from app.engine.mismatch.compare.read_back import without_read_backs
 from app.engine.mismatch.compete.competition import glance
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.refitting import CODE, offered_beside
-from app.engine.mismatch.fit.windows import whole, windows_along
+from app.engine.mismatch.fit.windows import active_mask, whole, windows_along
 from app.engine.mismatch.judge.conclude import nothing_left, too_few
 from app.engine.mismatch.judge.result import NOWHERE, Location
-from app.engine.mismatch.loop.block import Block, Context, Part
+from app.engine.mismatch.loop.block import Block, Part
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.report import location_of, pattern_effect
@@ -31,11 +31,13 @@ def first_location(comparison: Comparison) -> Location:
     patterns = find_patterns(record)
     if patterns:
         return location_of((pattern_effect(patterns[0], record),))
-    base = prepare(glimpse(comparison)).base
+    seen = glimpse(comparison)
+    base, said = prepare(seen).base, seen.notes[len(comparison.notes) :]
     few = too_few(base.record)
     if few or nothing_left(base):
-        return replace(NOWHERE, evidence=few)
-    return quick_location(base, (*library(base.record), *offered_beside(base)))
+        return replace(NOWHERE, evidence=(*said, *few))
+    found = quick_location(base, (*library(base.record), *offered_beside(base)))
+    return replace(found, evidence=(*said, *found.evidence))
 
 
 def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
@@ -54,8 +56,8 @@ def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
         return Location(None, (), "nowhere", None, (Reason("parameters_off", text),))
     part = Part(best.block, best.starts[0].values)
     windows = whole(base.record)
-    if best.block.active is not None and best.block.stage != "process":
-        mask = best.block.active(base.record.op_deviation, part.values, Context(base.record, base.plant))
+    if best.block.active is not None:
+        mask = active_mask(replace(base, plant=best.starts[0].plant or base.plant, parts=(*base.parts, part)), part)
         windows = windows_along(base.record, mask)
     reason = Reason("scan", f"a scan gains {best.gain:.1f} points of log-likelihood with {best.block.code}")
     return Location(best.block.place, windows, best.block.condition, None, (reason,))

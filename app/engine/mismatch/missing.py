@@ -6,7 +6,14 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.preparing import Prepared
-from app.engine.mismatch.compare.thinning import WANTED_SAMPLES, Coarse, coarse_of, factor_for, refined
+from app.engine.mismatch.compare.thinning import (
+    WANTED_SAMPLES,
+    Coarse,
+    Refined,
+    coarse_of,
+    factor_for,
+    refined,
+)
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.restarting import may_hide_a_stem, restarted, takes_its_place
 from app.engine.mismatch.compete.selection import Selection, select
@@ -24,7 +31,7 @@ NEARLY = 0.5
 @dataclass(frozen=True, eq=False)
 class Competed:
     """The linear loop that effects were looked for beside, and what was found. off: how far it is from the given one,
-    where that is further than it was trusted.
+    where that is further than it was trusted; and why names are lost that a shorter record suggested.
     """
 
     base: Fit
@@ -51,7 +58,8 @@ def compete(prepared: Prepared) -> Competed:
     again = fit_linear(base.record, given)
     coarse = coarse_of(again, factor_for(again))
     selection = select(coarse.fit, blocks, already)
-    return Competed(again, finely(again, coarse, selection), (off_in_words(base.given, given),))
+    fine = finely(again, coarse, selection)
+    return Competed(again, fine.selection, (off_in_words(base.given, given), *fine.lost))
 
 
 def shortened_for(base: Fit) -> Coarse:
@@ -70,8 +78,12 @@ def shortened_for(base: Fit) -> Coarse:
     return replace(coarse, stems=restarted(coarse.fit, fixed()))
 
 
-def finely(base: Fit, coarse: Coarse, selection: Selection) -> Selection:
-    return selection if coarse.factor == 1 else refined(base, selection)
+def finely(base: Fit, coarse: Coarse, selection: Selection) -> Refined:
+    return Refined(selection) if coarse.factor == 1 else refined(base, selection)
+
+
+def competed(base: Fit, fine: Refined) -> Competed:
+    return Competed(base, fine.selection, fine.lost)
 
 
 def beside_own_dynamics(
@@ -82,13 +94,13 @@ def beside_own_dynamics(
     """
     own = lacking_dynamics(selection)
     if own is None:
-        return Competed(base, finely(base, coarse, selection))
+        return competed(base, finely(base, coarse, selection))
     named = tuple(block for block in blocks if block.name != own.block.name)
     if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
         # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
-        return Competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
-    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).fit
-    return Competed(richer, finely(richer, coarse, select(own.fit, named, already)))
+        return competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
+    richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).selection.fit
+    return competed(richer, finely(richer, coarse, select(own.fit, named, already)))
 
 
 def lacking_dynamics(selection: Selection) -> Contender | None:

@@ -170,4 +170,7 @@ def export(found: Fit, sensors: tuple[Part, ...]) -> ExplainedModel:
         parts,
         tuple(name for name, _ in record.measured),
         tuple(record.rest.tolist()) if np.any(record.rest != 0.0) else (),
+        record.reference_duration_s,
+        tuple(mid for _, mid in record.middles),
+        record.fed_back,
     )

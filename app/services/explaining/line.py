@@ -237,6 +237,9 @@ def model_line(model: ExplainedModel) -> dict[str, Any]:
         "parts": [{"name": p.name, "effect": p.code, "values": list(p.values)} for p in model.parts],
         "measured": list(model.measured),
         "rest": list(model.rest),
+        "duration_s": model.duration_s,
+        "measured_mids": list(model.measured_mids),
+        "op_follows_pv": model.op_follows_pv,
     }
 
 
@@ -257,6 +260,9 @@ def model_from_line(line: dict[str, Any]) -> ExplainedModel:
             ),
             measured=tuple(str(name) for name in model["measured"]),
             rest=tuple(float(value) for value in model.get("rest", ())),
+            duration_s=None if model.get("duration_s") is None else float(model["duration_s"]),
+            measured_mids=tuple(float(value) for value in model.get("measured_mids", ())),
+            op_follows_pv=bool(model.get("op_follows_pv", True)),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError("model_invalid", f"this is no model that explain has written: {error}") from error

@@ -18,7 +18,7 @@ LEAST_MOVES = 10
 STRONGEST = 1e12
 WILD, WILD_SHARE, OUTSIDE = 30.0, 0.01, 5.0
 MOST_SAMPLES = 40_000
-QUICK_SAMPLES, MOST_QUICK_SAMPLES = 1500, 3000
+QUICK_SAMPLES, MOST_QUICK_SAMPLES, MOST_QUICK_AS_SAMPLED = 1500, 3000, 20_000
 INTERVALS_A_MEMORY = 3.0
 LEAST_TIME_CONSTANT = 0.05
 MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no other than an integrator
@@ -224,13 +224,41 @@ def wild_samples(pv: FloatArray) -> BoolArray:
 
 
 def shortened(comparison: Comparison) -> Comparison:
-    """The comparison at a longer interval where it has more samples than can be fitted in reasonable time."""
-    return at_interval(comparison, -(-len(comparison.pv) // MOST_SAMPLES))
+    """The comparison at a longer interval where it has more samples than can be fitted in reasonable time; beside
+    a given simulation its beginning where OP follows PV, because means of such a loop are of another one
+    (`thinning.factor_for`).
+    """
+    samples = len(comparison.pv)
+    if samples > MOST_SAMPLES and answers_a_simulation(comparison):
+        return begun(comparison, MOST_SAMPLES)
+    return at_interval(comparison, -(-samples // MOST_SAMPLES))
+
+
+def answers_a_simulation(comparison: Comparison) -> bool:
+    """Whether a simulation was given of a loop whose OP follows PV: means would make it wrong."""
+    given = comparison.trace is not None or comparison.simulation is not None
+    return given and record_of(comparison).fed_back
+
+
+def begun(comparison: Comparison, most: int) -> Comparison:
+    """The first `most` samples of a comparison that has more, with a note."""
+    if len(comparison.pv) <= most:
+        return comparison
+    text = (
+        f"of {len(comparison.pv)} samples the first {most} are explained: OP follows PV, and in averages of more the "
+        "controller's answers cannot be told from the process'"
+    )
+    note = Reason("part_explained", text)
+    return replace(comparison.part(slice(0, most)), notes=(*comparison.notes, note))
 
 
 def glimpse(comparison: Comparison) -> Comparison:
-    """The comparison as short as a first answer needs it, and PV's own memory allows it."""
+    """The comparison as short as a first answer needs it, and PV's own memory allows it; as it was sampled
+    beside a given simulation where OP follows PV.
+    """
     n = len(comparison.pv)
+    if n > MOST_QUICK_SAMPLES and answers_a_simulation(comparison):
+        return begun(comparison, MOST_QUICK_AS_SAMPLED)
     allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
     return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))
 

@@ -1,13 +1,17 @@
-"""Long records made shorter for the competition: block means, as far as the process is slow enough to allow it."""
+"""Long records made shorter for the competition: block means, as far as the process is slow enough to allow it, and
+not beside a given simulation where OP follows PV.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.engine.evidence import Reason
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.selection import Selection
+from app.engine.mismatch.compete.worth import no_worse, swing_between
 from app.engine.mismatch.fit.fitting import Fit, fit, fit_linear
-from app.engine.mismatch.fit.free_run import error_left, stem_swing
+from app.engine.mismatch.fit.free_run import free_run_error
 from app.engine.mismatch.fit.task import make_task, start_at
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.physics import named
@@ -16,7 +20,6 @@ from app.engine.recording import BoolArray, FloatArray
 WANTED_SAMPLES = 4000
 MOST_SAMPLES = 8000
 INTERVALS_A_TIME = 2.0
-WORTH = 0.995
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +35,13 @@ class Coarse:
 
 def factor_for(base: Fit) -> int:
     """By how much a record is thinned: to WANTED_SAMPLES where the process spans two coarse intervals at least, to
-    MOST_SAMPLES whatever it does.
+    MOST_SAMPLES whatever it does. Not beside a given simulation where OP follows PV: OP's mean over a block holds
+    answers to what moved PV within it, and a model that copies those copies PV, or is one of the controller. A loop of
+    our own is found from the same OP, and has its share of that.
     """
     record, plant = base.record, base.plant
+    if record.fed_back and not base.given.own:
+        return 1
     own = plant.tau if plant.leak > 0.0 else 10.0 * record.sampling_interval_s
     slowest = own + plant.tau2 + plant.theta
     allowed = max(int(slowest / (INTERVALS_A_TIME * record.sampling_interval_s)), 1)
@@ -50,7 +57,7 @@ def thinned_op_ahead_pv_centred(record: Experiment, factor: int) -> Experiment:
     """
     op, pv = held_means(record.op, factor), centred_means(record.pv, factor)
     return replace(
-        record,
+        record.referring(record),
         sampling_interval_s=record.sampling_interval_s * factor,
         op=op,
         pv=pv,
@@ -89,19 +96,43 @@ def coarse_of(base: Fit, factor: int) -> Coarse:
     return Coarse(fit_linear(thinned_op_ahead_pv_centred(base.record, factor), base.given), factor)
 
 
-def refined(base: Fit, selection: Selection) -> Selection:
-    """A selection made on a thinned record, its numbers fitted again on the whole one; nothing is left of it where
-    that does not pay there.
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A selection as the whole record bears it, and why names are lost that a shorter one suggested."""
+
+    selection: Selection
+    lost: tuple[Reason, ...] = ()
+
+
+def refined(base: Fit, selection: Selection) -> Refined:
+    """A selection made on a shorter record, its numbers fitted again on the whole one. Where that does not pay there,
+    what would be said without the second of two effects, or nothing, is left of it.
     """
     if not selection.effects:
-        return replace(selection, fit=base)
+        return Refined(replace(selection, fit=base))
     parts = selection.fit.parts
     known = named(base.record, (part.block.name for part in parts))
     task = make_task(base.record, selection.fit.given, tuple(known[part.block.name] for part in parts))
     x = start_at(task, selection.fit.plant, np.concatenate([part.values for part in parts]))
     fine = fit(task, x, None, 2, 6)
-    swing = stem_swing(fine)
-    if error_left(fine, swing) > WORTH * error_left(base, swing):
-        return Selection(base, (), selection.ranking)
     alone = None if selection.alone is None else refined(base, selection.alone)
-    return replace(selection, fit=fine, alone=alone)
+    if fine.score > base.score and no_worse(fine, base):
+        return Refined(replace(selection, fit=fine, alone=None if alone is None else alone.selection))
+    lost = (lost_in_words(base, fine, selection),)
+    if alone is None:
+        return Refined(Selection(base, (), selection.ranking), lost)
+    return Refined(alone.selection, (*lost, *alone.lost))
+
+
+def lost_in_words(base: Fit, fine: Fit, selection: Selection) -> Reason:
+    """Why names do not stand on the whole record."""
+    names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
+    asked, gained = base.score - base.likelihood, fine.likelihood - base.likelihood
+    asked += fine.likelihood - fine.score
+    left = free_run_error(fine, swing_between(fine, base)), free_run_error(base, swing_between(fine, base))
+    text = (
+        f"{names} would explain the shorter record that names compete on ({selection.fit.record.samples} samples), but "
+        f"all {base.record.samples} samples gain {gained:.1f} points of log-likelihood with it, where {asked:.1f} are "
+        f"asked, and the free run's error goes from {left[1]:.4g} to {left[0]:.4g}"
+    )
+    return Reason("whole_disagrees", text)

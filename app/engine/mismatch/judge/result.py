@@ -90,7 +90,10 @@ class ExplainedModel:
     """Enough to simulate again: the linear plant, the parts, and the means and spans that deviations are taken from.
 
     It is the model whose free run the held-out figures and the trace are of. rest: (N,) unit of PV, what a given
-    simulation held beside a linear model; empty where it was linear.
+    simulation held beside a linear model; empty where it was linear. duration_s: of its record, in s, over which sizes
+    of what grows are told; None: as long as the one it is simulated along. measured_mids: the means of the signals
+    `measured`, one each; empty: those of the record it is simulated along. op_follows_pv: whether a controller set OP
+    from PV in its record, so that unnamed terms answer a sample later.
     """
 
     sampling_interval_s: float
@@ -102,6 +105,9 @@ class ExplainedModel:
     parts: tuple[PartModel, ...]
     measured: tuple[str, ...]
     rest: tuple[float, ...] = ()
+    duration_s: float | None = None
+    measured_mids: tuple[float, ...] = ()
+    op_follows_pv: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, Experiment, alike, experiment
 from app.engine.mismatch.loop.plant import Plant
-from app.engine.mismatch.physics import named
+from app.engine.mismatch.physics import named, terms
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
@@ -70,7 +70,8 @@ def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]
 
 def lasting(parts: tuple[Part, ...]) -> tuple[Part, ...]:
     """The parts that a second record has as well."""
-    return tuple(part for part in parts if part.block.code not in OF_ONE_RECORD)
+    kept = (terms.untimed(part) for part in parts if part.block.code not in OF_ONE_RECORD)
+    return tuple(part for part in kept if part is not None)
 
 
 def beginning(usable: BoolArray) -> BoolArray:
@@ -111,6 +112,12 @@ def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
     return np.array(model.rest)
 
 
+def middles_of(model: ExplainedModel, record: Experiment) -> tuple[tuple[str, float], ...]:
+    """Where the model's measured signals stood in its own record; in this one, where it does not say."""
+    told = dict(zip(model.measured, model.measured_mids, strict=False))
+    return tuple((name, told.get(name, middle)) for name, middle in record.middles)
+
+
 def values_of(part: PartModel, block: Block, record: Experiment) -> FloatArray:
     """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes."""
     names = [parameter.name for parameter in block.parameters(Context(record, Plant(1.0, 1.0, 0.0)))]
@@ -128,6 +135,8 @@ def plant_of(model: ExplainedModel, duration_s: float) -> Plant:
     strange = [name for name in numbers if name not in Plant.__dataclass_fields__]
     lacking = [name for name in ("K", "tau", "theta") if name not in numbers]
     others = {name: getattr(model, name) for name in ("sampling_interval_s", "op_mid", "pv_mid", "op_span", "pv_span")}
+    others |= {} if model.duration_s is None else {"duration_s": model.duration_s}
+    others |= {f"the middle of {name}": mid for name, mid in zip(model.measured, model.measured_mids, strict=False)}
     loose = [name for name, value in (*numbers.items(), *others.items()) if not np.isfinite(value)]
     faults = [f"its plant has {', '.join(strange)}"] if strange else []
     faults += [f"its plant lacks {', '.join(lacking)}"] if lacking else []
@@ -141,7 +150,8 @@ def plant_of(model: ExplainedModel, duration_s: float) -> Plant:
 
 def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s: float) -> list[str]:
     """Times and spans of a model that no process has."""
-    above = [name for name in ("sampling_interval_s", "op_span", "pv_span") if others[name] <= 0.0]
+    positive = ("sampling_interval_s", "op_span", "pv_span", "duration_s")
+    above = [name for name in positive if others.get(name, 1.0) <= 0.0]
     above += ["tau"] if plant["tau"] <= 0.0 else []
     below = [name for name in ("theta", "tau2", "tau3", "leak") if plant.get(name, 0.0) < 0.0]
     late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
@@ -169,6 +179,9 @@ def simulate_again(
         op_deviation=op - model.op_mid,
         op_span=model.op_span,
         pv_span=model.pv_span,
+        feedback=model.op_follows_pv,
+        reference_s=model.duration_s,
+        reference_middles=middles_of(model, record),
         rest=rest_of(model, len(op)),
     )
     plant = plant_of(model, len(op) * model.sampling_interval_s)

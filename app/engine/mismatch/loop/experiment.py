@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.engine.mismatch.loop.law import identify_law
+from app.engine.mismatch.loop.law import fed_back, identify_law
 from app.engine.recording import BoolArray, FloatArray
 
 FOLLOWS = 0.8
@@ -34,6 +34,9 @@ class Experiment:
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
     finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
     first_s: its first sample, s from the start of the recording: instants at which PV was taken have their own start.
+    feedback: whether OP is fed back from PV, where another record of the same loop tells; None: this one tells.
+    reference_s: seconds of the record that sizes over its duration are of, as those of a drift; None: this one's.
+    reference_middles: of measured signals by name, where another record's count; None: this one's means.
     """
 
     sampling_interval_s: float
@@ -51,6 +54,9 @@ class Experiment:
     rest: FloatArray = field(default_factory=lambda: np.zeros(0))
     finer: Finer | None = None
     first_s: float = 0.0
+    feedback: bool | None = None
+    reference_s: float | None = None
+    reference_middles: tuple[tuple[str, float], ...] | None = None
 
     @property
     def samples(self) -> int:
@@ -76,19 +82,47 @@ class Experiment:
         """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
         return identify_law(self.sp, self.pv, self.op, self.usable).explained >= FOLLOWS
 
+    @cached_property
+    def fed_back(self) -> bool:
+        """Whether OP carries the noise that PV has in the same sample, by a PID law or any other."""
+        if self.feedback is not None:
+            return self.feedback
+        return self.op_follows_pv or fed_back(self.sp, self.pv, self.op, self.usable)
+
     @property
     def duration_s(self) -> float:
         return self.samples * self.sampling_interval_s
 
+    @property
+    def reference_duration_s(self) -> float:
+        """Over how many seconds the sizes of what grows along the record are told."""
+        return self.duration_s if self.reference_s is None else self.reference_s
+
+    @cached_property
+    def middles(self) -> tuple[tuple[str, float], ...]:
+        """Where each measured signal's deviations are taken from, its unit."""
+        if self.reference_middles is not None:
+            return self.reference_middles
+        return tuple((name, float(np.mean(signal))) for name, signal in self.measured)
+
     def with_op(self, op: FloatArray) -> "Experiment":
-        """The same record under another OP (N,), its deviations from the same mean."""
-        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None)
+        """The same record under another OP (N,), its deviations from the same mean; PV is as late behind it."""
+        return replace(self, op=op, op_deviation=op - self.op_mid, finer=None, feedback=self.fed_back)
+
+    def referring(self, first: "Experiment") -> "Experiment":
+        """The record with all that a model of the first one refers to, so that the model means the same here."""
+        return replace(
+            self,
+            feedback=first.fed_back,
+            reference_s=first.reference_duration_s,
+            reference_middles=first.middles,
+        )
 
     def stretch(self, begin: int, end: int) -> "Experiment":
         """The samples from `begin` to before `end`, as deviations from the means of the whole."""
         part = slice(begin, end)
         return replace(
-            self,
+            self.referring(self),
             op=self.op[part],
             pv=self.pv[part],
             usable=self.usable[part],
@@ -159,7 +193,7 @@ def alike(first: Experiment, second: Experiment) -> Experiment:
     it.
     """
     return replace(
-        second,
+        second.referring(first),
         op_mid=first.op_mid,
         pv_mid=first.pv_mid,
         op_deviation=second.op - first.op_mid,

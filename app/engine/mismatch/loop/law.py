@@ -1,10 +1,14 @@
-"""The controller's law: read off SP, PV and OP, or as somebody gives it."""
+"""The controller's law: read off SP, PV and OP, or as somebody gives it; and whether any law at all is in OP."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.recording import BoolArray, FloatArray
+
+PAST = 6  # samples
+SHARED, SURE = 0.05, 3.0
+PREDICTED = 1e-3  # of the variance of OP's moves: what a smooth OP leaves of its past's foresight is no news
 
 
 @dataclass(frozen=True)
@@ -101,3 +105,33 @@ def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: 
     if ki == 0.0:
         return Law(0.0, 0.0, 0.0, 0.0)
     return Law(kc, ki, kd, explained, float(numbers[3]) / ki)
+
+
+def fed_back(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray) -> bool:
+    """Whether OP answers the news in PV of the same sample, whatever the law: filtered, rounded, with moves of its own.
+
+    News is what SP and the past of OP and PV do not foretell. Within a sample it moves both where a controller answers
+    PV, and where OP drives a fast process; but only in the first case one against the way in which PV goes when the
+    other has moved. Source: the direct method of closed-loop identification, Ljung, System Identification, 2nd edition
+    1999, chapter 13.
+    """
+    kept = usable.copy()
+    for k in range(1, PAST + 1):
+        kept[k:] &= usable[:-k]
+    at = np.flatnonzero(kept[PAST:]) + PAST
+    signals = [(op, 1), (pv, 1), *([(sp, 0)] if sp is not None else [])]
+    columns = [(x - np.mean(x))[at - k] / (np.std(x) + 1e-300) for x, first in signals for k in range(first, PAST + 1)]
+    basis, both = np.stack([np.ones(len(at)), *columns], axis=1), np.stack([op[at], pv[at]], axis=1)
+    if len(at) < 2 * basis.shape[1] or np.ptp(op) <= 0.0 or np.ptp(pv) <= 0.0:
+        return False
+    numbers = np.linalg.lstsq(basis, both, rcond=None)[0]
+    news = both - basis @ numbers
+    powers = np.mean(news * news, axis=0)
+    if powers[0] <= PREDICTED * np.var(np.diff(op)) or powers[1] <= 0.0:
+        return False
+    shared = float(np.mean(news[:, 0] * news[:, 1]) / np.sqrt(powers[0] * powers[1]))
+    of_op = np.zeros(basis.shape[1])
+    of_op[1 : PAST + 1] = 1.0
+    spread = float(powers[1] * (of_op @ np.linalg.pinv(basis.T @ basis) @ of_op))
+    way = float(numbers[:, 1] @ of_op)
+    return shared * shared >= SHARED and shared * way < 0.0 and way * way > SURE * SURE * spread

@@ -12,10 +12,10 @@ from app.engine.recording import FloatArray
 
 def as_drive(context: Context) -> float:
     """The OP that moves the process as a load of 1 unit of PV does; where the process integrates, one that moves it by
-    that much in a tenth of the record.
+    that much in a tenth of the record that sizes are told of.
     """
     plant = context.plant
-    strength = 1.0 if plant.leak > 0.0 else 10.0 * plant.tau / context.record.duration_s
+    strength = 1.0 if plant.leak > 0.0 else 10.0 * plant.tau / context.record.reference_duration_s
     return strength / plant.K
 
 

@@ -12,8 +12,8 @@ from app.engine.recording import FloatArray
 ROUNDING = 1e-12  # of the largest value
 
 
-def _block(name: str, source: FloatArray) -> Block:
-    middle, spread = float(np.mean(source)), float(np.std(source))
+def _block(name: str, source: FloatArray, middle: float) -> Block:
+    spread = float(np.std(source)) or 1.0  # a cause that stands moves PV by where it stands
 
     def parameters(context: Context) -> tuple[Parameter, ...]:
         ts, unit = context.record.sampling_interval_s, context.record.pv_span / spread
@@ -48,8 +48,15 @@ def _block(name: str, source: FloatArray) -> Block:
 
 
 def blocks(record: Experiment) -> tuple[Block, ...]:
-    """A coupling block for each measured signal that moves at all."""
-    return tuple(_block(name, signal) for name, signal in record.measured if moves(signal))
+    """A coupling block for each measured signal that moves at all, or is told of from where it stood in another
+    record.
+    """
+    middles, elsewhere = dict(record.middles), record.reference_middles is not None
+    return tuple(
+        _block(name, signal, middles[name])
+        for name, signal in record.measured
+        if name in middles and (elsewhere or moves(signal))
+    )
 
 
 def of_causes(record: Experiment) -> tuple[Block, ...]:

@@ -31,7 +31,7 @@ def ramp_starts(context: Context, _: FloatArray) -> FloatArray:
 
 
 def to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return scaled(signal, values[1] * ramp(context, values[0], context.record.duration_s), context)
+    return scaled(signal, values[1] * ramp(context, values[0], context.record.reference_duration_s), context)
 
 
 def step_starts(context: Context, _: FloatArray) -> FloatArray:

@@ -32,10 +32,10 @@ def acting(u: FloatArray, context: Context) -> FloatArray:
     """A drive u (N,) as it reaches PV: after the dead time, and where a controller set it a sample later.
 
     A controller sets OP from the PV of the same sample. A term that answers at once undoes the controller's law and
-    copies PV, noise included. Where no such law is in OP, as in an experiment, the process may answer within a sample.
+    copies PV, noise included. Where none is in OP, as in an experiment, the process may answer within a sample.
     """
     ts = context.record.sampling_interval_s
-    return delay(u, context.plant.theta + (ts if context.record.op_follows_pv else 0.0), ts)
+    return delay(u, context.plant.theta + (ts if context.record.fed_back else 0.0), ts)
 
 
 def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:

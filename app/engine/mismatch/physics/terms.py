@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
 from app.engine.mismatch.loop.plant import lag
 from app.engine.mismatch.physics.generic import CODE, SPEEDS, acting
 from app.engine.mismatch.physics.scales import slowness
@@ -44,8 +44,8 @@ class Drives:
 
     @cached_property
     def time(self) -> FloatArray:
-        """(N,) from -1 at the first instant to 1 at the last."""
-        return 2.0 * self.context.time_s / self.context.record.duration_s - 1.0
+        """(N,) from -1 at the first instant to 1 at the last of the record that sizes are told of."""
+        return 2.0 * self.context.time_s / self.context.record.reference_duration_s - 1.0
 
     @cached_property
     def rate(self) -> FloatArray:
@@ -63,13 +63,14 @@ class Drives:
 @dataclass(frozen=True)
 class Shape:
     """One way to answer OP. dynamic: by how fast it moves; multiplicative: as a product of two signals; memory: by what
-    was before, beyond what a lag keeps of it.
+    was before, beyond what a lag keeps of it; timed: by when in its record it is.
     """
 
     make: Callable[[Drives], FloatArray]
     dynamic: bool = False
     multiplicative: bool = False
     memory: bool = False
+    timed: bool = False
 
 
 def product(one: str, other: str, speed: float) -> Shape:
@@ -118,8 +119,8 @@ BENT = {
     "op_rate_times_op": Shape(lambda d: d.push * d.u, True, True),
     "op_speed_times_op": Shape(lambda d: np.abs(d.push) * d.u, True, True),
     "op_rate_times_pv": Shape(lambda d: d.push * d.s, True, True),
-    "op_times_time": Shape(lambda d: d.u * d.time, False, True),
-    "pv_times_time": Shape(lambda d: d.s * d.time, False, True),
+    "op_times_time": Shape(lambda d: d.u * d.time, False, True, timed=True),
+    "pv_times_time": Shape(lambda d: d.s * d.time, False, True, timed=True),
     **{f"op_play_{band:g}": by_play("u", band) for band in BANDS},
     **{f"pv_play_{band:g}": by_play("s", band) for band in BANDS},
     **{f"pv_beyond_{level:g}": beyond(level) for level in (-0.25, 0.0, 0.25)},
@@ -130,7 +131,7 @@ LAGS = {"_lagged": 1.0, "_lasting": 8.0}
 
 def behind(shape: Shape, speed: float) -> Shape:
     """The same before a lag: what it makes passes that."""
-    return Shape(lambda d: d.late(shape.make(d), speed), shape.dynamic, shape.multiplicative, shape.memory)
+    return Shape(lambda d: d.late(shape.make(d), speed), shape.dynamic, shape.multiplicative, shape.memory, shape.timed)
 
 
 SHAPES = (
@@ -175,6 +176,17 @@ def kind_of(names: tuple[str, ...]) -> str:
     place = "before the lag" if names[0].endswith(tuple(LAGS)) else "behind the lag"
     memory = "with memory" if any(shape.memory for shape in shapes) else "without memory"
     return f"while OP moves: {speed}, {way}, {place}, {memory}"
+
+
+def untimed(part: Part) -> Part | None:
+    """A part without those of its terms that are of moments of one record; None where nothing is left of it."""
+    if not part.block.name.startswith(f"{CODE}/{FORM}"):
+        return part
+    names = part.block.form.removeprefix(FORM).split("+")
+    kept = [k for k, name in enumerate(names) if not SHAPES[name].timed]
+    if len(kept) == len(names):
+        return part
+    return Part(made_of(tuple(names[k] for k in kept)), part.values[kept]) if kept else None
 
 
 def of_name(name: str) -> Block | None:
