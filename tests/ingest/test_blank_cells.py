@@ -1,9 +1,11 @@
 """Blank cells of a wide table: the same samples give the same loop, whether they stand in a wide or a long table."""
 
+import io
 from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.engine.simulate import keep
@@ -150,3 +152,13 @@ def test_a_word_for_nothing_is_none_in_a_long_table(read: Read) -> None:
     content = read(long(signals))
     assert dict(content.rejects.counts) == {"not_a_number": 1}
     assert np.flatnonzero(np.isnan(content.loops["A"].op)).tolist() == [700, 800]
+
+
+def test_nothing_in_a_typed_table_is_a_blank(read: Read) -> None:
+    signals = {signal: by_exception()[signal] for signal in ("PV", "OP", "SP")}
+    columns = {"Time": pl.Series(STAMPS).str.to_datetime()}
+    for signal, own in signals.items():
+        columns[f"A.{signal}"] = pl.Series([float(own[k]) if k in own else None for k in range(N)])
+    stream = io.BytesIO()
+    pl.DataFrame(columns).write_parquet(stream)
+    same(read(stream.getvalue(), name="night.parquet").loops["A"], read(long(signals)).loops["A"])
