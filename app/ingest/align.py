@@ -6,6 +6,9 @@ data), cannot be audited row by row: PV's times are the base, and each other sig
 signals by straight lines between their samples (that is what a swinging door keeps), SP and MODE by their last known
 value (they step). Nothing is extrapolated beyond a signal's last sample except a step, and no line goes over a hole:
 over a value that was refused, or an interval far longer than the long ones of a signal that is sampled evenly.
+
+An OP that moves at nearly every scan and is stored when it changes looks sampled evenly, and its rests like holes: it
+keeps the value that it rests at (see `_resting`).
 `LoopSamples.resampled` names the signals that were treated so.
 """
 
@@ -24,7 +27,9 @@ HOLE_INTERVALS = 10.0  # of the long ones of a signal that is sampled evenly
 LONG = 0.95  # of the intervals are not longer than a long one
 FEWEST = 10  # intervals that show whether a signal is sampled evenly
 EVEN = 1.5  # times the usual interval: whose long ones are shorter is sampled evenly, and not stored when it changes
-_STEPS = frozenset(("SP", "MODE"))
+SELDOM = 0.01  # of an OP's values are the one before again, at most, where it is stored when it changes
+USUAL_MOVE = 0.99  # of an OP's moves are not larger than a usual one
+STEPS = frozenset(("SP", "MODE"))
 
 
 def stretches(blocks: Iterable[SignalBlock]) -> Iterator[LoopSamples]:
@@ -50,6 +55,8 @@ def align(blocks: Sequence[SignalBlock]) -> LoopSamples:
         time_ns = np.unique(np.concatenate([block.time_ns for block in together.values()]))
     apart = tuple(key for key in joined if key not in together)
     values = {key: _placed(block, time_ns, key in apart) for key, block in joined.items()}
+    if "PV" in joined and "OP" in joined:
+        values["OP"] = _at_rest(values["OP"], joined["OP"], time_ns, values["PV"])
     others = {key: values[key] for key, block in joined.items() if block.signal == "OTHER"}
     return LoopSamples(
         blocks[0].loop,
@@ -99,7 +106,7 @@ def _sampled_together(block: SignalBlock, base: TimeArray) -> bool:
     times = block.time_ns
     if _same(times, base) or not len(times) or not len(base):
         return True
-    stored = block.signal in _STEPS or (_is_even(base) and not _is_even(times))
+    stored = block.signal in STEPS or (_is_even(base) and not _is_even(times))
     if stored and len(times) < SHARED_TIMES * len(base):
         return False
     if times[0] > base[-1] or times[-1] < base[0]:
@@ -117,7 +124,7 @@ def _placed(block: SignalBlock, time_ns: TimeArray, resample: bool) -> FloatArra
     if _same(block.time_ns, time_ns):
         return block.value
     if resample:
-        return _held(block, time_ns) if block.signal in _STEPS else _between(block, time_ns)
+        return _held(block, time_ns) if block.signal in STEPS else _between(block, time_ns)
     placed = np.full(len(time_ns), np.nan)
     placed[np.searchsorted(time_ns, block.time_ns)] = block.value
     return placed
@@ -164,3 +171,42 @@ def _holes(time_ns: TimeArray, value: FloatArray) -> BoolArray:
     if len(steps) and _is_even(time_ns[at]):
         hole |= steps > HOLE_INTERVALS * np.quantile(steps, LONG)
     return np.append(hole, False)
+
+
+def _at_rest(placed: FloatArray, op: SignalBlock, time_ns: TimeArray, pv: FloatArray) -> FloatArray:
+    """OP at the loop's times (n,), from one stored value to the next with that which it rests at where PV is known."""
+    if _same(op.time_ns, time_ns):
+        return placed
+    known = np.isfinite(op.value)
+    times, values = op.time_ns[known], op.value[known]
+    resting = _resting(op.value, times, time_ns[np.isfinite(pv)])
+    if not np.any(resting):
+        return placed
+    before = np.searchsorted(times, time_ns, side="right") - 1
+    held = np.isnan(placed) & np.isfinite(pv) & (before >= 0) & resting[before]
+    return np.where(held, values[before], placed)
+
+
+def _resting(op: FloatArray, times: TimeArray, pv_times: TimeArray) -> BoolArray:
+    """By known value of OP (m,), whether it stood at it until the next one. Scanned as PV is, it was stored when it
+    changed: no value comes twice in turn, as a scan stores them, so that samples that stay out do not tell a hole. It
+    stood where PV went on meanwhile, no value was refused, and it left by no more than a usual move: more is what it
+    would have moved unseen. Behind its last value it may rest, or be stored no more: it rests where it had done so for
+    long at the same value, as at a limit."""
+    at = np.flatnonzero(np.isfinite(op))
+    values = op[at]
+    if len(times) <= FEWEST or len(pv_times) <= FEWEST:
+        return np.zeros(len(times), dtype=bool)
+    steps, pv_steps, moves = np.diff(times), np.diff(pv_times), np.abs(np.diff(values))
+    usual, pv_usual = float(np.median(steps)), float(np.median(pv_steps))
+    scanned = steps <= EVEN * usual
+    alike = pv_usual / EVEN <= usual <= EVEN * pv_usual
+    if not alike or np.mean(moves[scanned] == 0) > SELDOM:
+        return np.zeros(len(times), dtype=bool)
+    out = np.flatnonzero(pv_steps > HOLE_INTERVALS * np.quantile(pv_steps, LONG))
+    until = np.append(times[1:], pv_times[-1])
+    goes_on = np.searchsorted(pv_times[out], until) == np.searchsorted(pv_times[out + 1], times, "right")
+    next_to = np.diff(np.append(at, len(op))) == 1
+    rests = goes_on[:-1] & next_to[:-1] & (moves <= np.quantile(moves, USUAL_MOVE))
+    for_long = values[:-1][rests & (steps > HOLE_INTERVALS * usual)]
+    return np.append(rests, goes_on[-1] & next_to[-1] & bool(np.isin(values[-1], for_long)))

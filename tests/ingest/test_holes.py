@@ -148,3 +148,112 @@ def test_an_op_of_a_slower_scan_is_known_at_that_alone() -> None:
     loop = align(blocks)
     assert loop.resampled == ()
     assert np.isfinite(loop.op).sum() == 1440
+
+
+def saturating() -> np.ndarray:
+    """Moves at every scan but where it stands at a limit."""
+    rng = np.random.default_rng(5)
+    return np.minimum(100, np.round(97 + 5 * np.sin(np.arange(7200) / 90) + 0.2 * rng.standard_normal(7200), 3))
+
+
+SATURATING = saturating()
+
+
+def changed(op: np.ndarray) -> np.ndarray:
+    """Where it is stored: at its ends and when it is another one."""
+    kept = np.append(True, np.diff(op) != 0)
+    kept[-1] = True
+    return np.flatnonzero(kept)
+
+
+def scanned(op_ns: np.ndarray, op: np.ndarray, pv_s: np.ndarray | None = None) -> LoopSamples:
+    """Aligned with a PV of every second."""
+    pv_ns = (np.arange(7200) if pv_s is None else pv_s) * SECOND
+    return align(
+        [
+            SignalBlock("A.PV", "A", "PV", pv_ns, np.sin(pv_ns / 3e10)),
+            SignalBlock("A.OP", "A", "OP", op_ns, op),
+        ]
+    )
+
+
+@pytest.mark.parametrize("late_ns", [0, 10**6])
+def test_an_op_that_is_stored_when_it_changes_at_nearly_every_scan_keeps_the_value_it_rests_at(late_ns: int) -> None:
+    kept = changed(SATURATING)
+    assert np.mean(SATURATING == 100) > 0.2
+    assert len(kept) > 0.7 * 7200
+    assert np.quantile(np.diff(kept), 0.95) == 1
+    loop = scanned(kept * SECOND + late_ns, SATURATING[kept])
+    np.testing.assert_allclose(loop.op[1:], SATURATING[1:], atol=1.0)
+    assert late_ns or np.array_equal(loop.op, SATURATING)
+
+
+def resting(*, step: int = 1, leaves_by: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s) and values of an OP that stands from second 3000 to 4000."""
+    rng = np.random.default_rng(11)
+    time_s = np.arange(0, 7200, step)
+    op = np.round(50 + np.cumsum(0.1 * rng.standard_normal(len(time_s))), 4)
+    stands = (time_s > 3000) & (time_s < 4000)
+    op[time_s >= 4000] += op[time_s <= 3000][-1] + leaves_by - op[time_s >= 4000][0]
+    return time_s[~stands], op[~stands]
+
+
+def inside(loop: LoopSamples) -> np.ndarray:
+    at = loop.time_ns // SECOND
+    return loop.op[(at > 3000) & (at < 4000)]
+
+
+def test_an_op_rests_where_pv_goes_on() -> None:
+    time_s, op = resting()
+    held = inside(scanned(time_s * SECOND, op))
+    assert len(held) == 999
+    assert np.all(held == op[time_s == 3000])
+
+
+def test_no_op_rests_while_pv_stays_out_too() -> None:
+    time_s, op = resting()
+    pv_s = np.delete(np.arange(7200), np.s_[3400:3500])
+    assert np.all(np.isnan(inside(scanned(time_s * SECOND, op, pv_s))))
+
+
+def test_no_op_rests_that_left_by_more_than_a_usual_move() -> None:
+    time_s, op = resting(leaves_by=0.9)
+    assert np.all(np.isnan(inside(scanned(time_s * SECOND, op))))
+
+
+def test_no_op_rests_over_a_refused_value() -> None:
+    time_s, op = resting()
+    time_s, op = np.insert(time_s, 3001, 3500), np.insert(op, 3001, np.nan)
+    assert np.all(np.isnan(inside(scanned(time_s * SECOND, op))))
+
+
+def test_an_op_that_is_stored_though_it_stands_has_holes_and_no_rests() -> None:
+    time_s, op = resting()
+    op[1000:1100] = op[1000]
+    assert np.all(np.isnan(inside(scanned(time_s * SECOND, op))))
+
+
+def test_an_op_of_a_slower_scan_does_not_step_between_its_samples() -> None:
+    time_s, op = resting(step=5)
+    loop = scanned(time_s * SECOND, op)
+    assert np.array_equal(loop.time_ns[np.isfinite(loop.op)], time_s * SECOND)
+
+
+@pytest.mark.parametrize(("ends", "rests"), [(4665, True), (4948, False)], ids=["at its limit", "while it moves"])
+def test_behind_its_last_value_an_op_rests_at_what_it_rested_at_before(ends: int, rests: bool) -> None:
+    """Elsewhere it may as well be stored no more."""
+    kept = changed(SATURATING)
+    kept = kept[kept < ends]
+    op = scanned(kept * SECOND, SATURATING[kept]).op
+    last = kept[-1]
+    assert np.array_equal(op[: last + 1], SATURATING[: last + 1])
+    assert np.all(op[last + 1 :] == 100) if rests else np.all(np.isnan(op[last + 1 :]))
+
+
+def test_no_op_rests_at_its_end_where_pv_stays_out_or_a_value_was_refused() -> None:
+    kept = changed(SATURATING)
+    kept = kept[kept < 4665]
+    pv_s = np.delete(np.arange(7200), np.s_[5000:5100])
+    assert np.isnan(scanned(kept * SECOND, SATURATING[kept], pv_s).op[kept[-1] + 1 :]).all()
+    refused = np.append(SATURATING[kept], np.nan)
+    assert np.isnan(scanned(np.append(kept, 6000) * SECOND, refused).op[kept[-1] + 1 :]).all()

@@ -1,4 +1,4 @@
-"""Numbers that stand for 'no data': codes that historians and instruments write in the place of a value."""
+"""What stands for 'no data': codes, and words, that historians and instruments write in the place of a value."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -11,6 +11,8 @@ from app.ingest.model import FloatArray
 from app.ingest.numbers.writing import SENTINELS
 from app.ingest.rejecting import RejectLog
 
+NO_WORD = frozenset(("", "-", "null", "none", "na", "n/a"))
+"""What is written where there is nothing; `nan` is a number that is none."""
 _NINES = [10.0**digits - 1 for digits in range(4, 10)]
 _CODES = np.array(
     [

@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray
+from app.ingest.numbers.no_data import NO_WORD
 from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.times.stamps import to_numbers
@@ -48,7 +49,8 @@ def tagged(parts: Iterable[tuple[str, pl.Series]]) -> pl.DataFrame:
 
 
 def says_something(texts: pl.Series) -> NDArray[np.bool_]:
-    return (texts.str.strip_chars(' "').str.len_bytes() > 0).fill_null(False).to_numpy()
+    """(n,) whether anything stands there but a word for nothing, as `NULL`."""
+    return (~texts.str.strip_chars(' "').str.to_lowercase().is_in(NO_WORD)).fill_null(False).to_numpy()
 
 
 def refuse_texts(texts: pl.Series, lines: list[int], tag: str, writing: Writing, log: RejectLog) -> FloatArray:

@@ -12,8 +12,9 @@ from app.ingest.columns.plans import ValueColumn, name_of
 from app.ingest.numbers.kind_codes import WORD
 from app.ingest.numbers.kinds import IN_DOUBT, WITH, tells_nothing
 from app.ingest.numbers.marks import all_doubtful, marked
-from app.ingest.numbers.values import refuse_texts, tagged
+from app.ingest.numbers.values import refuse_texts, says_something, tagged
 from app.ingest.numbers.writing import MARKED, Writing
+from app.ingest.tables.blank_cells import BLANK
 from app.ingest.tables.frames import Numbers, RowReader, Rows
 from app.ingest.tables.wordy_columns import WordyColumns
 
@@ -60,6 +61,15 @@ class ChunkColumns:
             missing |= marked(texts)
         return np.asarray(missing & texts.is_not_null().to_numpy() & self.kept)
 
+    def mark_blank(self) -> None:
+        """When all numbers were read: fields in which nothing stands."""
+        values, missing = self.numbers.values, self.numbers.missing
+        for position in np.flatnonzero(missing.any(axis=0)).tolist():
+            at = np.flatnonzero(missing[:, position] & np.isnan(values[:, position]))
+            if position in self.texts:
+                at = at[~says_something(self.texts[position][at])]
+            values[at, position] = BLANK
+
     def holds(self, position: int, mark: str) -> bool:
         if position in self.texts:
             return bool(self.texts[position].str.contains(mark, literal=True).any())
@@ -93,6 +103,7 @@ class OddFields:
         self._learn(chunk, {p: left[p] for p in late})
         for position in sorted(left):
             self._read_again(chunk, position, left[position], position in stand)
+        chunk.mark_blank()
         kept = chunk.numbers.values if chunk.kept.all() else chunk.numbers.values[chunk.kept]
         self._wordy.look(kept, {position: value.tag for position, value in chunk.columns.items()})
         self._begun.update(value.tag for value in chunk.columns.values())

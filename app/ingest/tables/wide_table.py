@@ -13,6 +13,7 @@ from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_o
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock
 from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.rejecting import RejectLog
+from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
 from app.ingest.tables.frames import Numbers, RowReader, Rows
 from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid, joined_grid
@@ -216,7 +217,8 @@ class WideTable:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
         for position in modes:
-            values[:, position] = self._tally.modes.of_texts(_texts(rows, group.values[position]))
+            flags = self._tally.modes.of_texts(_texts(rows, group.values[position]))
+            values[:, position] = np.where(np.isnan(flags), BLANK, flags)
         return Numbers(values, missing)
 
     def _refuse_modes(
@@ -314,7 +316,8 @@ class WideTable:
         return Grid(columns, time_ns, np.ascontiguousarray(matrix.T), no_lines, columns)
 
     def _blocks(self, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
-        """Signals whole, or chunk by chunk where time goes back or some chunks have no value of them."""
+        """Signals whole, or chunk by chunk where time goes back or some chunks have no value of them. Of a signal that
+        was stored at times of its own the blank cells are no samples."""
         by_columns: dict[int, list[Grid]] = {}
         for grid in grids:
             by_columns.setdefault(int(grid.codes[0]), []).append(grid)
@@ -322,11 +325,17 @@ class WideTable:
             whole = joined_grid(own)
             given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
             everywhere = np.asarray(given.all(axis=0))
+            with_blanks = np.any([are_blank(grid.values).any(axis=1) for grid in own], axis=0)
             for row, column in enumerate(own[0].codes):
                 place = self._places[int(column)]
                 parts = [own[at] for at in np.flatnonzero(given[:, row])]
-                for grid in [whole] if whole is not None and everywhere[row] else parts:
-                    yield SignalBlock(place.tag, place.loop, place.signal, grid.time_ns, grid.values[row])
+                grids_of_it = [whole] if whole is not None and everywhere[row] else parts
+                samples = [(grid.time_ns, grid.values[row]) for grid in grids_of_it]
+                if parts and with_blanks[row]:
+                    cells = [(grid.time_ns, grid.values[row]) for grid in own]
+                    samples = without_blanks(cells, samples, place.signal)
+                for time_ns, values in samples:
+                    yield SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
 
 def _flags(rows: Rows, column: int, reader: RowReader) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from app.ingest.model import FloatArray
+from app.ingest.numbers.no_data import NO_WORD
 from app.ingest.times.stamps import to_numbers
 
 UNKNOWN_MODE = -1.0
@@ -28,7 +29,7 @@ _MANUAL = frozenset(
 )
 _BESIDE = frozenset(["mode", "loc", "local", "lcl", "b", "nr", "act", "actual", "operator", "oper", "program", "prog"])
 """Words beside that of a mode that say nothing against it: where the controller is worked from, or its backup."""
-_NO_WORD = frozenset(("", "-", "nan", "null", "none", "na", "n/a"))
+_NO_WORD = NO_WORD | {"nan"}
 _NUMBERS = {0.0: 0.0, 1.0: 1.0, 2.0: 1.0, 3.0: 1.0, 4.0: 1.0, 8.0: 1.0, 16.0: 0.0, 32.0: 0.0, 64.0: 0.0, 128.0: 0.0}
 """0 and 1 as all count them; 2 and 3 cascade and remote where these go on; above that the bits of Foundation Fieldbus
 and DeltaV (4 CAS, 8 AUTO, 16 MAN, 32 LO, 64 IMAN, 128 OOS)."""

@@ -57,7 +57,7 @@ def last_of_repeats(
 
 
 def _last_known(values: FloatArray, last: NDArray[np.intp]) -> FloatArray:
-    """The last value of each run of rows that is one; NaN where none is. last: of each run, the last row."""
+    """The last value of each run of rows that is one; the last NaN where none is. last: of each run, the last row."""
     first = np.concatenate(([0], last[:-1] + 1))
     known = np.maximum.reduceat(np.where(np.isnan(values), -1, np.arange(len(values))), first)
-    return np.where(known < 0, np.nan, values[known])
+    return values[np.where(known < 0, last, known)]
