@@ -216,8 +216,11 @@ class WideTable:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
         for position in modes:
-            values[:, position] = self._tally.modes.of_texts(_texts(rows, group.values[position]))
+            values[:, position] = self._mode_flags(rows, group.values[position])
         return Numbers(values, missing)
+
+    def _mode_flags(self, rows: Rows, value: ValueColumn) -> FloatArray:
+        return self._tally.modes.of_texts(_texts(rows, value), self._places[value.index].tag)
 
     def _refuse_modes(
         self,
