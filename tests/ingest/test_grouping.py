@@ -38,6 +38,15 @@ from .conftest import Read
         "F1/PID.PV_Out#Value", "F1/PID.MV#Value", "F1/PID.SP#Value", "F1/PID.AutAct#Value")),
         (["F1.Val_PV", "F1.Val_CVOut", "F1.Val_SP", "F1.Sts_Auto"], LoopTags("F1", "F1.Val_PV", "F1.Val_CVOut",
         "F1.Val_SP", "F1.Sts_Auto")),
+        (["F1.Regelgröße", "F1.Stellgröße", "F1.Führungsgröße"], LoopTags("F1", "F1.Regelgröße", "F1.Stellgröße",
+        "F1.Führungsgröße")),
+        (["F1.Messwert", "F1.Stellgro\u0308ße"], LoopTags("F1", "F1.Messwert", "F1.Stellgro\u0308ße")),
+        (["Mesure F1", "F1_Sortie", "F1_Consigne"], LoopTags("F1", "Mesure F1", "F1_Sortie", "F1_Consigne")),
+        (["F1 Medida", "F1 Salida", "F1 Consigna"], LoopTags("F1", "F1 Medida", "F1 Salida", "F1 Consigna")),
+        (["F1.测量值", "F1.阀位", "F1.输出", "F1.设定值", "F1.模式"], LoopTags("F1", "F1.测量值", "F1.输出",
+        "F1.设定值", "F1.模式", others=("F1.阀位",))),
+        (["塔顶温度测量值", "塔顶温度输出"], LoopTags("塔顶温度", "塔顶温度测量值", "塔顶温度输出")),
+        (["Wärme.PV (°C)", "Wärme.OP"], LoopTags("Wärme", "Wärme.PV (°C)", "Wärme.OP")),
     ],
 )  # fmt: skip
 def test_one_loop(tags: list[str], expected: LoopTags) -> None:
@@ -51,6 +60,12 @@ def test_a_tag_that_says_nothing_stands_alone() -> None:
 def test_bare_names_belong_to_the_file() -> None:
     assert group(["PV", "Set Point", "controller output"], stem="F9") == (
         LoopTags("F9", "PV", "controller output", "Set Point"),
+    )
+
+
+def test_bare_names_of_other_languages_belong_to_the_file() -> None:
+    assert group(["测量值", "Stellgröße", "Consigne"], stem="F9") == (
+        LoopTags("F9", "测量值", "Stellgröße", "Consigne"),
     )
 
 

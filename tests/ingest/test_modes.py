@@ -30,8 +30,11 @@ def long(*modes: str, tags: tuple[str, ...] = ("A.PV", "A.OP")) -> str:
 
 AUTOMATIC = ("1.AUTO", "MODE_AUTO", "B-AUTO", "Automático", "AUTO(1)", "1 - Auto", "automatique", "SPC", "AUT;NR")
 AUTOMATIC += ("LOC AUTO", "REMOTE AUTO", "Automatik", "CAS", "1", "1.0", "2", "3", "4", "true")
+AUTOMATIC += ("自动", "自動", "串级", "1-自动", "Авто", "Каскад", "Автоматический")
 MANUAL = ("0.MAN", "MODE_MAN", "B-MAN", "MAN(0)", "0 - Man", "manuel", "LOCAL MANUAL", "Hand", "128", "O/S", "0", "off")
+MANUAL += ("手动", "手動", "0 手动", "Ручной", "РУЧНОЙ", "Руч.")
 OTHERS = ("LOCAL", "AUTO_MAN", "NOT AUTO", "AUTO OFF", "A/M", "Auto disabled", "Normal", "17", "-1")
+OTHERS += ("自动手动", "Авто/Руч")
 
 
 @pytest.mark.parametrize(("words", "flag"), [(AUTOMATIC, 1.0), (MANUAL, 0.0), (OTHERS, UNKNOWN_MODE)])
@@ -147,8 +150,13 @@ def test_a_mode_that_is_not_understood_goes_on_until_the_next_one(tmp_path: Path
     assert automatic(tmp_path, wide("AUTO", "", "LOCAL", "", "AUTO", "")) == [True, True, False, False, True, True]
 
 
-def test_without_any_mode_that_is_understood_none_was_recorded(tmp_path: Path) -> None:
-    assert automatic(tmp_path, wide("Ramp", "Ramp", "")) is None
+@pytest.mark.parametrize("layout", [wide, long])
+def test_a_recording_of_which_no_mode_is_understood_is_not_taken_for_automatic(tmp_path: Path, layout) -> None:
+    assert automatic(tmp_path, layout("Ramp", "Ramp", "Soak")) == [False, False, False]
+
+
+def test_without_any_mode_that_is_written_none_was_recorded(tmp_path: Path) -> None:
+    assert automatic(tmp_path, wide("", "-", "")) is None
 
 
 def test_words_are_kept_in_bounds() -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -29,6 +30,10 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
         **dict.fromkeys(("STELLWERT", "STELLGROESSE"), "OP"),
         "SOLLWERT": "SP",
         "BETRIEBSART": "MODE",
+        **dict.fromkeys(("REGELGROESSE", "MESSWERT", "MESURE", "MEDIDA", "测量值"), "PV"),
+        **dict.fromkeys(("SORTIE", "SALIDA", "输出", "阀位"), "OP"),
+        **dict.fromkeys(("FUEHRUNGSGROESSE", "CONSIGNE", "CONSIGNA", "设定值"), "SP"),
+        **dict.fromkeys(("MODO", "РЕЖИМ", "模式"), "MODE"),
     }
 )
 _LETTERS: Mapping[str, Signal] = MappingProxyType({"Y": "PV", "U": "OP", "R": "SP"})
@@ -46,8 +51,11 @@ _ATTRIBUTES = frozenset(
 LONGEST_NAME = 1000  # the patterns cost the square of a name's length
 LONGEST_LOOP = IngestOptions().max_name
 _SEPARATORS = "._-/:|\\ "
-_ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
-_START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_LETTER = r"(?:[^\W\d_]|[\u0300-\u036f])"  # of any script, or its accent where that stands behind it
+_ENDING = re.compile(rf"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>{_LETTER}+)$")
+_START = re.compile(rf"^(?P<word>{_LETTER}+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_WITHOUT_BLANKS = re.compile(rf"^(?P<loop>.+)(?P<word>{'|'.join(word for word in _WORDS if not word.isascii())})$")
+"""Chinese puts no blank before a word."""
 _OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
     {
         **dict.fromkeys(("PV_OUT", "PV_IN", "VAL_PV"), "PV"),
@@ -64,7 +72,7 @@ _SPLIT_WORDS = re.compile(
 _ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
 _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101.OP [%]
 _BRACKET = re.compile(r"[\[(].*$")
-_NO_LETTER = re.compile(r"[^A-Za-z]+")
+_NO_LETTER = re.compile(r"[\W\d_]+")
 _SERVER = re.compile(r"^\\\\[^\\]+\\")
 _NUMBERED = re.compile(r"\D*(\d+)\D*")
 
@@ -214,7 +222,15 @@ def _check_span(row: int, mapped: MappedTag) -> None:
 
 
 def _plain(word: str) -> str:
-    return _NO_LETTER.sub("", word).upper()
+    return _NO_LETTER.sub("", spelled_out(word)).upper()
+
+
+def spelled_out(word: str) -> str:
+    """Without accents, and with umlauts in two letters: Stellgröße is Stellgroesse, température is temperature."""
+    if word.isascii():
+        return word
+    spelled = unicodedata.normalize("NFC", word).translate(_SPELLED_OUT)
+    return "".join(letter for letter in unicodedata.normalize("NFKD", spelled) if not unicodedata.combining(letter))
 
 
 class Place(NamedTuple):
@@ -270,14 +286,11 @@ def without_unit(tag: str) -> str:
 
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
-    name = name.translate(_SPELLED_OUT)
     signal = _WORDS.get(_plain(name))
     if signal is None:
         return None
     found = _ENDING.match(name)
     loop = found["loop"] if found else ""
-    if not name.isascii() and any(letter.isalnum() for letter in name if not letter.isascii()):
-        return None
     return None if _plain(loop) == "" and any(map(str.isdigit, loop)) else signal
 
 
@@ -285,11 +298,11 @@ def _by_ending(tag: str, name: str) -> Place | None:
     found = _ENDING.match(name)
     if found and found["word"].upper() in _ATTRIBUTES:
         inner = _ENDING.match(found["loop"])
-        if inner and inner["word"].upper() in _WORDS:
+        if inner and _plain(inner["word"]) in _WORDS:
             found = inner
-    if not found or found["word"].upper() not in _WORDS:
-        return None
-    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[found["word"].upper()])
+    if not found or _plain(found["word"]) not in _WORDS:
+        found = _WITHOUT_BLANKS.match(name)
+    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[_plain(found["word"])]) if found else None
 
 
 def _by_letters(tag: str, name: str) -> Place | None:
@@ -304,7 +317,7 @@ def _by_letters(tag: str, name: str) -> Place | None:
 def _by_start(tag: str, name: str) -> Place | None:
     """`PV_sim` is simulated, and no PV of a loop `sim`."""
     found = _START.match(name)
-    signal = _WORDS.get(found["word"].upper()) if found else None
+    signal = _WORDS.get(_plain(found["word"])) if found else None
     if not found or not signal or found["loop"].lower() in SIMULATED:
         return None
     return Place(tag, found["loop"], signal)
@@ -323,7 +336,7 @@ def _precedence(tag: str) -> tuple[int, int]:
     their number, then what has to have the number of these."""
     if _number(tag):
         return (3 if place(tag, "").signal in _OPTIONAL else 2), 0
-    word = _NO_LETTER.split(_UNIT.sub("", tag.strip()).upper())[-1]
+    word = _NO_LETTER.split(spelled_out(_UNIT.sub("", tag.strip())).upper())[-1]
     return (0 if word in SIGNALS else 1), _RANKS.get(word, len(_RANKS))
 
 

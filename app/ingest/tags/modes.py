@@ -18,15 +18,18 @@ _AUTOMATIC = frozenset(
     (
         *("auto", "aut", "a", "automatic", "automatik", "automatisch", "automatico", "automatique", "pauto", "prd"),
         *("cas", "casc", "cascade", "kaskade", "cascada", "cascata", "rcas", "remcas", "bcas", "rmt", "remote"),
-        *("spc", "supervisory", "true", "on"),
+        *("spc", "supervisory", "true", "on", "авто", "автомат", "автоматическии", "каскад", "каскадныи"),
+        *("自动", "自動", "自动模式", "串级", "串级模式"),
     )
 )
 _MANUAL = frozenset(
     (
         *("man", "m", "manual", "manuell", "manuel", "manuelle", "manuale", "hand", "handbetrieb", "rout", "iman"),
-        *("lo", "oos", "o/s", "tracking", "trk", "track", "init", "false", "off"),
+        *("lo", "oos", "o/s", "tracking", "trk", "track", "init", "false", "off", "ручнои", "руч", "手动", "手動"),
+        "手动模式",
     )
 )
+"""Without accents, as words are looked up."""
 _BESIDE = frozenset(["mode", "loc", "local", "lcl", "b", "nr", "act", "actual", "operator", "oper", "program", "prog"])
 """Words beside that of a mode that say nothing against it: where the controller is worked from, or its backup."""
 _NO_WORD = frozenset(("", "-", "nan", "null", "none", "na", "n/a"))
@@ -89,7 +92,7 @@ def _flag_of(text: str) -> float:
         return np.nan
     if (flag := _flag_of_word(word)) is not None:
         return flag
-    told = {_flag_of_word(part) for part in re.findall(r"[a-z]+", word) if part not in _BESIDE}
+    told = {_flag_of_word(part) for part in re.findall(r"[^\W\d_]+", word) if part not in _BESIDE}
     (flag,) = told if len(told) == 1 else (None,)
     return UNKNOWN_MODE if flag is None else flag
 
