@@ -95,7 +95,8 @@ ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
 @lru_cache(maxsize=1 << 17)
 def plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", spelled_out(name.lower())))
+    """Letters and digits of a name, in small letters without accents; empty where it has none outside of brackets."""
+    return re.sub(r"[\W_]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", spelled_out(name.lower())))
 
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
