@@ -59,6 +59,7 @@ from app.ingest.tags.grouping import (
     mapping_text,
     names_its_loop,
     unit_of,
+    without_unit,
 )
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.telling import without_controls
@@ -112,4 +113,5 @@ __all__ = [
     "unit_of",
     "warm_up",
     "without_controls",
+    "without_unit",
 ]

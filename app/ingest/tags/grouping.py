@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from app.errors import DataError
 from app.ingest.model import SIGNALS, IngestOptions, LoopTags, Signal
+from app.ingest.numbers.units import is_unit
 from app.ingest.tags.lists import list_rows, list_text
 from app.ingest.telling import without_controls
 
@@ -70,7 +71,11 @@ _SPLIT_WORDS = re.compile(
     r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
 )
 _ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
-_UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101.OP [%]
+_UNIT = re.compile(
+    r"\s*(\((?:[^()]|\([^()]*\))*\)|\[(?:[^\[\]]|\[[^\[\]]*\])*\])$"
+)  # FIC101.PV (degC), FIC101.OP [%], PIC101.PV (kg/cm2(g))
+_UNIT_UNBRACKETED = re.compile(r"^(?P<name>.*[^, ])[, ]+(?P<unit>[^, ]+)$")  # FIC101.PV t/h
+_DESCRIBED = re.compile(r"^(?P<name>[^ ]+[._/][A-Za-z]+) +[-–] +[^ ].*$")  # FIC101.PV - Feed flow
 _BRACKET = re.compile(r"[\[(].*$")
 _NO_LETTER = re.compile(r"[\W\d_]+")
 _SERVER = re.compile(r"^\\\\[^\\]+\\")
@@ -246,10 +251,13 @@ def place(tag: str, stem: str) -> Place:
     if len(tag) > LONGEST_NAME:
         return Place(tag, tag, "OTHER")
     name = _SERVER.sub("", tag.strip())
+    name = _name_and_unit(name)[0] or name
     signal = _bare(_BRACKET.sub("", name))
     if signal is not None:
         return Place(tag, stem, signal)
-    name = _UNIT.sub("", name) or name
+    described = _DESCRIBED.match(name)
+    if described and (found := _by_ending(tag, described["name"])):
+        return found
     name = name.removesuffix("#Value")
     if of_system := _OF_SYSTEM.fullmatch(name):
         return Place(tag, of_system["loop"].rstrip(_SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
@@ -272,8 +280,7 @@ def names_its_loop(tag: str) -> bool:
 def unit_of(tag: str) -> str:
     """The unit that a name tells behind it, as `degC` of `TIC5.PV (degC)`; empty where it tells none. A number there
     tells columns of one name apart."""
-    found = _UNIT.search(tag.strip())
-    told = found[1][1:-1].strip() if found else ""
+    told = _name_and_unit(tag.strip())[1]
     return "" if told.isdigit() else told
 
 
@@ -281,7 +288,21 @@ def without_unit(tag: str) -> str:
     """The name before the unit that it tells; all of it where it tells none."""
     if len(tag) > LONGEST_NAME or not unit_of(tag):
         return tag
-    return _UNIT.sub("", tag.strip()) or tag
+    return _name_and_unit(tag.strip())[0] or tag
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    """A name and what stands in brackets behind it, or a unit that is known. One of letters alone is a unit behind the
+    name of a signal only: `Reactor pH` is a name."""
+    if bracketed := _UNIT.search(name):
+        return name[: bracketed.start()], bracketed[1][1:-1].strip()
+    found = _UNIT_UNBRACKETED.match(name)
+    if not found or not is_unit(found["unit"]):
+        return name, ""
+    word = re.split(r"[._\-/:|\\ ]", found["name"])[-1]
+    if found["unit"].isalpha() and _plain(word) not in _WORDS:
+        return name, ""
+    return found["name"], found["unit"]
 
 
 def _bare(name: str) -> Signal | None:
@@ -336,7 +357,7 @@ def _precedence(tag: str) -> tuple[int, int]:
     their number, then what has to have the number of these."""
     if _number(tag):
         return (3 if place(tag, "").signal in _OPTIONAL else 2), 0
-    word = _NO_LETTER.split(spelled_out(_UNIT.sub("", tag.strip())).upper())[-1]
+    word = _NO_LETTER.split(spelled_out(_name_and_unit(tag.strip())[0]).upper())[-1]
     return (0 if word in SIGNALS else 1), _RANKS.get(word, len(_RANKS))
 
 

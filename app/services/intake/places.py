@@ -13,7 +13,18 @@ from typing import cast
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError
-from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, loop_of, names_its_loop, stem_of, unit_of
+from app.ingest import (
+    IngestOptions,
+    LoopTags,
+    MappedTag,
+    Signal,
+    TagMapping,
+    loop_of,
+    names_its_loop,
+    stem_of,
+    unit_of,
+    without_unit,
+)
 from app.services.backend import Backend
 from app.services.telling.naming import NAMED, named
 from app.storage import receipts
@@ -139,7 +150,7 @@ def places_of(loops: Iterable[LoopTags], filename: str) -> list[TagPlace]:
         for tag, signal in [*own, *((other, OTHER) for other in loop.others)]:
             if tag is not None:
                 unit = unit_of(tag)
-                key = key_of(tag.strip()[: -len(unit) - 2].rstrip() if unit else tag, filename)
+                key = key_of(without_unit(tag), filename)
                 found.setdefault(key, TagPlace(key, tag, storable(loop.loop), signal, storable(unit)))
     return list(found.values())
 
