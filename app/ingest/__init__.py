@@ -54,7 +54,6 @@ from app.ingest.tags.grouping import (
     SIMULATED,
     MappedTag,
     TagMapping,
-    group,
     loop_of,
     mapping_text,
     names_its_loop,
@@ -62,6 +61,7 @@ from app.ingest.tags.grouping import (
     without_unit,
 )
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
+from app.ingest.tags.loops import group
 from app.ingest.telling import without_controls
 from app.ingest.times.stamps import NO_TIME, check_time_zone
 

@@ -21,7 +21,8 @@ from app.ingest.tables.long_table import LongTable
 from app.ingest.tables.spreading import SPREAD_NOTE
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_table import WideTable
-from app.ingest.tags.grouping import Grouping, TagMapping, group
+from app.ingest.tags.grouping import TagMapping
+from app.ingest.tags.loops import Grouping, group
 from app.ingest.times.stamps import TimeForm
 from app.nanoseconds import NS_PER_S
 

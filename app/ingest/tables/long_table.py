@@ -22,7 +22,8 @@ from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, join
 from app.ingest.tables.scanning import Scan, Scanner
 from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
 from app.ingest.tables.tally import Tally
-from app.ingest.tags.grouping import Grouping, Place
+from app.ingest.tags.grouping import Place
+from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
 from app.ingest.times.stamps import NO_TIME, TimeReader

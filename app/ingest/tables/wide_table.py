@@ -21,7 +21,7 @@ from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk
 from app.ingest.tables.wordy_columns import WordyColumns
-from app.ingest.tags.grouping import Grouping
+from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
