@@ -23,6 +23,7 @@ from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_table import WideTable
 from app.ingest.tags.grouping import TagMapping
 from app.ingest.tags.loops import Grouping, group
+from app.ingest.tags.settling import told
 from app.ingest.times.stamps import TimeForm
 from app.nanoseconds import NS_PER_S
 
@@ -266,6 +267,7 @@ class TableExport(Export):
             pairs = list(second.items())[:5]
             shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
             notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+        notes += [f"{what}: {told(moves)}" for what, moves in self._grouping.settled.items()]
         if odd := self._grouping.with_controls:
             notes.append(f"control characters in names of tags were replaced: {', '.join(list(odd)[:5])}")
         if self._grouping.of_other_number:

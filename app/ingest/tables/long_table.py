@@ -26,6 +26,7 @@ from app.ingest.tags.grouping import Place
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
+from app.ingest.tags.settling import family
 from app.ingest.times.stamps import NO_TIME, TimeReader
 
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
@@ -98,11 +99,12 @@ class LongTable:
 
     def _settle_places(self) -> None:
         """When all tags have come: a later one may have taken the signal of one that came before."""
+        self._grouping.settle()
         self._places[:] = [at if at is NOWHERE else self._grouping.place(at.tag) for at in self._places]
 
     def _loop_of_code(self) -> NDArray[np.uint32]:
         for place in self._places[len(self._loops) :]:
-            self._loops.append(self._number_of_loop.of(place.loop))
+            self._loops.append(self._number_of_loop.of(family(place.loop)))
         return np.array(self._loops, dtype=np.uint32)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:

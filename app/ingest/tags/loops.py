@@ -14,6 +14,7 @@ from app.ingest.tags.grouping import (
     precedence,
     without_unit,
 )
+from app.ingest.tags.settling import STEPS
 from app.ingest.telling import without_controls
 
 _LETTERS: Mapping[str, Signal] = MappingProxyType({"Y": "PV", "U": "OP", "R": "SP"})
@@ -34,12 +35,39 @@ class Grouping:
         self._places: dict[str, Place] = {}
         self.second: dict[str, Place] = {}  # of the tag that has the signal
         self.of_other_number: list[str] = []
+        self.settled: dict[str, dict[str, Place]] = {}  # by what is to be said of it
         self.with_controls: dict[str, None] = {}  # tags, as they are shown
 
     def place_all(self, tags: Iterable[str]) -> None:
         """Tags that are known at once; of equal ones the first has the signal."""
         for tag in sorted(tags, key=self._rank):
             self.place(tag, in_order=True)
+        self.settle()
+
+    def settle(self) -> None:
+        """When all tags are known; what a mapping says of one stays."""
+        for what, step in STEPS.items():
+            free = {tag: at for tag, at in self._places.items() if not (self._mapping and self._mapping.find(tag))}
+            moves = step(free, self._taken)
+            for tag, at in moves.items():
+                self._move(tag, at)
+            if moves:
+                self.settled[what] = moves
+
+    def _move(self, tag: str, to: Place) -> None:
+        loop = self._spelling.setdefault(to.loop.casefold(), to.loop)
+        at = self._places[tag]
+        if at.signal == "OTHER":
+            self._others[at.loop].remove(tag)
+            if not self._others[at.loop]:
+                del self._others[at.loop]
+        else:
+            del self._taken[at.loop, at.signal]
+        if to.signal == "OTHER":
+            self._places[tag] = self._beside(tag, loop)
+        else:
+            self._taken[loop, to.signal] = tag
+            self._places[tag] = Place(tag, loop, to.signal)
 
     def _rank(self, tag: str) -> tuple[int, tuple[int, int]]:
         return (0 if self._mapping is None else self._mapping.rank(tag)), precedence(tag)
