@@ -142,14 +142,15 @@ def _loops_of(row: KeptTag) -> set[str]:
     return {row.loop.casefold(), loop_of(row.tag, row.file).casefold()}
 
 
-def places_of(loops: Iterable[LoopTags], filename: str) -> list[TagPlace]:
-    """Each tag once: the first has it where a workbook has several of one name."""
+def places_of(loops: Iterable[LoopTags], filename: str, units: Mapping[str, str]) -> list[TagPlace]:
+    """Each tag once: the first has it where a workbook has several of one name. units: by tag, where it is not its name
+    that tells."""
     found: dict[Key, TagPlace] = {}
     for loop in loops:
         own = [(loop.pv, "PV"), (loop.op, "OP"), (loop.sp, "SP"), (loop.mode, "MODE")]
         for tag, signal in [*own, *((other, OTHER) for other in loop.others)]:
             if tag is not None:
-                unit = unit_of(tag)
+                unit = unit_of(tag) or units.get(tag, "")
                 key = key_of(without_unit(tag), filename)
                 found.setdefault(key, TagPlace(key, tag, storable(loop.loop), signal, storable(unit)))
     return list(found.values())
