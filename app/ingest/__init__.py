@@ -54,13 +54,14 @@ from app.ingest.tags.grouping import (
     SIMULATED,
     MappedTag,
     TagMapping,
-    group,
     loop_of,
     mapping_text,
     names_its_loop,
     unit_of,
+    without_unit,
 )
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
+from app.ingest.tags.loops import group
 from app.ingest.telling import without_controls
 from app.ingest.times.stamps import NO_TIME, check_time_zone
 
@@ -112,4 +113,5 @@ __all__ = [
     "unit_of",
     "warm_up",
     "without_controls",
+    "without_unit",
 ]

@@ -128,7 +128,8 @@ class LoopTags:
 
 @dataclass(frozen=True)
 class FileSummary:
-    """What a file was found to hold. Counts are those of the rows read so far, complete once all blocks were taken."""
+    """What a file was found to hold. Counts are those of the rows read so far, complete once all blocks were taken.
+    units: by tag, as a row of units tells them."""
 
     layout: str
     encoding: str
@@ -145,3 +146,4 @@ class FileSummary:
     first_time_ns: int | None
     last_time_ns: int | None
     notes: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

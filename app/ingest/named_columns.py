@@ -20,7 +20,7 @@ from app.ingest.numbers.marks import POINTED, DoubtfulMarks
 from app.ingest.numbers.values import odd_numbers, same_tag, tagged
 from app.ingest.numbers.writing import MARKED, Writing
 from app.ingest.tables.frames import UNREADABLE
-from app.ingest.tags.grouping import signals_of
+from app.ingest.tags.loops import signals_of
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, find_form
 from app.nanoseconds import NS_PER_S
 

@@ -91,7 +91,7 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
         pv[given],
         op[given],
         sp=None if samples.sp is None else carried(samples.sp)[given],
-        automatic=None if automatic is None or not np.any(automatic >= 0) else _flags(automatic)[given],
+        automatic=None if automatic is None or not np.any(np.isfinite(automatic)) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
 

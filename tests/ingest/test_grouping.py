@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions, LoopTags, TagMapping, group, read_export
+from app.ingest import IngestOptions, LoopTags, TagMapping, group, read_export, unit_of, without_unit
 
 from .conftest import Read
 
@@ -38,6 +38,20 @@ from .conftest import Read
         "F1/PID.PV_Out#Value", "F1/PID.MV#Value", "F1/PID.SP#Value", "F1/PID.AutAct#Value")),
         (["F1.Val_PV", "F1.Val_CVOut", "F1.Val_SP", "F1.Sts_Auto"], LoopTags("F1", "F1.Val_PV", "F1.Val_CVOut",
         "F1.Val_SP", "F1.Sts_Auto")),
+        (["F1.Regelgröße", "F1.Stellgröße", "F1.Führungsgröße"], LoopTags("F1", "F1.Regelgröße", "F1.Stellgröße",
+        "F1.Führungsgröße")),
+        (["F1.Messwert", "F1.Stellgro\u0308ße"], LoopTags("F1", "F1.Messwert", "F1.Stellgro\u0308ße")),
+        (["Mesure F1", "F1_Sortie", "F1_Consigne"], LoopTags("F1", "Mesure F1", "F1_Sortie", "F1_Consigne")),
+        (["F1 Medida", "F1 Salida", "F1 Consigna"], LoopTags("F1", "F1 Medida", "F1 Salida", "F1 Consigna")),
+        (["F1.测量值", "F1.阀位", "F1.输出", "F1.设定值", "F1.模式"], LoopTags("F1", "F1.测量值", "F1.输出",
+        "F1.设定值", "F1.模式", others=("F1.阀位",))),
+        (["塔顶温度测量值", "塔顶温度输出"], LoopTags("塔顶温度", "塔顶温度测量值", "塔顶温度输出")),
+        (["Wärme.PV (°C)", "Wärme.OP"], LoopTags("Wärme", "Wärme.PV (°C)", "Wärme.OP")),
+        (["P1.PV (kg/cm2(g))", "P1.OP [%[x]]", "P1.SP (kg/cm2(g))"], LoopTags("P1", "P1.PV (kg/cm2(g))", "P1.OP [%[x]]",
+        "P1.SP (kg/cm2(g))")),
+        (["F1.PV t/h", "F1.OP %", "F1.SP, bar"], LoopTags("F1", "F1.PV t/h", "F1.OP %", "F1.SP, bar")),
+        (["F1.PV - Feed flow (t/h)", "F1.OP - Valve output", "F1/SP - Set point of the feed (t/h)"], LoopTags("F1",
+        "F1.PV - Feed flow (t/h)", "F1.OP - Valve output", "F1/SP - Set point of the feed (t/h)")),
     ],
 )  # fmt: skip
 def test_one_loop(tags: list[str], expected: LoopTags) -> None:
@@ -54,6 +68,12 @@ def test_bare_names_belong_to_the_file() -> None:
     )
 
 
+def test_bare_names_of_other_languages_belong_to_the_file() -> None:
+    assert group(["测量值", "Stellgröße", "Consigne"], stem="F9") == (
+        LoopTags("F9", "测量值", "Stellgröße", "Consigne"),
+    )
+
+
 @pytest.mark.parametrize(
     ("tags", "expected"),
     [
@@ -66,6 +86,29 @@ def test_bare_names_belong_to_the_file() -> None:
 )
 def test_a_number_behind_a_bare_name_is_another_signals(tags: list[str], expected: LoopTags) -> None:
     assert group(tags, stem="F9") == (expected,)
+
+
+@pytest.mark.parametrize(
+    ("tag", "name", "unit"),
+    [
+        ("P1.PV (kg/cm2(g))", "P1.PV", "kg/cm2(g)"),
+        ("F1.PV t/h", "F1.PV", "t/h"),
+        ("F1.OP, %", "F1.OP", "%"),
+        ("F1.PV bar", "F1.PV", "bar"),
+        ("F1 t/h", "F1", "t/h"),
+        ("F1.PV - Feed flow ( t/h )", "F1.PV - Feed flow", "t/h"),
+        ("Reactor pH", "Reactor pH", ""),
+        ("Water in", "Water in", ""),
+        ("F1.PV (2)", "F1.PV (2)", ""),
+        ("t/h", "t/h", ""),
+    ],
+)
+def test_the_unit_behind_a_name(tag: str, name: str, unit: str) -> None:
+    assert (without_unit(tag), unit_of(tag)) == (name, unit)
+
+
+def test_bare_names_with_units_belong_to_the_file() -> None:
+    assert group(["PV t/h", "OP %", "SP, t/h"], stem="F9") == (LoopTags("F9", "PV t/h", "OP %", "SP, t/h"),)
 
 
 def test_a_mapping_may_give_a_loop_the_mode_of_another_number() -> None:

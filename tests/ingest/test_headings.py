@@ -71,6 +71,7 @@ def test_bad_times_of_the_first_rows_of_datalink_are_refused_in_each_of_its_grou
     units = read(text(["F1.PV", "", "F1.OP", ""], ["", "t/h", "", "%"], *data))
     assert told(units) == (199, [])
     assert units.summary.notes == ("line 2 was read as units, not as data: ', t/h, , %'",)
+    assert dict(units.summary.units) == {"F1.PV": "t/h", "F1.OP": "%"}
 
 
 @pytest.mark.parametrize("times", [SECONDS, STAMPS])

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest import IngestOptions, Unpacking
+from app.ingest import IngestOptions, TagMapping, Unpacking
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
 
 from .conftest import Read
@@ -457,3 +457,26 @@ def test_an_offset_among_local_times(read: Read) -> None:
     content = read("Time,A.PV,A.OP\n" + rows, options=IngestOptions(time_zone="Europe/Berlin"))
     assert content.loops["A"].pv.tolist() == [1, 2, 3, 4]
     assert np.diff(content.loops["A"].time_ns).tolist() == [MINUTE] * 3
+
+
+@pytest.mark.parametrize(
+    ("names", "loop"),
+    [
+        ("塔顶温度,回流阀", "塔顶温度"),
+        ("Температура верха,Клапан", "Температура верха"),
+        ("塔頂温度,バルブ", "塔頂温度"),
+    ],
+)
+def test_names_of_other_scripts_are_columns(read: Read, names: str, loop: str) -> None:
+    text = f"Time,{names}\n" + "".join(f"2024-03-01 00:0{i}:00,{i},1{i}\n" for i in range(9))
+    assert list(read(text).loops[loop].others) == [loop]
+    pv, op = names.split(",")
+    mapping = TagMapping.from_bytes(f"tag,loop,signal\n{pv},F,PV\n{op},F,OP\n".encode())
+    content = read(text, mapping=mapping)
+    assert content.loops["F"].pv.tolist() == list(range(9))
+    assert content.loops["F"].op.tolist() == list(range(10, 19))
+
+
+def test_names_without_a_letter_are_no_columns(read: Read) -> None:
+    text = "Time,A.PV,A.OP,,#,---\n" + "".join(f"2024-03-01 00:0{i}:00,{i},1{i},5,{i},7\n" for i in range(9))
+    assert read(text).summary.tags == 2

@@ -28,11 +28,13 @@ def long(*modes: str, tags: tuple[str, ...] = ("A.PV", "A.OP")) -> str:
     )
 
 
-AUTOMATIC = ("1.AUTO", "MODE_AUTO", "B-AUTO", "Automático", "AUTO(1)", "1 - Auto", "automatique", "SPC", "AUT;NR", "8")
+AUTOMATIC = ("1.AUTO", "MODE_AUTO", "B-AUTO", "Automático", "AUTO(1)", "1 - Auto", "automatique", "SPC", "AUT;NR")
 AUTOMATIC += ("LOC AUTO", "REMOTE AUTO", "Automatik", "CAS", "1", "1.0", "2", "3", "4", "true")
-MANUAL = ("0.MAN", "MODE_MAN", "B-MAN", "MAN(0)", "0 - Man", "manuel", "LOCAL MANUAL", "Hand", "16", "O/S", "0", "off")
-MANUAL += ("32", "64", "128")
+AUTOMATIC += ("自动", "自動", "串级", "1-自动", "Авто", "Каскад", "Автоматический")
+MANUAL = ("0.MAN", "MODE_MAN", "B-MAN", "MAN(0)", "0 - Man", "manuel", "LOCAL MANUAL", "Hand", "128", "O/S", "0", "off")
+MANUAL += ("手动", "手動", "0 手动", "Ручной", "РУЧНОЙ", "Руч.")
 OTHERS = ("LOCAL", "AUTO_MAN", "NOT AUTO", "AUTO OFF", "A/M", "Auto disabled", "Normal", "17", "-1")
+OTHERS += ("自动手动", "Авто/Руч")
 
 
 @pytest.mark.parametrize(("words", "flag"), [(AUTOMATIC, 1.0), (MANUAL, 0.0), (OTHERS, UNKNOWN_MODE)])
@@ -68,6 +70,69 @@ def test_numbers(read: Read, layout) -> None:
     )
 
 
+DELTAV = {0: 0, 1: 0, 2: 0, 4: 0, 8: 0, 16: 1, 32: 1, 48: 1, 64: 1, 80: 1, 128: 0, 144: 0, 3: -1}
+FIELDBUS = {0: 0, 1: 0, 2: 1, 4: 1, 8: 1, 16: 0, 32: 0, 64: 0, 128: 0, 3: -1}
+
+
+@pytest.mark.parametrize(
+    ("tag", "flags"),
+    [
+        *((f"FIC-101/PID1/MODE.{end}", DELTAV) for end in ("ACTUAL", "TARGET", "CV")),
+        ("fic-101/pid1/mode.actual", DELTAV),
+        ("FIC-101.MODE_BLK.ACTUAL", FIELDBUS),
+    ],
+)
+def test_bits_by_the_name(tag: str, flags: dict[int, int]) -> None:
+    for number, flag in flags.items():
+        assert ModesMet().of_numbers(np.array([float(number)]), tag).tolist() == [flag]
+        assert ModesMet().of_texts(pl.Series([str(number)]), tag).tolist() == [flag]
+
+
+@pytest.mark.parametrize(
+    ("modes", "flags"),
+    [
+        ((8, 16, 48), [0, 1, 1]),
+        ((8, 16, 80), [0, 1, 1]),
+        ((8, 16, 144), [0, 1, 0]),
+        ((8, 16, 4), [1, 0, 1]),
+        ((8, 16), [-1, -1]),
+        ((16,), [-1]),
+        ((8, 16, 32), [-1, -1, -1]),
+        ((8, 1, 0, 128), [-1, 0, 0, 0]),
+    ],
+)
+@pytest.mark.parametrize("layout", [wide, long])
+def test_bits_by_what_stands_beside_them(read: Read, layout, modes: tuple[int, ...], flags: list[int]) -> None:
+    assert read(layout(*map(str, modes))).loops["A"].automatic.tolist() == flags
+
+
+@pytest.mark.parametrize("layout", [wide, long])
+def test_bits_of_which_nothing_tells_whose_they_are(read: Read, layout) -> None:
+    content = read(layout("8", "16", "16"))
+    assert content.summary.notes == (
+        "nothing tells whether modes are counted as in DeltaV (8 MAN, 16 AUTO) or in FOUNDATION Fieldbus "
+        "(8 AUTO, 16 MAN): A.MODE",
+        "modes that are not understood count neither as automatic nor as manual: 16 (2), 8 (1)",
+    )
+
+
+def test_each_tag_of_a_long_table_counts_for_itself(read: Read) -> None:
+    tags = {"A/MODE.ACTUAL": 16, "B.MODE": 4, "C/MODE.ACTUAL": 8}
+    rows = [(tag, stamp, mode) for stamp in STAMPS for tag, mode in tags.items()]
+    rows += [(f"{loop}.{signal}", stamp, 1.5) for stamp in STAMPS for loop in "ABC" for signal in ("PV", "OP")]
+    rows += [("B.MODE", "2026-03-01 00:09:00", 8), ("B.PV", "2026-03-01 00:09:00", 2)]
+    text = "Tagname,TimeStamp,Value\n" + "".join(f"{tag},{stamp},{value}\n" for tag, stamp, value in rows)
+    content = read(text)
+    assert {loop: set(samples.automatic.tolist()) for loop, samples in content.loops.items()} == {
+        "A": {1.0},
+        "B": {1.0},
+        "C": {0.0},
+    }
+    assert content.summary.notes[0] == (
+        "modes as numbers other than 0 and 1 were read as: 4 automatic, 8 manual, 8 automatic, 16 automatic"
+    )
+
+
 def automatic(tmp_path: Path, text: str) -> list[bool] | None:
     path = tmp_path / "a.csv"
     path.write_text(text)
@@ -85,13 +150,18 @@ def test_a_mode_that_is_not_understood_goes_on_until_the_next_one(tmp_path: Path
     assert automatic(tmp_path, wide("AUTO", "", "LOCAL", "", "AUTO", "")) == [True, True, False, False, True, True]
 
 
-def test_without_any_mode_that_is_understood_none_was_recorded(tmp_path: Path) -> None:
-    assert automatic(tmp_path, wide("Ramp", "Ramp", "")) is None
+@pytest.mark.parametrize("layout", [wide, long])
+def test_a_recording_of_which_no_mode_is_understood_is_not_taken_for_automatic(tmp_path: Path, layout) -> None:
+    assert automatic(tmp_path, layout("Ramp", "Ramp", "Soak")) == [False, False, False]
+
+
+def test_without_any_mode_that_is_written_none_was_recorded(tmp_path: Path) -> None:
+    assert automatic(tmp_path, wide("", "-", "")) is None
 
 
 def test_words_are_kept_in_bounds() -> None:
     met = ModesMet()
     for start in range(0, 10_000, 100):
-        met.of_texts(pl.Series([f"word {k}x" for k in range(start, start + 100)]))
+        met.of_texts(pl.Series([f"word {k}x" for k in range(start, start + 100)]), "A.MODE")
     assert len(met.unknown) <= 1000
     assert met.notes()[0].endswith(", ...")

@@ -69,6 +69,37 @@ def test_names_that_tell(read: Read, name: str) -> None:
     assert content.summary.notes[0] == "most values were refused for their quality: 0 (40)"
 
 
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("Qualität", "Gut", "Schlecht"),
+        ("QUALITA\u0308T", "Gut", "Schlecht"),
+        ("Qualité", "Bonne", "Mauvaise"),
+        ("Calidad", "Buena", "Mala"),
+        ("StatusCode", "Good", "BadNoCommunication"),
+        ("Validity", "Valid", "Invalid"),
+        ("IsGood", "True", "False"),
+        ("Is Valid", "1", "0"),
+        ("QStatus", "Good", "Bad"),
+        ("Güte", "Gut", "Schlecht"),
+        ("State of it", "Good", "Bad Input"),
+    ],
+)
+def test_other_names_and_words_alone(read: Read, name: str, good: str, bad: str) -> None:
+    assert refused(read(long(good, bad, name))) == BAD_ROWS
+
+
+def test_ones_are_good_by_their_name(read: Read) -> None:
+    assert dict(read(long("0", "0", "IsGood")).rejects.counts) == {"bad_quality": 40}
+
+
+@pytest.mark.parametrize(
+    ("usual", "other"), [("False", "True"), ("Normal", "HIHI"), ("Raw", "Interpolated"), ("g", "%")]
+)
+def test_words_of_something_else_in_a_long_table_are_no_qualities(read: Read, usual: str, other: str) -> None:
+    assert refused(read(long(usual, other, "Further"))) == []
+
+
 def test_what_was_decided_stays(read: Read) -> None:
     """The first chunk has zeros alone, most of the file has ones."""
     rows = [f"A.PV,2026-03-01 {i // 60:02d}:{i % 60:02d}:00,{i},{0 if i < 20 else 1}\n" for i in range(100)]
@@ -90,6 +121,9 @@ def wide(head: str, row: str, bad: str = "Bad", good: str = "Good") -> str:
         ("Time,A.PV,A.PV Status,A.OP,A.OP Status", "{t},{i},{q},{i},Good"),
         ("Time,A.PV,Status,A.OP,Status", "{t},{i},{q},{i},Good"),
         ("Time,A.PV,Status,A.OP", "{t},{i},{q},{i}"),
+        ("Zeit,A.PV,Qualität,A.OP,Qualität", "{t},{i},{q},{i},Good"),
+        ("Zeit,A.PV,A.PV_Qualität,A.OP,A.OP_Qualität", "{t},{i},{q},{i},Good"),
+        ("Time,A.PV.Value,A.PV.StatusCode,A.OP.Value,A.OP.StatusCode", "{t},{i},{q},{i},Good"),
     ],
 )
 def test_a_column_judges_the_value_it_names_or_stands_right_of(read: Read, head: str, row: str) -> None:

@@ -174,6 +174,12 @@ def test_an_older_file_that_is_read_late_tells_the_unit_that_no_newer_one_told(b
     assert "PV of TIC5 is in degF here and was in degC" in sent(backend, 3, names="TIC5.PV (degF),TIC5.OP").notes[0]
 
 
+def test_a_unit_in_a_row_of_units_that_changes_is_told(backend: Backend) -> None:
+    sent(backend, 0, names="TIC5.PV,TIC5.OP\n,°C,%")
+    assert "PV of TIC5 is in °F here and was in °C" in sent(backend, 1, names="TIC5.PV,TIC5.OP\n,°F,%").notes[0]
+    assert "PV of TIC5 is in °C here and was in °F" in sent(backend, 2, names="TIC5.PV (°C),TIC5.OP").notes[0]
+
+
 def test_columns_of_one_name_are_no_units(backend: Backend) -> None:
     assert not any("units" in note for number in (0, 1) for note in sent(backend, number, names="A.PV,A.PV").notes)
 

@@ -52,6 +52,12 @@ def heading_notes(head: Head, heading: Iterable[int]) -> tuple[str, ...]:
     return tuple(_told(head, kind, rows) for kind, rows in lines.items())
 
 
+def units_in(head: Head, heading: Iterable[int]) -> dict[int, str]:
+    """By column, of the rows that are units."""
+    rows = [head.row(at) for at in heading if _kind(head.row(at)) == "units"]
+    return {column: cell for row in reversed(rows) for column, cell in enumerate(row) if is_unit(cell)}
+
+
 def _told(head: Head, kind: str, rows: list[int]) -> str:
     numbers = ", ".join(str(at + head.first_line) for at in rows[:_MOST_NUMBERS])
     numbers += ", ..." if len(rows) > _MOST_NUMBERS else ""

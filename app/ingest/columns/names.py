@@ -14,7 +14,8 @@ from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
-from app.ingest.tags.grouping import SIMULATED, place, without_unit
+from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
+from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.stamps import TimeForm, find_form
 from app.ingest.times.told_units import told_unit
 from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
@@ -78,6 +79,14 @@ QUALITY_NAMES = (
     "valuestatus",
     "qualitycode",
     "confidence",
+    "statuscode",
+    "qstatus",
+    "validity",
+    "isgood",
+    "isvalid",
+    "qualitaet",
+    "qualite",
+    "calidad",
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 NO_ROWS = -1
@@ -86,7 +95,8 @@ ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
 @lru_cache(maxsize=1 << 17)
 def plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", name.lower()))
+    """Letters and digits of a name, in small letters without accents; empty where it has none outside of brackets."""
+    return re.sub(r"[\W_]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", spelled_out(name.lower())))
 
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
@@ -267,15 +277,21 @@ def long_from(
     form = form_of(head, time, first_row, options, names[time[0]])
     if form is None:
         return None
-    judged = [known.index(name) for name in QUALITY_NAMES if name in known]
-    quality = judged[0] if judged else None
+    quality = _quality_of(head, known, first_row, {*time, tags[0], values[0]})
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
 
 
+def _quality_of(head: Head, known: list[str], first_row: int, others: set[int]) -> int | None:
+    """The column of qualities in a long table: by its name, else by its words."""
+    named = [known.index(name) for name in QUALITY_NAMES if name in known]
+    by_words = (at for at in range(len(known)) if at not in others and holds_quality_words(head.column(at, first_row)))
+    return named[0] if named else next(by_words, None)
+
+
 def _zero_is_good(quality: str, names: list[str]) -> bool | None:
-    if quality in ("opcquality", "confidence"):
+    if quality in ("opcquality", "confidence", "isgood", "isvalid"):
         return False
     return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None
 

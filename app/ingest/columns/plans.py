@@ -8,12 +8,14 @@ from app.ingest.times.stamps import TimeForm
 
 @dataclass(frozen=True)
 class ValueColumn:
-    """A column of values of one tag; `off_line` and `quality` are columns that say whether its values can be used."""
+    """A column of values of one tag; `off_line` and `quality` are columns that say whether its values can be used.
+    unit: as a row of units tells it; empty where none does."""
 
     index: int
     tag: str
     off_line: int | None = None
     quality: int | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True)

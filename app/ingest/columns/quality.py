@@ -6,9 +6,11 @@ from dataclasses import replace
 
 from app.ingest.columns.plans import ValueColumn
 from app.ingest.files.head import Head
+from app.ingest.tags.grouping import spelled_out
 from app.ingest.tags.quality import tells_quality
 
-_ENDING = re.compile(r"(.+?)[_. \-#:/](quality|status|qualitycode|confidence)", re.IGNORECASE)
+_WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isvalid|qstatus|qualitaet|qualite|calidad"
+_ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
 _VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
 
 
@@ -38,7 +40,7 @@ def with_quality(
 def _by_name(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> dict[int, int]:
     judging: dict[str, int] = {}
     for index, name in enumerate(names):
-        found = _ENDING.fullmatch(name)
+        found = _ENDING.fullmatch(spelled_out(name))
         if found:
             judging.setdefault(found[1].casefold(), index)
     if not judging:
@@ -47,7 +49,7 @@ def _by_name(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> dict[in
     for value in values:
         without_value = _VALUE.fullmatch(value.tag)
         for name in (value.tag, without_value[1] if without_value else value.tag):
-            at = judging.get(name.casefold(), value.index)
+            at = judging.get(spelled_out(name).casefold(), value.index)
             if at != value.index:
                 judged.setdefault(value.index, at)
     return judged

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
+from types import MappingProxyType
 from typing import Protocol
 
 import polars as pl
@@ -21,7 +22,10 @@ from app.ingest.tables.long_table import LongTable
 from app.ingest.tables.spreading import SPREAD_NOTE
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_table import WideTable
-from app.ingest.tags.grouping import Grouping, TagMapping, group
+from app.ingest.tags.grouping import TagMapping
+from app.ingest.tags.loops import Grouping, group
+from app.ingest.tags.settling import told
+from app.ingest.telling import without_controls
 from app.ingest.times.stamps import TimeForm
 from app.nanoseconds import NS_PER_S
 
@@ -220,7 +224,12 @@ class TableExport(Export):
             first_time_ns=tally.first_time_ns,
             last_time_ns=tally.last_time_ns,
             notes=(*self.notes(), *self.origin()),
+            units=MappingProxyType(dict(self._units())),
         )
+
+    def _units(self) -> Iterator[tuple[str, str]]:
+        for timed in self._plan.groups if isinstance(self._plan, WidePlan) else ():
+            yield from ((without_controls(value.tag), value.unit) for value in timed.values if value.unit)
 
     def _zone(self) -> str:
         form = self._plan.form
@@ -265,6 +274,7 @@ class TableExport(Export):
             pairs = list(second.items())[:5]
             shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
             notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+        notes += [f"{what}: {told(moves)}" for what, moves in self._grouping.settled.items()]
         if odd := self._grouping.with_controls:
             notes.append(f"control characters in names of tags were replaced: {', '.join(list(odd)[:5])}")
         if self._grouping.of_other_number:

@@ -14,7 +14,8 @@ from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.spreading import SPREAD_NOTE, stamps_are_cut
-from app.ingest.tags.grouping import Grouping, place
+from app.ingest.tags.grouping import place
+from app.ingest.tags.loops import Grouping
 from app.ingest.times.stamps import NO_TIME, TimeForm, as_formatted, parse_text
 
 

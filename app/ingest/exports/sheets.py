@@ -117,6 +117,7 @@ class SheetsExport(Export):
             first_time_ns=min(firsts, default=None),
             last_time_ns=max(lasts, default=None),
             notes=(*self.notes(), *self._of_sheets(TableExport.origin)),
+            units=MappingProxyType({tag: unit for part in reversed(each) for tag, unit in part.units.items()}),
         )
 
 

@@ -14,7 +14,8 @@ from app.ingest.exports.tables_in import Table, TableSource
 from app.ingest.layouts import NotRecognised
 from app.ingest.model import IngestOptions
 from app.ingest.tables.frames import in_short
-from app.ingest.tags.grouping import TagMapping, group
+from app.ingest.tags.grouping import TagMapping
+from app.ingest.tags.loops import group
 
 WORKBOOK_BYTES = 1 << 30  # what is asked of a sheet is found in a workbook unpacked
 _SHOWN = 10

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from app.errors import DataError
-from app.ingest.columns.headings import heading_notes
+from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
-from app.ingest.columns.plans import Plan
+from app.ingest.columns.plans import Plan, WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
     aveva,
@@ -43,7 +43,19 @@ LAYOUTS: tuple[Sniff, ...] = (
 
 def recognise(head: Head, options: IngestOptions) -> Plan | None:
     plan = next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
-    return plan and replace(plan, notes=(*plan.notes, *heading_notes(head, plan.heading)))
+    return plan and replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
+
+
+def _with_units(plan: Plan, head: Head) -> Plan:
+    """With the units of its columns where a row of the heading tells them."""
+    units = units_in(head, plan.heading)
+    if not units or not isinstance(plan, WidePlan):
+        return plan
+    groups = (
+        replace(group, values=tuple(replace(value, unit=units.get(value.index, "")) for value in group.values))
+        for group in plan.groups
+    )
+    return replace(plan, groups=tuple(groups))
 
 
 class NotRecognised(DataError):

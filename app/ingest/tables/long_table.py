@@ -22,9 +22,11 @@ from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, join
 from app.ingest.tables.scanning import Scan, Scanner
 from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
 from app.ingest.tables.tally import Tally
-from app.ingest.tags.grouping import Grouping, Place
-from app.ingest.tags.modes import UNKNOWN_MODE, flags_of_numbers
+from app.ingest.tags.grouping import Place
+from app.ingest.tags.loops import Grouping
+from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
+from app.ingest.tags.settling import family
 from app.ingest.times.stamps import NO_TIME, TimeReader
 
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
@@ -97,11 +99,12 @@ class LongTable:
 
     def _settle_places(self) -> None:
         """When all tags have come: a later one may have taken the signal of one that came before."""
+        self._grouping.settle()
         self._places[:] = [at if at is NOWHERE else self._grouping.place(at.tag) for at in self._places]
 
     def _loop_of_code(self) -> NDArray[np.uint32]:
         for place in self._places[len(self._loops) :]:
-            self._loops.append(self._number_of_loop.of(place.loop))
+            self._loops.append(self._number_of_loop.of(family(place.loop)))
         return np.array(self._loops, dtype=np.uint32)
 
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
@@ -132,9 +135,11 @@ class LongTable:
         time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
         if self._modes.any():
             modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
-            if np.any(flags_of_numbers(values[modes]) == UNKNOWN_MODE):
+            parts = list(self._by_tag(codes, modes))
+            if not all(self._tally.modes.are_understood(values[rows_of], tag) for tag, rows_of in parts):
                 return None
-            values[modes] = self._tally.modes.of_numbers(values[modes])
+            for tag, rows_of in parts:
+                values[rows_of] = self._tally.modes.of_numbers(values[rows_of], tag)
         lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
         gathered = Gathered(codes, time_ns, values, lines)
         if not self._usable.all():
@@ -278,13 +283,13 @@ class LongTable:
     def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: RowReader) -> FloatArray:
         numbers = rows.numbers([self._plan.value])
         values, missing = numbers.values[:, 0], numbers.missing[:, 0]
-        modes = self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
+        modes = self._are_modes(codes)
         if self._may_tell(rows, values, codes, kept & ~modes):
             missing |= marked(reader.texts(rows, [self._plan.value]).to_series(0))
         if missing.any() or self._tally.writing.own:
-            self._read_odd(rows, values, missing, modes, kept, reader)
+            self._read_odd(rows, values, missing, codes, kept, reader)
         if modes.any():
-            self._read_numbers_of_modes(rows, values, np.flatnonzero(modes & ~missing & kept))
+            self._read_numbers_of_modes(rows, values, codes, np.flatnonzero(modes & ~missing & kept))
         if np.isfinite(values).all():
             return values
         at = np.flatnonzero(kept & ~np.isfinite(values) & ~missing)
@@ -293,9 +298,21 @@ class LongTable:
         values[~np.isfinite(values)] = np.nan
         return values
 
-    def _read_numbers_of_modes(self, rows: Rows, values: FloatArray, at: NDArray[np.int64]) -> None:
+    def _are_modes(self, codes: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        return self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
+
+    def _by_tag(self, codes: NDArray[np.uint32], at: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.int64]]]:
+        """The rows of `at` tag by tag."""
+        order = at[np.argsort(codes[at], kind="stable")]
+        for rows in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
+            yield self._places[codes[rows[0]]].tag, rows
+
+    def _read_numbers_of_modes(
+        self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]
+    ) -> None:
         numbers = values[at]
-        values[at] = self._tally.modes.of_numbers(numbers)
+        for tag, of_tag in self._by_tag(codes, at):
+            values[of_tag] = self._tally.modes.of_numbers(values[of_tag], tag)
         unknown = np.flatnonzero(values[at] == UNKNOWN_MODE)
         self._refuse(rows, "unknown_mode", at[unknown], (f"{numbers[i]:g}" for i in unknown))
 
@@ -317,7 +334,7 @@ class LongTable:
         rows: Rows,
         values: FloatArray,
         missing: NDArray[np.bool_],
-        modes: NDArray[np.bool_],
+        codes: NDArray[np.uint32],
         kept: NDArray[np.bool_],
         reader: RowReader,
     ) -> None:
@@ -325,8 +342,10 @@ class LongTable:
         texts = reader.texts(rows, [self._plan.value]).to_series(0)
         given = texts.is_not_null().to_numpy() & kept
         left = missing & given
+        modes = self._are_modes(codes)
         of_modes = np.flatnonzero(left & modes)
-        values[of_modes] = self._tally.modes.of_texts(texts[of_modes])
+        for tag, of_tag in self._by_tag(codes, of_modes):
+            values[of_tag] = self._tally.modes.of_texts(texts[of_tag], tag)
         unknown = of_modes[values[of_modes] == UNKNOWN_MODE]
         all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
         left &= ~modes

@@ -22,7 +22,7 @@ from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk
 from app.ingest.tables.wordy_columns import WordyColumns
-from app.ingest.tags.grouping import Grouping
+from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
@@ -217,9 +217,12 @@ class WideTable:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
         for position in modes:
-            flags = self._tally.modes.of_texts(_texts(rows, group.values[position]))
+            flags = self._mode_flags(rows, group.values[position])
             values[:, position] = np.where(np.isnan(flags), BLANK, flags)
         return Numbers(values, missing)
+
+    def _mode_flags(self, rows: Rows, value: ValueColumn) -> FloatArray:
+        return self._tally.modes.of_texts(_texts(rows, value), self._places[value.index].tag)
 
     def _refuse_modes(
         self,

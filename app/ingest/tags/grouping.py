@@ -1,8 +1,10 @@
-"""Tags into loops: by the ending of their names, by the letters of ISA, or by a mapping that the plant gives."""
+"""The loop and the signal of a tag: by the ending of its name, by the letters of ISA, or by a mapping that the plant
+gives."""
 
 import json
 import math
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -10,9 +12,9 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from app.errors import DataError
-from app.ingest.model import SIGNALS, IngestOptions, LoopTags, Signal
+from app.ingest.model import SIGNALS, IngestOptions, Signal
+from app.ingest.numbers.units import is_unit
 from app.ingest.tags.lists import list_rows, list_text
-from app.ingest.telling import without_controls
 
 _MAPPING = ("the mapping", "bad_mapping")
 """What it is called, and the code of all that is wrong with it."""
@@ -29,15 +31,17 @@ _WORDS: Mapping[str, Signal] = MappingProxyType(
         **dict.fromkeys(("STELLWERT", "STELLGROESSE"), "OP"),
         "SOLLWERT": "SP",
         "BETRIEBSART": "MODE",
+        **dict.fromkeys(("REGELGROESSE", "MESSWERT", "MESURE", "MEDIDA", "测量值"), "PV"),
+        **dict.fromkeys(("SORTIE", "SALIDA", "输出", "阀位"), "OP"),
+        **dict.fromkeys(("FUEHRUNGSGROESSE", "CONSIGNE", "CONSIGNA", "设定值"), "SP"),
+        **dict.fromkeys(("MODO", "РЕЖИМ", "模式"), "MODE"),
     }
 )
-_LETTERS: Mapping[str, Signal] = MappingProxyType({"Y": "PV", "U": "OP", "R": "SP"})
-"""Of textbooks: names where a table is asked for its columns, but no tags of a plant, where they may be anything."""
 _RANKS = MappingProxyType({word: rank for rank, word in enumerate(_WORDS)})
 _SPELLED_OUT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "AE", "Ö": "OE", "Ü": "UE", "ß": "ss"})
 AUDITED = frozenset({"PV", "OP"})
 """The signals without which a loop cannot be audited."""
-_OPTIONAL = frozenset({"SP", "MODE"})
+OPTIONAL = frozenset({"SP", "MODE"})
 SIMULATED = ("pv_sim", "pvsim", "sim", "simulation", "simulated")
 """What a simulated PV is called, in small letters and without its unit, the usual name first."""
 _ATTRIBUTES = frozenset(
@@ -46,8 +50,11 @@ _ATTRIBUTES = frozenset(
 LONGEST_NAME = 1000  # the patterns cost the square of a name's length
 LONGEST_LOOP = IngestOptions().max_name
 _SEPARATORS = "._-/:|\\ "
-_ENDING = re.compile(r"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>[A-Za-z]+)$")
-_START = re.compile(r"^(?P<word>[A-Za-z]+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_LETTER = r"(?:[^\W\d_]|[\u0300-\u036f])"  # of any script, or its accent where that stands behind it
+_ENDING = re.compile(rf"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>{_LETTER}+)$")
+_START = re.compile(rf"^(?P<word>{_LETTER}+)[._\-/:|\\ ]+(?P<loop>.+)$")
+_WITHOUT_BLANKS = re.compile(rf"^(?P<loop>.+)(?P<word>{'|'.join(word for word in _WORDS if not word.isascii())})$")
+"""Chinese puts no blank before a word."""
 _OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
     {
         **dict.fromkeys(("PV_OUT", "PV_IN", "VAL_PV"), "PV"),
@@ -62,10 +69,14 @@ _SPLIT_WORDS = re.compile(
     r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
 )
 _ISA = re.compile(r"^(?P<before>.*?)(?P<measured>[A-Z]{1,2})(?P<function>T|IT|V|CV)(?P<rest>[_\-.]?\d+[A-Z]?)$")
-_UNIT = re.compile(r"\s*(\([^()]*\)|\[[^\[\]]*\])$")  # FIC101.PV (degC), FIC101.OP [%]
+_UNIT = re.compile(
+    r"\s*(\((?:[^()]|\([^()]*\))*\)|\[(?:[^\[\]]|\[[^\[\]]*\])*\])$"
+)  # FIC101.PV (degC), FIC101.OP [%], PIC101.PV (kg/cm2(g))
+_UNIT_UNBRACKETED = re.compile(r"^(?P<name>.*[^, ])[, ]+(?P<unit>[^, ]+)$")  # FIC101.PV t/h
+_DESCRIBED = re.compile(r"^(?P<name>[^ ]+[._/][A-Za-z]+) +[-–] +[^ ].*$")  # FIC101.PV - Feed flow
 _BRACKET = re.compile(r"[\[(].*$")
-_NO_LETTER = re.compile(r"[^A-Za-z]+")
-_SERVER = re.compile(r"^\\\\[^\\]+\\")
+_NO_LETTER = re.compile(r"[\W\d_]+")
+SERVER = re.compile(r"^\\\\[^\\]+\\")
 _NUMBERED = re.compile(r"\D*(\d+)\D*")
 
 
@@ -214,7 +225,15 @@ def _check_span(row: int, mapped: MappedTag) -> None:
 
 
 def _plain(word: str) -> str:
-    return _NO_LETTER.sub("", word).upper()
+    return _NO_LETTER.sub("", spelled_out(word)).upper()
+
+
+def spelled_out(word: str) -> str:
+    """Without accents, and with umlauts in two letters: Stellgröße is Stellgroesse, température is temperature."""
+    if word.isascii():
+        return word
+    spelled = unicodedata.normalize("NFC", word).translate(_SPELLED_OUT)
+    return "".join(letter for letter in unicodedata.normalize("NFKD", spelled) if not unicodedata.combining(letter))
 
 
 class Place(NamedTuple):
@@ -229,11 +248,14 @@ def place(tag: str, stem: str) -> Place:
     """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
     if len(tag) > LONGEST_NAME:
         return Place(tag, tag, "OTHER")
-    name = _SERVER.sub("", tag.strip())
+    name = SERVER.sub("", tag.strip())
+    name = _name_and_unit(name)[0] or name
     signal = _bare(_BRACKET.sub("", name))
     if signal is not None:
         return Place(tag, stem, signal)
-    name = _UNIT.sub("", name) or name
+    described = _DESCRIBED.match(name)
+    if described and (found := _by_ending(tag, described["name"])):
+        return found
     name = name.removesuffix("#Value")
     if of_system := _OF_SYSTEM.fullmatch(name):
         return Place(tag, of_system["loop"].rstrip(_SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
@@ -256,8 +278,7 @@ def names_its_loop(tag: str) -> bool:
 def unit_of(tag: str) -> str:
     """The unit that a name tells behind it, as `degC` of `TIC5.PV (degC)`; empty where it tells none. A number there
     tells columns of one name apart."""
-    found = _UNIT.search(tag.strip())
-    told = found[1][1:-1].strip() if found else ""
+    told = _name_and_unit(tag.strip())[1]
     return "" if told.isdigit() else told
 
 
@@ -265,19 +286,30 @@ def without_unit(tag: str) -> str:
     """The name before the unit that it tells; all of it where it tells none."""
     if len(tag) > LONGEST_NAME or not unit_of(tag):
         return tag
-    return _UNIT.sub("", tag.strip()) or tag
+    return _name_and_unit(tag.strip())[0] or tag
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    """A name and what stands in brackets behind it, or a unit that is known. One of letters alone is a unit behind the
+    name of a signal only: `Reactor pH` is a name."""
+    if bracketed := _UNIT.search(name):
+        return name[: bracketed.start()], bracketed[1][1:-1].strip()
+    found = _UNIT_UNBRACKETED.match(name)
+    if not found or not is_unit(found["unit"]):
+        return name, ""
+    word = re.split(r"[._\-/:|\\ ]", found["name"])[-1]
+    if found["unit"].isalpha() and _plain(word) not in _WORDS:
+        return name, ""
+    return found["name"], found["unit"]
 
 
 def _bare(name: str) -> Signal | None:
     """The signal that a name without a loop tells. A loop may be called by a number, or in other letters: 4711.PV."""
-    name = name.translate(_SPELLED_OUT)
     signal = _WORDS.get(_plain(name))
     if signal is None:
         return None
     found = _ENDING.match(name)
     loop = found["loop"] if found else ""
-    if not name.isascii() and any(letter.isalnum() for letter in name if not letter.isascii()):
-        return None
     return None if _plain(loop) == "" and any(map(str.isdigit, loop)) else signal
 
 
@@ -285,11 +317,11 @@ def _by_ending(tag: str, name: str) -> Place | None:
     found = _ENDING.match(name)
     if found and found["word"].upper() in _ATTRIBUTES:
         inner = _ENDING.match(found["loop"])
-        if inner and inner["word"].upper() in _WORDS:
+        if inner and _plain(inner["word"]) in _WORDS:
             found = inner
-    if not found or found["word"].upper() not in _WORDS:
-        return None
-    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[found["word"].upper()])
+    if not found or _plain(found["word"]) not in _WORDS:
+        found = _WITHOUT_BLANKS.match(name)
+    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[_plain(found["word"])]) if found else None
 
 
 def _by_letters(tag: str, name: str) -> Place | None:
@@ -304,159 +336,24 @@ def _by_letters(tag: str, name: str) -> Place | None:
 def _by_start(tag: str, name: str) -> Place | None:
     """`PV_sim` is simulated, and no PV of a loop `sim`."""
     found = _START.match(name)
-    signal = _WORDS.get(found["word"].upper()) if found else None
+    signal = _WORDS.get(_plain(found["word"])) if found else None
     if not found or not signal or found["loop"].lower() in SIMULATED:
         return None
     return Place(tag, found["loop"], signal)
 
 
-def _number(tag: str) -> str:
+def number_of(tag: str) -> str:
     """The number of a name without a loop: `2` of Mode2, nothing of Mode and of FIC101.MODE."""
     if names_its_loop(tag):
         return ""
-    found = _NUMBERED.fullmatch(_BRACKET.sub("", _SERVER.sub("", tag.strip())))
+    found = _NUMBERED.fullmatch(_BRACKET.sub("", SERVER.sub("", tag.strip())))
     return found[1] if found else ""
 
 
-def _precedence(tag: str) -> tuple[int, int]:
+def precedence(tag: str) -> tuple[int, int]:
     """Signals by their own names first (OP before MV), other plain names in the order of `_WORDS`, then PV and OP by
     their number, then what has to have the number of these."""
-    if _number(tag):
-        return (3 if place(tag, "").signal in _OPTIONAL else 2), 0
-    word = _NO_LETTER.split(_UNIT.sub("", tag.strip()).upper())[-1]
+    if number_of(tag):
+        return (3 if place(tag, "").signal in OPTIONAL else 2), 0
+    word = _NO_LETTER.split(spelled_out(_name_and_unit(tag.strip())[0]).upper())[-1]
     return (0 if word in SIGNALS else 1), _RANKS.get(word, len(_RANKS))
-
-
-class Grouping:
-    """Places tags: of those that name one signal of a loop the first by mapping and `_precedence` has it, in whatever
-    order they come, others are kept as further signals. A mode stays with the tag that came first: its values are read
-    as modes from then on."""
-
-    def __init__(self, stem: str, mapping: TagMapping | None = None) -> None:
-        self._stem = without_controls(stem)
-        self._mapping = mapping
-        self._spelling: dict[str, str] = {}
-        self._taken: dict[tuple[str, Signal], str] = {}
-        self._others: dict[str, list[str]] = {}
-        self._places: dict[str, Place] = {}
-        self.second: dict[str, Place] = {}  # of the tag that has the signal
-        self.of_other_number: list[str] = []
-        self.with_controls: dict[str, None] = {}  # tags, as they are shown
-
-    def place_all(self, tags: Iterable[str]) -> None:
-        """Tags that are known at once; of equal ones the first has the signal."""
-        for tag in sorted(tags, key=self._rank):
-            self.place(tag, in_order=True)
-
-    def _rank(self, tag: str) -> tuple[int, tuple[int, int]]:
-        return (0 if self._mapping is None else self._mapping.rank(tag)), _precedence(tag)
-
-    def place(self, tag: str, in_order: bool = False) -> Place:
-        """Of a tag, as far as it is known: a later one may take its signal, unless they come in order."""
-        written, tag = tag, without_controls(tag)
-        if tag != written:
-            self.with_controls[tag] = None
-        known = self._places.get(tag)
-        if known is None:
-            known = self._places[tag] = self._settle(tag, in_order)
-        return known
-
-    def _settle(self, tag: str, in_order: bool) -> Place:
-        mapped = self._mapping.find(tag) if self._mapping else None
-        found = Place(tag, mapped.loop, mapped.signal) if mapped else self._by_name(tag)
-        loop = self._spelling.setdefault(found.loop.casefold(), found.loop)
-        if found.signal == "OTHER":
-            return self._beside(tag, loop)
-        owner = self._taken.setdefault((loop, found.signal), tag)
-        here = Place(tag, loop, found.signal)
-        if owner == tag:
-            return here
-        if in_order or found.signal == "MODE" or self._equal_less(owner) <= self._equal_less(tag):
-            self.second[tag] = Place(owner, loop, found.signal)
-            return self._beside(tag, loop)
-        self._taken[(loop, found.signal)] = tag
-        self._places[owner] = self._beside(owner, loop)
-        self.second |= {other: here for other, at in self.second.items() if at[1:] == here[1:]} | {owner: here}
-        return here
-
-    def _beside(self, tag: str, loop: str) -> Place:
-        self._others.setdefault(loop, []).append(tag)
-        return Place(tag, loop, "OTHER")
-
-    def _equal_less(self, tag: str) -> tuple[tuple[int, tuple[int, int]], int, str]:
-        """Rank by which no two tags are equal."""
-        return self._rank(tag), len(tag), tag
-
-    def _by_name(self, tag: str) -> Place:
-        """A set point or a mode of another number than PV and OP is another loop's: none is better than a wrong one."""
-        found = place(tag, self._stem)
-        number = _number(tag) if found.signal in _OPTIONAL else ""
-        if not number:
-            return found
-        loop = self._spelling.get(found.loop.casefold(), found.loop)
-        beside = (self._taken.get((loop, "PV")), self._taken.get((loop, "OP")))
-        if any(other and _number(other) == number for other in beside):
-            return found
-        self.of_other_number.append(tag)
-        return Place(tag, found.loop, "OTHER")
-
-    def attach_bare(self, tags: Iterable[str]) -> None:
-        """In a file of one loop without tags, the other columns belong to that loop; of one loop it is where PV and OP
-        have no tag, or no other loop's have one."""
-        places = [place(tag, "") for tag in tags]
-        bare = {found.signal for found in places if found.loop == ""}
-        if not bare.issuperset(AUDITED) and any(found.loop and found.signal in AUDITED for found in places):
-            return
-        for tag, loop, _ in places:
-            mapped = self._mapping is not None and self._mapping.find(tag) is not None
-            if tag not in self._places and not mapped and loop != "":
-                self._others.setdefault(self._stem, []).append(tag)
-                self._places[tag] = Place(tag, self._stem, "OTHER")
-
-    @property
-    def tags(self) -> int:
-        return len(self._places)
-
-    @property
-    def placed(self) -> tuple[str, ...]:
-        return tuple(self._places)
-
-    def loops(self) -> tuple[LoopTags, ...]:
-        names = dict.fromkeys([loop for loop, _ in self._taken] + list(self._others))
-        return tuple(
-            LoopTags(
-                loop,
-                self._taken.get((loop, "PV")),
-                self._taken.get((loop, "OP")),
-                self._taken.get((loop, "SP")),
-                self._taken.get((loop, "MODE")),
-                tuple(self._others.get(loop, ())),
-            )
-            for loop in names
-        )
-
-
-def group(tags: Iterable[str], mapping: TagMapping | None = None, stem: str = "") -> tuple[LoopTags, ...]:
-    """The loops of a list of tags."""
-    grouping = Grouping(stem, mapping)
-    grouping.place_all(tags)
-    return grouping.loops()
-
-
-def signals_of(names: Iterable[str]) -> Mapping[Signal, str]:
-    """Which of a table's names tells which signal of its one loop: the one with PV and OP, one without a name before
-    others. None does where several may be meant."""
-    names = list(names)
-    loops = [loop for loop in group(names) if loop.pv or loop.op or loop.sp]
-    loops = [loop for loop in loops if loop.pv and loop.op] or loops
-    loops = [loop for loop in loops if loop.loop == ""] or loops
-    if len(loops) > 1:
-        return {}
-    words = {signal: tag for loop in loops for signal, tag in _signals(loop).items() if tag is not None}
-    letters = {signal: name for name in reversed(names) if (signal := _LETTERS.get(without_unit(name).strip().upper()))}
-    beside = AUDITED & letters.keys() - words.keys()
-    return words | {signal: name for signal, name in letters.items() if beside and signal not in words}
-
-
-def _signals(loop: LoopTags) -> dict[Signal, str | None]:
-    return {"PV": loop.pv, "OP": loop.op, "SP": loop.sp, "MODE": loop.mode}

@@ -18,6 +18,13 @@ _UNCERTAIN = frozenset(
     ["uncertain", "questionable", "doubtful", "suspect", "u", "uncertaingood", "unsicher", "incertain"]
 )
 _BAD = frozenset(["bad", "schlecht", "mauvais", "malo", "invalid", "false", "nodata"])
+_OF_QUALITY_ALONE = frozenset(
+    (
+        *("gut", "schlecht", "unsicher", "bon", "bonne", "mauvais", "mauvaise", "incertain", "bueno", "buena", "malo"),
+        *("mala", "buono", "cattivo", "goed", "slecht", "questionable", "doubtful", "suspect"),
+    )
+)
+"""Words that the state of something has not, as `normal`, `true` and `ok`."""
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
@@ -130,6 +137,14 @@ def tells_quality(fields: list[str]) -> bool:
     """Whether most of a column's fields are words or numbers that a quality has, and not the state of something."""
     known = sum(_number(text) is not None or _is_known(_word(text)) for text in fields)
     return 2 * known > len(fields)
+
+
+def holds_quality_words(fields: list[str]) -> bool:
+    """Whether all of a column's fields are words of qualities and of nothing else."""
+    words = set(map(_word, fields))
+    return bool(words) and all(
+        word in _OF_QUALITY_ALONE or word.startswith(("good", "bad", "uncertain")) for word in words
+    )
 
 
 def _is_known(word: str) -> bool:

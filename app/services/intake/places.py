@@ -13,7 +13,18 @@ from typing import cast
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError
-from app.ingest import IngestOptions, LoopTags, MappedTag, Signal, TagMapping, loop_of, names_its_loop, stem_of, unit_of
+from app.ingest import (
+    IngestOptions,
+    LoopTags,
+    MappedTag,
+    Signal,
+    TagMapping,
+    loop_of,
+    names_its_loop,
+    stem_of,
+    unit_of,
+    without_unit,
+)
 from app.services.backend import Backend
 from app.services.telling.naming import NAMED, named
 from app.storage import receipts
@@ -131,15 +142,16 @@ def _loops_of(row: KeptTag) -> set[str]:
     return {row.loop.casefold(), loop_of(row.tag, row.file).casefold()}
 
 
-def places_of(loops: Iterable[LoopTags], filename: str) -> list[TagPlace]:
-    """Each tag once: the first has it where a workbook has several of one name."""
+def places_of(loops: Iterable[LoopTags], filename: str, units: Mapping[str, str]) -> list[TagPlace]:
+    """Each tag once: the first has it where a workbook has several of one name. units: by tag, where it is not its name
+    that tells."""
     found: dict[Key, TagPlace] = {}
     for loop in loops:
         own = [(loop.pv, "PV"), (loop.op, "OP"), (loop.sp, "SP"), (loop.mode, "MODE")]
         for tag, signal in [*own, *((other, OTHER) for other in loop.others)]:
             if tag is not None:
-                unit = unit_of(tag)
-                key = key_of(tag.strip()[: -len(unit) - 2].rstrip() if unit else tag, filename)
+                unit = unit_of(tag) or units.get(tag, "")
+                key = key_of(without_unit(tag), filename)
                 found.setdefault(key, TagPlace(key, tag, storable(loop.loop), signal, storable(unit)))
     return list(found.values())
 

@@ -119,7 +119,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
     summary, refused = export.summary(), export.rejects()
-    places = places_of(summary.loops, row.filename)
+    places = places_of(summary.loops, row.filename, summary.units)
     told = {
         "layout": summary.layout,
         "rows_kept": summary.rows_kept,
