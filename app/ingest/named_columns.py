@@ -162,7 +162,8 @@ def read_named(path: Path, options: IngestOptions) -> NamedTable:
     DataError("not_a_table", "empty_file", "not_an_export") where it is none."""
     try:
         if path.suffix.lower() == ".parquet":
-            return NamedTable(pl.read_parquet(path), options)
+            seconds = pl.selectors.duration().dt.total_microseconds() / 1e6
+            return NamedTable(pl.read_parquet(path).with_columns(seconds), options)
         file = TextFile(path, options)
         text = b"".join(lines.data for lines in file.chunks()).decode("utf-8", "replace")
         return parse_named(text, options, tuple(file.notes))
