@@ -36,6 +36,7 @@ class Workbook:
         except self._faults as error:
             raise _unreadable(error) from error
         self.names: list[str] = self._book.sheet_names
+        self.hidden: set[int] = set()  # of the sheets that were asked for
         self._held: tuple[int, pl.DataFrame] = (-1, pl.DataFrame())
 
     def sheet(self, number: int) -> Table:
@@ -51,9 +52,12 @@ class Workbook:
         if self._held[0] != number:
             self._held = (-1, pl.DataFrame())
             try:
-                frame = self._book.load_sheet(number, header_row=None, dtypes="string").to_polars()
+                sheet = self._book.load_sheet(number, header_row=None, dtypes="string")
+                frame = sheet.to_polars()
             except self._faults as error:
                 raise _unreadable(error) from error
+            if sheet.visible != "visible":
+                self.hidden.add(number)
             frame.columns = [name_of(index) for index in range(frame.width)]
             self._held = (number, frame)
         return self._held[1]
@@ -114,7 +118,7 @@ def _is_workbook(path: Path, options: IngestOptions) -> bool:
 
 
 def _known(book: Workbook, stem: str, options: IngestOptions) -> tuple[dict[str, TableSource], dict[str, DataError]]:
-    """The sheets whose layout is known, and what is wrong with others that have cells."""
+    """The sheets whose layout is known, those that are seen first, and what is wrong with others that have cells."""
     known: dict[str, TableSource] = {}
     faults: dict[str, DataError] = {}
     for number, name in enumerate(book.names):
@@ -124,7 +128,8 @@ def _known(book: Workbook, stem: str, options: IngestOptions) -> tuple[dict[str,
                 known[name] = TableSource(table, stem, "xlsx", True, options)
         except DataError as error:
             faults[name] = error
-    return known, faults
+    hidden = {book.names[number] for number in book.hidden}
+    return {name: known[name] for name in sorted(known, key=hidden.__contains__)}, faults
 
 
 def _loops(tags: list[str], mapping: TagMapping | None, stem: str) -> set[str]:
