@@ -1,6 +1,7 @@
 """What a layout says about a file: where its columns are. The readers of tables do the rest, so a new layout is a new
 description."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from app.ingest.times.stamps import TimeForm
@@ -48,7 +49,8 @@ class WidePlan:
 @dataclass(frozen=True)
 class LongPlan:
     """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
-    = good; None where it is not told."""
+    = good; None where it is not told. `signals`: where a row holds several values of the loop that stands in column
+    `tag`, their columns, each with the word that makes a tag of the loop."""
 
     layout: str
     first_row: int
@@ -61,6 +63,13 @@ class LongPlan:
     zero_is_good: bool | None = None
     notes: tuple[str, ...] = ()
     heading: tuple[int, ...] = ()
+    signals: tuple[ValueColumn, ...] = ()
+
+    def tags_of(self, cells: Iterable[str]) -> list[str]:
+        """The tags that different cells of column `tag` stand for."""
+        if not self.signals:
+            return list(cells)
+        return [f"{loop}.{signal.tag}" for loop in cells for signal in self.signals]
 
 
 Plan = WidePlan | LongPlan

@@ -101,7 +101,7 @@ class TableSource:
         if not isinstance(self.plan, LongPlan):
             return [column.tag for timed in self.plan.groups for column in timed.values]
         cells = self._table.part(self.plan.first_row, self._table.height, [self.plan.tag]).to_series()
-        return [str(tag) for tag in cells.drop_nulls().unique(maintain_order=True)]
+        return self.plan.tags_of(str(tag) for tag in cells.drop_nulls().unique(maintain_order=True))
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:
         width = self._table.width
