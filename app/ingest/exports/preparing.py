@@ -13,7 +13,7 @@ from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.spreading import SPREAD_NOTE, stamps_are_cut
+from app.ingest.tables.spreading import SPREAD_NOTE, shown_resolution, stamps_are_cut
 from app.ingest.tags.grouping import Grouping, place
 from app.ingest.times.stamps import NO_TIME, TimeForm, as_formatted, parse_text
 
@@ -56,7 +56,8 @@ def _cut(plan: WidePlan, head: Head) -> bool:
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
     texts = [joined_stamp([row[index] for index in group.time]) for row in rows]
     times = _times(texts, group.form)
-    if not stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns):
+    times = times[times != NO_TIME]
+    if not stamps_are_cut(times, shown_resolution(times, group.form.resolution_ns)):
         return False
     return not _sent_twice(texts, rows)
 
