@@ -11,7 +11,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock, joined_times
-from app.ingest.columns.names import may_be_times, time_columns, time_columns_in, times_assumed
+from app.ingest.columns.names import may_be_times, stamps_in, time_columns, time_columns_in, times_assumed
 from app.ingest.columns.plans import name_of
 from app.ingest.files.head import HEAD_ROWS, Head
 from app.ingest.files.opening import TextFile
@@ -67,9 +67,9 @@ class NamedTable:
 
     @cached_property
     def time_columns(self) -> tuple[str, ...]:
-        """The column of times, or date and clock: by name or, as in an export, the first where it holds some."""
+        """The column of times, or date and clock: by name or, as in an export, by what they hold."""
         names = tuple(self.names)
-        named = time_columns_in(self._head, names, 0, self._options)
+        named = time_columns_in(self._head, names, 0, self._options) or stamps_in(self._head, names, 0, self._options)
         found = named or ((0,) if self._first_holds_times() else ())
         return tuple(names[index] for index in found and date_and_clock(self._head, found, 0, self._options))
 

@@ -2,7 +2,7 @@
 name of the row's loop before their own."""
 
 from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import QUALITY_NAMES, TAG_NAMES, form_of, plain, time_columns_in
+from app.ingest.columns.names import QUALITY_NAMES, TAG_NAMES, form_of, plain, stamps_in, time_columns_in
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
@@ -28,7 +28,9 @@ def _plan(
 ) -> LongPlan | None:
     loops = [index for index, name in enumerate(names) if _names_loops(head, name, head.column(index, first_row))]
     loops.sort(key=lambda index: plain(names[index]) not in _LOOP_NAMES)
-    time = time_columns_in(head, names, first_row, options) if loops else ()
+    if not loops:
+        return None
+    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
     if not time:
         return None
     time = date_and_clock(head, time, first_row, options)

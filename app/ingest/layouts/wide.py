@@ -9,6 +9,7 @@ from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.names import (
     first_row_of_times,
     may_be_times,
+    stamps_in,
     time_columns,
     time_columns_in,
     times_assumed,
@@ -26,7 +27,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
-        time = time_columns_in(head, names, index + 1, options) or (0,)
+        time = time_columns_in(head, names, index + 1, options) or stamps_in(head, names, index + 1, options) or (0,)
         time = date_and_clock(head, time, index + 1, options)
         first_row = first_row_of_times(head, time[0], options)
         if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
