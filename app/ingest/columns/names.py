@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -271,8 +272,19 @@ def wide_from(
     below = below_names(head, names_at, first_row, [value.index for value in values])
     width = named_width(head, names, below.first_row, time)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
-    groups = (TimedColumns(time, form, judged),)
+    groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
     return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading)
+
+
+def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:
+    """Of a file a tag, whose values are called just so, the tag is the file's name."""
+    called = [value for value in values if plain(value.tag) in VALUE_NAMES]
+    others = [value for value in values if value not in called]
+    if len(called) != 1 or any(
+        mostly_numbers(head.column(value.index, first_row), head.decimal_mark) for value in others
+    ):
+        return values
+    return tuple(replace(value, tag=head.stem) if value in called else value for value in values)
 
 
 def _may_name_values(name: str) -> bool:

@@ -9,12 +9,12 @@ from typing import Any
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.plans import name_of
+from app.ingest.columns.plans import WidePlan, name_of
 from app.ingest.exports.tables_in import Table, TableSource
 from app.ingest.layouts import NotRecognised
 from app.ingest.model import IngestOptions
 from app.ingest.tables.frames import in_short
-from app.ingest.tags.grouping import TagMapping, group
+from app.ingest.tags.grouping import TagMapping, group, place
 
 WORKBOOK_BYTES = 1 << 30  # what is asked of a sheet is found in a workbook unpacked
 _SHOWN = 10
@@ -88,6 +88,7 @@ def open_workbook(path: Path, stem: str, mapping: TagMapping | None, options: In
     known, faults = _known(book, stem, options)
     if not known:
         raise next(iter(faults.values()), None) or DataError("unknown_layout", "no sheet of the workbook has cells")
+    _call_tags(known, stem)
     loops = {name: _loops(source.tags(), mapping, stem) for name, source in known.items()}
     nameless = [name for name, own in loops.items() if stem.casefold() in own]
     if len(nameless) > 1:
@@ -130,6 +131,15 @@ def _known(book: Workbook, stem: str, options: IngestOptions) -> tuple[dict[str,
             faults[name] = error
     hidden = {book.names[number] for number in book.hidden}
     return {name: known[name] for name in sorted(known, key=hidden.__contains__)}, faults
+
+
+def _call_tags(known: dict[str, TableSource], stem: str) -> None:
+    """Sheets of a tag each are called by it; one alone may have any name."""
+    wide = {name: source for name, source in known.items() if isinstance(source.plan, WidePlan)}
+    of_a_tag = [name for name, source in wide.items() if source.tags()[:1] == [stem]]
+    for name in of_a_tag:
+        if len(of_a_tag) > 1 or place(name, "").signal != "OTHER":
+            known[name].call(name)
 
 
 def _loops(tags: list[str], mapping: TagMapping | None, stem: str) -> set[str]:
