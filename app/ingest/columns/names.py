@@ -46,6 +46,14 @@ TIME_NAMES = frozenset(
         "seconds",
         "timesec",
         "timeseconds",
+        "sourcetime",
+        "sourcetimestamp",
+        "servertime",
+        "servertimestamp",
+        "eventtime",
+        "timestring",
+        "iptrendtime",
+        "horodatage",
     ]
 )
 SHORT_TIME_NAMES = frozenset(("t", "ts"))
@@ -66,9 +74,29 @@ TAG_NAMES = frozenset(
         "tagid",
         "pointid",
         "variable",
+        "series",
+        "datasource",
+        "messstelle",
+        "varname",
+        "nodeid",
+        "etiqueta",
     ]
 )
-VALUE_NAMES = ("value", "val", "vvalue", "wert", "pointvalue", "floatvalue", "numvalue", "reading")
+VALUE_NAMES = (
+    "value",
+    "val",
+    "vvalue",
+    "wert",
+    "pointvalue",
+    "floatvalue",
+    "numvalue",
+    "reading",
+    "varvalue",
+    "iptrendvalue",
+    "valuedouble",
+    "valeur",
+    "valor",
+)
 QUALITY_NAMES = (
     "opcquality",
     "dataquality",
@@ -80,6 +108,9 @@ QUALITY_NAMES = (
     "valuestatus",
     "qualitycode",
     "confidence",
+    "statuscode",
+    "iptrendqstatus",
+    "validity",
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 _ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "row", "rowid", "ndx"))

@@ -50,7 +50,8 @@ class WidePlan:
 class LongPlan:
     """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
     = good; None where it is not told. `signals`: where a row holds several values of the loop that stands in column
-    `tag`, their columns, each with the word that makes a tag of the loop."""
+    `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
+    where it is not one for all rows."""
 
     layout: str
     first_row: int
@@ -64,10 +65,11 @@ class LongPlan:
     notes: tuple[str, ...] = ()
     heading: tuple[int, ...] = ()
     signals: tuple[ValueColumn, ...] = ()
+    word: int | None = None
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""
-        if not self.signals:
+        if not self.signals or self.word is not None:
             return list(cells)
         return [f"{loop}.{signal.tag}" for loop in cells for signal in self.signals]
 

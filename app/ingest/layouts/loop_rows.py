@@ -10,7 +10,7 @@ from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import AUDITED, place
 
 _LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
-_NAMES = _LOOP_NAMES | TAG_NAMES | {"controller", "controllername", "block", "blockname"}
+LOOPS_OR_TAGS = _LOOP_NAMES | TAG_NAMES | {"controller", "controllername", "block", "blockname"}
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
@@ -64,7 +64,7 @@ def _signals(names: tuple[str, ...]) -> tuple[ValueColumn, ...]:
 def _names_loops(head: Head, name: str, fields: list[str]) -> bool:
     """Whether a column has names of loops: numbers are some where it is called so alone, and they repeat."""
     known = plain(name)
-    if known not in _NAMES or not fields:
+    if known not in LOOPS_OR_TAGS or not fields:
         return False
     if not all(is_number(text, head.decimal_mark) for text in fields):
         return True

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.names import (
+    ONE_WAY,
     first_row_of_times,
     may_be_times,
     stamps_in,
@@ -21,6 +23,9 @@ from app.ingest.model import IngestOptions
 from app.ingest.numbers.units import without_unit
 from app.ingest.tags.grouping import AUDITED, place
 
+_FEW_ROWS = 8
+_MOST_STAMPS = 0.75  # of the rows, where those of a stamp may be told apart by a word
+
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     for index, names in enumerate(head.rows[:PREAMBLE_ROWS]):
@@ -34,8 +39,33 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
             plan = wide_from(head, "wide", names, (index,), first_row, options, time)
+            if plan is not None:
+                _refuse_words_that_part(head, names, plan)
             return plan and _of_times(plan, head, names)
     return None
+
+
+def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan) -> None:
+    """Raises DataError("unknown_layout") where a column of words tells the rows of one time apart: each word has values
+    of its own, which would be mixed."""
+    needed = max(plan.width, len(names))
+    rows = [row + ("",) * (needed - len(row)) for row in head.rows[plan.first_row :] if any(row)]
+    stamps = [tuple(row[index] for index in plan.groups[0].time) for row in rows]
+    if len(rows) < _FEW_ROWS or len(set(stamps)) > _MOST_STAMPS * len(rows):
+        return
+    for index, name in enumerate(names):
+        words = [row[index] for row in rows]
+        pairs = set(zip(stamps, words, strict=True))
+        if 1 < len(set(words)) <= len(rows) / 2 and len(pairs) >= ONE_WAY * len(rows) and _are_words(head, words):
+            raise DataError(
+                "unknown_layout",
+                f"the column {name[:80]!r} tells the rows of one time apart, and would be mixed; needed is a tag, such "
+                "as FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
+            )
+
+
+def _are_words(head: Head, fields: list[str]) -> bool:
+    return all(fields) and not any(is_number(field, head.decimal_mark) for field in set(fields))
 
 
 def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | None:

@@ -23,6 +23,8 @@ class LoopRowsTable(LongTable):
         types = super().types()
         types.update({signal.index: pl.Float64() for signal in self._plan.signals})
         types[self._plan.tag] = pl.String()
+        if self._plan.word is not None:
+            types[self._plan.word] = pl.String()
         return types
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
@@ -44,7 +46,8 @@ class LoopRowsTable(LongTable):
 
     def _with_tags(self, frame: pl.DataFrame, signal: ValueColumn) -> pl.DataFrame:
         loops = pl.col(name_of(self._plan.tag)).str.strip_chars()
-        tags = pl.when(loops.str.len_bytes() > 0).then(loops + f".{signal.tag}")
+        word = pl.lit(signal.tag) if self._plan.word is None else pl.col(name_of(self._plan.word)).str.strip_chars()
+        tags = pl.when(loops.str.len_bytes() > 0).then(loops + "." + word)
         return frame.with_columns(tags.cast(self._tag_type).alias(name_of(self._plan.tag)))
 
     def _tell_left_out(
