@@ -30,7 +30,7 @@ class TimedColumns:
 class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
     its fields, `heading` the rows between names and data that are neither. times_assumed: what was taken for times
-    where no column is named so."""
+    where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well."""
 
     layout: str
     first_row: int
@@ -40,6 +40,7 @@ class WidePlan:
     notes: tuple[str, ...] = field(default=())
     heading: tuple[int, ...] = ()
     times_assumed: str = ""
+    ends: frozenset[int] = frozenset()
 
     @property
     def form(self) -> TimeForm:
