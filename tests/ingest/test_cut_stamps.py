@@ -133,3 +133,21 @@ def test_stamps_of_two_minutes_among_seconds_are_of_seconds(read: Read) -> None:
     at = [f"{FIRST + timedelta(seconds=40 + k // 4):%Y-%m-%d %H:%M:%S}" for k in range(400)]
     loop = read("Time,A.PV,A.OP\n" + "".join(f"{stamp},{k},{k % 5}\n" for k, stamp in enumerate(at))).loops["A"]
     assert np.unique(np.diff(loop.time_ns)).tolist() == [250_000_000]
+
+
+def test_stamps_that_are_cut_to_ten_seconds(read: Read) -> None:
+    stamps, at = cut("ms", 600)
+    rows = "".join(f"{stamps[k - k % 10]},{k},{k % 5}\n" for k in range(600))
+    np.testing.assert_array_equal(read("Time,A.PV,A.OP\n" + rows).loops["A"].time_ns, at)
+
+
+@pytest.mark.parametrize("scale", [1, 1000])
+def test_numbers_since_1970_are_cut_as_texts_are(read: Read, scale: int) -> None:
+    _, at = cut("s", 600, 250)
+    seconds = at // 10**9 * scale
+    wide = "Time,A.PV,A.OP\n" + "".join(f"{s},{k},{k % 5}\n" for k, s in enumerate(seconds))
+    long = "tag,time,value\n" + "".join(f"A.PV,{s},{k}\nA.OP,{s},{k % 5}\n" for k, s in enumerate(seconds))
+    for text in (wide, long):
+        content = read(text)
+        np.testing.assert_array_equal(content.loops["A"].time_ns, at)
+        assert content.rejects.total == 0

@@ -15,7 +15,7 @@ from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.spreading import SPREAD_NOTE, shown_resolution, stamps_are_cut
 from app.ingest.tags.grouping import Grouping, place
-from app.ingest.times.stamps import NO_TIME, TimeForm, as_formatted, parse_text
+from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, as_formatted, parse_text
 
 
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:
@@ -51,7 +51,7 @@ def _named(group: TimedColumns, options: IngestOptions, log: RejectLog) -> Timed
 
 def _cut(plan: WidePlan, head: Head) -> bool:
     group = plan.groups[0]
-    if len(plan.groups) > 1 or group.form.kind != "text":
+    if len(plan.groups) > 1 or group.form.kind not in ("text", "epoch"):
         return False
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
     texts = [joined_stamp([row[index] for index in group.time]) for row in rows]
@@ -70,4 +70,6 @@ def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:
+    if form.kind == "epoch":
+        return TimeReader(form, IngestOptions()).read(pl.Series(texts, dtype=pl.String))
     return parse_text(as_formatted(pl.Series(texts, dtype=pl.String), form), form.format, form.zoned)

@@ -16,10 +16,10 @@ SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly insid
 
 
 def shown_resolution(time_ns: TimeArray, of_form_ns: int) -> int:
-    """To what stamps are cut, a minute or a second, by what they show where their writing could show more: `:00` stands
-    behind all of them. The one stamp of a sample may be of a minute by chance."""
+    """To what stamps are cut, a minute, ten seconds or one, by what they show where their writing could show more:
+    `:00` stands behind all of them. The one stamp of a sample may be of a minute by chance."""
     several = bool(np.any(time_ns != time_ns[:1]))
-    steps = (NS_PER_MINUTE, NS_PER_S) if several else (NS_PER_S,)
+    steps = (NS_PER_MINUTE, 10 * NS_PER_S, NS_PER_S) if several else (NS_PER_S,)
     shown = next((step for step in steps if len(time_ns) and not np.any(time_ns % step)), of_form_ns)
     return max(shown, of_form_ns)
 
