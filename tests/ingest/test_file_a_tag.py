@@ -55,3 +55,36 @@ def test_a_sheet_that_is_called_like_a_tag(read: Read, sheet: str, name: str, ta
     rows = [line.split(",") for line in table(SHAPES[0]).splitlines()]
     content = read(workbook(rows, names={1: sheet}), name=f"{name}.xlsx")
     assert [loop.pv for loop in content.summary.loops] == [tag]
+
+
+def test_sheets_of_a_tag_each_make_loops_together(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    rows = [[line.split(",") for line in table(SHAPES[0]).splitlines()] for _ in range(3)]
+    names = {1: "FIC7.PV", 2: "FIC7.OP", 3: "FIC7.SP"}
+    content = read(workbook(*rows, names=names), name="book.xlsx")
+    loop = content.loops["FIC7"]
+    assert loop.pv.tolist() == loop.op.tolist() == loop.sp.tolist() == [k + 0.5 for k in range(60)]
+    (tags,) = content.summary.loops
+    assert (tags.pv, tags.op, tags.sp) == ("FIC7.PV", "FIC7.OP", "FIC7.SP")
+    assert content.summary.notes[0].startswith("the workbook has 3 sheets; 3 of them were read")
+    assert content.rejects.total == 0
+
+
+def test_sheets_of_a_signal_each_make_loops_together(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    stamps = [f"2024-03-14 08:00:{k:02d}" for k in range(60)]
+    sheets = [
+        [["Time", f"A.{signal}", f"B.{signal}"], *([stamp, f"{k}", f"{k + n}"] for k, stamp in enumerate(stamps))]
+        for n, signal in enumerate(("PV", "OP"), start=1)
+    ]
+    content = read(workbook(*sheets))
+    assert content.loops["B"].pv.tolist() == [k + 1 for k in range(60)]
+    assert content.loops["B"].op.tolist() == [k + 2 for k in range(60)]
+    assert content.loops["A"].op.tolist() == list(range(60))
+
+
+def test_a_sheet_a_day_of_one_tag_is_not_joined(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    days = [[["Time", "A.PV"], *([f"2024-03-{day} 08:00:{k:02d}", f"{k}"] for k in range(60))] for day in (14, 15)]
+    content = read(workbook(*days))
+    assert content.loops["A"].samples == 60

@@ -3,6 +3,7 @@
 import zipfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,11 @@ class Workbook:
 
 @dataclass(frozen=True)
 class ReadSheets:
-    """By their names, and what is to be said of the others."""
+    """By their names, and what is to be said of the others. together: the signals of a loop are on several of them."""
 
     sheets: Mapping[str, TableSource]
     notes: tuple[str, ...]
+    together: bool = False
 
 
 def _unreadable(error: Exception) -> DataError:
@@ -77,8 +79,9 @@ def _unreadable(error: Exception) -> DataError:
 
 def open_workbook(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> ReadSheets | None:
     """The sheets that are read, or None where the file is no workbook: all that have PV and OP of loops, by the
-    mapping or by themselves, that no sheet before them has. Else the first with a layout that is known: a cover with
-    dates or a pivot table may stand before it. Loops without a name are called after their sheets where several are.
+    mapping or by themselves, that no sheet before them has. Else those that have them together, or the first with a
+    layout that is known: a cover with dates or a pivot table may stand before it. Loops without a name are called after
+    their sheets where several are.
 
     Raises DataError where no sheet has a layout that is known.
     """
@@ -96,9 +99,11 @@ def open_workbook(path: Path, stem: str, mapping: TagMapping | None, options: In
             known[name].call(name)
             loops[name] = _loops(known[name].tags(), mapping, name)
     read, left = _parted(known, loops)
+    parts = {} if read else _in_parts(known, mapping, stem)
+    read = read or parts or dict([next(iter(known.items()))])
     named = {name: error for name, error in faults.items() if not isinstance(error, NotRecognised) or error.named}
     left += [f"{name[:80]!r} was not read: {error.message}" for name, error in named.items()]
-    return ReadSheets(read, _told(len(book.names), read, left))
+    return ReadSheets(read, _told(len(book.names), read, left), together=bool(parts))
 
 
 def _is_workbook(path: Path, options: IngestOptions) -> bool:
@@ -158,7 +163,18 @@ def _parted(known: dict[str, TableSource], loops: dict[str, set[str]]) -> tuple[
         elif own:
             read[name] = known[name]
             owners |= dict.fromkeys(own, name)
-    return read or dict([next(iter(known.items()))]), left
+    return read, left
+
+
+def _in_parts(known: dict[str, TableSource], mapping: TagMapping | None, stem: str) -> dict[str, TableSource]:
+    """The sheets with loops that no sheet has whole: a sheet a tag or a signal. None where a tag is on two of them."""
+    tags = {name: source.tags() for name, source in known.items()}
+    everywhere = list(chain.from_iterable(tags.values()))
+    if len(set(everywhere)) < len(everywhere):
+        return {}
+    whole = _loops(everywhere, mapping, stem) - {stem.casefold()}
+    loops = {name: {loop.loop.casefold() for loop in group(own, mapping, stem)} for name, own in tags.items()}
+    return {name: source for name, source in known.items() if not whole.isdisjoint(loops[name])}
 
 
 def _told(count: int, read: Collection[str], left: list[str]) -> tuple[str, ...]:
