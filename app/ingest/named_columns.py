@@ -11,7 +11,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock, joined_times
-from app.ingest.columns.names import may_be_times, time_columns, time_columns_in, times_assumed
+from app.ingest.columns.names import may_be_times, stamps_in, time_columns, time_columns_in, times_assumed
 from app.ingest.columns.plans import name_of
 from app.ingest.files.head import HEAD_ROWS, Head
 from app.ingest.files.opening import TextFile
@@ -67,9 +67,9 @@ class NamedTable:
 
     @cached_property
     def time_columns(self) -> tuple[str, ...]:
-        """The column of times, or date and clock: by name or, as in an export, the first where it holds some."""
+        """The column of times, or date and clock: by name or, as in an export, by what they hold."""
         names = tuple(self.names)
-        named = time_columns_in(self._head, names, 0, self._options)
+        named = time_columns_in(self._head, names, 0, self._options) or stamps_in(self._head, names, 0, self._options)
         found = named or ((0,) if self._first_holds_times() else ())
         return tuple(names[index] for index in found and date_and_clock(self._head, found, 0, self._options))
 
@@ -162,7 +162,8 @@ def read_named(path: Path, options: IngestOptions) -> NamedTable:
     DataError("not_a_table", "empty_file", "not_an_export") where it is none."""
     try:
         if path.suffix.lower() == ".parquet":
-            return NamedTable(pl.read_parquet(path), options)
+            seconds = pl.selectors.duration().dt.total_microseconds() / 1e6
+            return NamedTable(pl.read_parquet(path).with_columns(seconds), options)
         file = TextFile(path, options)
         text = b"".join(lines.data for lines in file.chunks()).decode("utf-8", "replace")
         return parse_named(text, options, tuple(file.notes))

@@ -3,11 +3,13 @@
 from datetime import datetime, timedelta
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.ingest import IngestOptions
 
 from .conftest import Content, Read
+from .test_tables import parquet, workbook
 
 SAMPLES = 295  # the first and the last minute are not whole
 FIRST = datetime(2026, 3, 4, 10, 0, 20)
@@ -77,3 +79,75 @@ def test_stamps_that_come_two_or_three_times_are_cut(read: Read) -> None:
     stamps = [f"{FIRST + timedelta(seconds=25 * k):%Y-%m-%d %H:%M}" for k in range(200)]
     content = read("tag,time,value\n" + "".join(f"A.PV,{stamp},{k}\n" for k, stamp in enumerate(stamps)))
     assert content.loops["A"].pv.tolist() == list(range(200))
+
+
+def cut(unit: str, samples: int = 600, ms: int = 1000) -> tuple[list[str], np.ndarray]:
+    """Stamps of an even record cut to a unit but written with `:00`, and when the samples were."""
+    at = np.datetime64("2024-03-14T08:00:00.000", "ms") + ms * np.arange(samples)
+    stamps = at.astype(f"datetime64[{unit}]").astype("datetime64[ms]")
+    return [str(stamp).replace("T", " ") for stamp in stamps], at.astype("datetime64[ns]").astype(np.int64)
+
+
+def kinds(stamps: list[str], digits: int) -> dict[str, str | bytes]:
+    """The same table in all kinds of file."""
+    written = [stamp[: len(stamp) - 4 + digits] for stamp in stamps]
+    values = [(float(k), float(k % 5)) for k in range(len(stamps))]
+    rows = [[stamp, pv, op] for stamp, (pv, op) in zip(written, values, strict=True)]
+    long = "".join(f"A.PV,{stamp},{pv}\nA.OP,{stamp},{op}\n" for stamp, pv, op in rows)
+    columns = {"A.PV": [pv for pv, _ in values], "A.OP": [op for _, op in values]}
+    frame = pl.DataFrame({"Time": pl.Series(stamps).str.to_datetime("%Y-%m-%d %H:%M:%S%.3f"), **columns})
+    return {
+        "wide": "Time,A.PV,A.OP\n" + "".join(f"{','.join(map(str, row))}\n" for row in rows),
+        "long": "tag,time,value\n" + long,
+        "parquet": parquet(frame),
+        "long parquet": parquet(frame.unpivot(index="Time", variable_name="tag")),
+        "workbook": workbook([["Time", "A.PV", "A.OP"], *rows]),
+    }
+
+
+@pytest.mark.parametrize(
+    ("unit", "ms", "digits"),
+    [("m", 1000, 0), ("m", 1000, 4), ("m", 100, 0), ("m", 20_000, 0), ("s", 250, 0), ("s", 250, 4)],
+)
+def test_stamps_that_are_cut_but_written_in_full(read: Read, unit: str, ms: int, digits: int) -> None:
+    samples = 600 if ms > 100 else 3000
+    stamps, at = cut(unit, samples, ms)
+    for kind, data in kinds(stamps, digits).items():
+        content = read(data)
+        loop = content.loops["A"]
+        np.testing.assert_array_equal(loop.time_ns, at, err_msg=kind)
+        assert loop.pv.tolist() == list(range(samples)), kind
+        assert content.rejects.total == 0, kind
+        assert sum(note.startswith(NOTE) for note in content.summary.notes) == 1, kind
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_in_pieces_the_minute_is_seen_as_soon_as_two_stamps_are_there(read: Read, way: int) -> None:
+    stamps, at = cut("m", 3000, 100)
+    rows = [f"{stamp[:-4]},{k},{k % 5}\n" for k, stamp in enumerate(stamps)]
+    text = "Time,A.PV,A.OP\n" + "".join(rows[::way])
+    np.testing.assert_array_equal(read(text, options=IngestOptions(chunk_bytes=500)).loops["A"].time_ns, at)
+
+
+def test_stamps_of_two_minutes_among_seconds_are_of_seconds(read: Read) -> None:
+    at = [f"{FIRST + timedelta(seconds=40 + k // 4):%Y-%m-%d %H:%M:%S}" for k in range(400)]
+    loop = read("Time,A.PV,A.OP\n" + "".join(f"{stamp},{k},{k % 5}\n" for k, stamp in enumerate(at))).loops["A"]
+    assert np.unique(np.diff(loop.time_ns)).tolist() == [250_000_000]
+
+
+def test_stamps_that_are_cut_to_ten_seconds(read: Read) -> None:
+    stamps, at = cut("ms", 600)
+    rows = "".join(f"{stamps[k - k % 10]},{k},{k % 5}\n" for k in range(600))
+    np.testing.assert_array_equal(read("Time,A.PV,A.OP\n" + rows).loops["A"].time_ns, at)
+
+
+@pytest.mark.parametrize("scale", [1, 1000])
+def test_numbers_since_1970_are_cut_as_texts_are(read: Read, scale: int) -> None:
+    _, at = cut("s", 600, 250)
+    seconds = at // 10**9 * scale
+    wide = "Time,A.PV,A.OP\n" + "".join(f"{s},{k},{k % 5}\n" for k, s in enumerate(seconds))
+    long = "tag,time,value\n" + "".join(f"A.PV,{s},{k}\nA.OP,{s},{k % 5}\n" for k, s in enumerate(seconds))
+    for text in (wide, long):
+        content = read(text)
+        np.testing.assert_array_equal(content.loops["A"].time_ns, at)
+        assert content.rejects.total == 0

@@ -67,3 +67,36 @@ def test_another_column_of_times_is_not_that_of_the_values_behind_it(read: Read)
 
 def test_numbers_with_units_are_no_times(read: Read) -> None:
     assert read(table("Time,A.PV,A.OP", "{t},{i}.5 bar,{i} %")).summary.layout == "wide"
+
+
+def uneven(lengths: dict[str, int]) -> str:
+    """As Excel writes it: of rows whose last cells are empty, some with their commas and most without."""
+    rows = [",,".join(lengths) + ","]
+    for i in range(max(lengths.values())):
+        cells = [f"{stamp(i, k)},{i}.{k}" if i < n else "," for k, n in enumerate(lengths.values())]
+        row = ",".join(cells)
+        rows.append(row if i % 16 == 0 else row.rstrip(","))
+    return "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [{"A.PV": 600, "A.OP": 40}, {"A.PV": 40, "A.OP": 600}, {"A.PV": 600, "A.OP": 300, "A.SP": 20}],
+)
+def test_groups_of_different_lengths_without_the_commas_behind_them(read: Read, lengths: dict[str, int]) -> None:
+    content = read(uneven(lengths))
+    assert content.summary.layout == "pi_datalink"
+    assert content.rejects.total == 0
+    assert content.summary.values_kept == sum(lengths.values())
+    loop = content.loops["A"]
+    given = np.isfinite(loop.pv)
+    assert loop.pv[given].tolist() == list(range(lengths["A.PV"]))
+    np.testing.assert_array_equal((loop.time_ns[given] - START) // STEP, range(lengths["A.PV"]))
+
+
+def test_a_row_that_ends_inside_of_a_group_is_ragged(read: Read) -> None:
+    lines = uneven({"A.PV": 60, "A.OP": 60}).splitlines()
+    lines[20] = lines[20].rpartition(",")[0]
+    content = read("\n".join(lines) + "\n")
+    assert dict(content.rejects.counts) == {"ragged_row": 1}
+    assert content.summary.values_kept == 118

@@ -5,6 +5,7 @@ import gzip
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -162,3 +163,30 @@ def test_control_characters_in_names_are_replaced_and_told(read: Read) -> None:
     shown = "FIC\N{REPLACEMENT CHARACTER}1.PV, FIC\N{REPLACEMENT CHARACTER}1.OP"
     assert f"control characters in names of tags were replaced: {shown}" in content.summary.notes
     assert list(read(f"time,PV,OP\n{data}", name="A\nB.csv").loops) == ["A\N{REPLACEMENT CHARACTER}B"]
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Timestamp,Feed flow,Feed valve,Feed setpoint\n,FIC1.PV,FIC1.OP,FIC1.SP",
+        "Timestamp,Feed flow,Feed valve,Feed setpoint\n,FIC1.PV,FIC1.OP,FIC1.SP\n,t/h,%,t/h",
+        "Description,Feed flow,Feed valve,Feed setpoint\nTag,FIC1.PV,FIC1.OP,FIC1.SP\nUnits,t/h,%,t/h",
+        "Time,Feed PV,Feed valve,Feed setpoint\nTime,FIC1.PV,FIC1.OP,FIC1.SP",
+        "Tagname,FIC1.PV,FIC1.OP,FIC1.SP\nDescription,Feed PV,Feed output,Feed set point\nUnits,t/h,%,t/h",
+        "Unit 5,,,\nTimestamp,Feed flow,Feed valve,Feed setpoint\n,FIC1.PV,FIC1.OP,FIC1.SP",
+    ],
+)
+def test_tags_below_their_descriptions_or_above(read: Read, heading: str) -> None:
+    content = read(f"{heading}\n" + "".join(f"2024-03-01 00:{k:02d}:00,{k},{k % 5},7\n" for k in range(40)))
+    loop = content.loops["FIC1"]
+    assert loop.pv.tolist() == list(range(40))
+    assert (loop.op[1], loop.sp[0], len(content.loops)) == (1, 7, 1)
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["Time [min],Feed flow,Feed valve\n,FIC1.PV,FIC1.OP", ",FIC1.PV,FIC1.OP\nTime [min],Feed flow,Feed valve"],
+)
+def test_the_times_are_named_in_either_row(read: Read, heading: str) -> None:
+    content = read(f"{heading}\n" + "".join(f"{k},{k},{k % 5}\n" for k in range(40)))
+    assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [60 * 10**9]

@@ -41,6 +41,14 @@ def test_all_sheets_with_loops_are_read(read: Read) -> None:
     assert summary.notes == ("the workbook has 4 sheets; 3 of them were read: 'S2', 'S3', 'S4'",)
 
 
+def test_sheets_that_are_hidden_come_after_those_that_are_seen(read: Read) -> None:
+    old, new = sheet("A.PV", "A.OP"), sheet("A.PV", "A.OP", first=4, hour=5)
+    content = read(workbook(old, new, hidden=[1]))
+    assert content.loops["A"].pv[0] == 400
+    assert content.summary.notes[1] == "'S1' has loops of 'S2' and was not read: send it as a file of its own"
+    assert read(workbook(old, new)).loops["A"].pv[0] == 100
+
+
 def test_loops_without_a_name_are_called_after_their_sheets(read: Read) -> None:
     assert list(read(workbook(sheet("PV", "OP"), sheet("PV", "OP", "SP"))).loops) == ["S1", "S2"]
     assert list(read(workbook(sheet("PV", "OP"), [["cover"]])).loops) == ["export"]

@@ -152,3 +152,17 @@ def test_no_name_is_that_of_two_months() -> None:
 def test_what_is_no_stamp_stays() -> None:
     texts = pl.Series(["FIC101", "36.4 %", None, "2026-11-12", "good"])
     assert respelled(texts).to_list() == texts.to_list()
+
+
+@pytest.mark.parametrize("form", ["%d.%m.%Y %H:%M:%S:000", "%Y年%m月%d日 %H:%M:%S", "%Y年%m月%d日 %H时%M分%S秒"])
+def test_thousandths_behind_a_colon_and_signs_for_year_month_and_day(read: Read, form: str) -> None:
+    content = read(table(lambda time: f"{time:{form}}"))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize(("zone", "hours"), [("+00", 0), (".000+01", 1), (".000000-05", -5), ("+0530", 5.5)])
+def test_the_hours_alone_of_an_offset(read: Read, zone: str, hours: float) -> None:
+    content = read(table(lambda time: f"{time:%Y-%m-%d %H:%M:%S}{zone}"))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - round(hours * 3600 * 10**9))
+    assert content.summary.time_zone == "in the file"

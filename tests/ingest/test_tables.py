@@ -3,7 +3,7 @@
 import io
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -156,6 +156,15 @@ def test_more_columns_than_are_read_at_once(read: Read, monkeypatch: pytest.Monk
     assert (content.summary.rows_read, content.summary.values_kept) == (4, 40)
 
 
+def test_spans_of_time_are_seconds(read: Read) -> None:
+    spans = [timedelta(seconds=5 * k, milliseconds=500) for k in range(4)]
+    values = [1.0, 2.0, 3.0, 4.0]
+    beside = read(parquet(pl.DataFrame({"t": TIMES, "A.PV": values, "A.OP": values, "lag": spans})))
+    assert beside.loops["A"].pv.tolist() == values
+    alone = read(parquet(pl.DataFrame({"time": spans, "A.PV": values, "A.OP": values})))
+    assert np.diff(alone.loops["A"].time_ns).tolist() == [5 * 10**9] * 3
+
+
 def test_archives_that_are_no_workbook(read: Read) -> None:
     assert code_of(read, archive({"night.csv": "time,A.PV\n2024-03-01 00:00:00,1\n"})) == "not_an_export"
     pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
@@ -184,10 +193,14 @@ KIND = "application/vnd.openxmlformats-officedocument.spreadsheetml"
 RELATIONS = "application/vnd.openxmlformats-package.relationships+xml"
 
 
-def workbook(*sheets: Sequence[Sequence[str | float]]) -> bytes:
-    """The smallest workbook that there is of these sheets."""
+def workbook(
+    *sheets: Sequence[Sequence[str | float]], hidden: Collection[int] = (), names: Mapping[int, str] | None = None
+) -> bytes:
+    """The smallest workbook that there is of these sheets, which are called S1, S2, ... where `names` has no other."""
     numbers = range(1, len(sheets) + 1)
-    listed = "".join(f'<sheet name="S{n}" sheetId="{n}" r:id="r{n}"/>' for n in numbers)
+    called = {n: f"S{n}" for n in numbers} | dict(names or {})
+    state = {n: ' state="hidden"' if n in hidden else "" for n in numbers}
+    listed = "".join(f'<sheet name="{called[n]}" sheetId="{n}"{state[n]} r:id="r{n}"/>' for n in numbers)
     types = "".join(
         f'<Override PartName="/xl/worksheets/sheet{n}.xml" ContentType="{KIND}.worksheet+xml"/>' for n in numbers
     )

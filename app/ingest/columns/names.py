@@ -3,11 +3,12 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
-from app.ingest.columns.clocks import MOST, are_clocks, are_midnights, date_and_clock, joined_stamp
+from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, joined_stamp
 from app.ingest.columns.headings import below_names
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
@@ -16,6 +17,7 @@ from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
 from app.ingest.tags.quality import holds_quality_words
+from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
 from app.ingest.times.stamps import TimeForm, find_form
 from app.ingest.times.told_units import told_unit
 from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
@@ -45,6 +47,14 @@ TIME_NAMES = frozenset(
         "seconds",
         "timesec",
         "timeseconds",
+        "sourcetime",
+        "sourcetimestamp",
+        "servertime",
+        "servertimestamp",
+        "eventtime",
+        "timestring",
+        "iptrendtime",
+        "horodatage",
     ]
 )
 SHORT_TIME_NAMES = frozenset(("t", "ts"))
@@ -65,9 +75,29 @@ TAG_NAMES = frozenset(
         "tagid",
         "pointid",
         "variable",
+        "series",
+        "datasource",
+        "messstelle",
+        "varname",
+        "nodeid",
+        "etiqueta",
     ]
 )
-VALUE_NAMES = ("value", "val", "vvalue", "wert", "pointvalue", "floatvalue", "numvalue", "reading")
+VALUE_NAMES = (
+    "value",
+    "val",
+    "vvalue",
+    "wert",
+    "pointvalue",
+    "floatvalue",
+    "numvalue",
+    "reading",
+    "varvalue",
+    "iptrendvalue",
+    "valuedouble",
+    "valeur",
+    "valor",
+)
 QUALITY_NAMES = (
     "opcquality",
     "dataquality",
@@ -81,6 +111,7 @@ QUALITY_NAMES = (
     "confidence",
     "statuscode",
     "qstatus",
+    "iptrendqstatus",
     "validity",
     "isgood",
     "isvalid",
@@ -89,7 +120,10 @@ QUALITY_NAMES = (
     "calidad",
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
+_ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "row", "rowid", "ndx"))
+"""Names of the number of a row, in small letters and without blanks: no times, however they rise."""
 NO_ROWS = -1
+_MAY_BE_STAMP = re.compile(r"\d\D+\d+\D+\d|\d{8}|年|^\d{5}([.,]|$)")
 ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
 
@@ -146,6 +180,38 @@ def time_columns_in(head: Head, names: tuple[str, ...], first_row: int, options:
     return next((time for time in moving if _are_instants(form_of(head, time, first_row, options))), named)
 
 
+def stamps_in(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
+    """The first column, or date and clock, that holds stamps from a row on, whatever it is called; one of dates alone
+    where there is no other."""
+    dates: tuple[int, ...] = ()
+    for index in range(max(map(len, head.rows[first_row:]), default=0)):
+        form = _form_of_stamps(head, index, names[index] if index < len(names) else "", first_row, options)
+        if form is None:
+            continue
+        time = date_and_clock(head, (index,), first_row, options)
+        if len(time) > 1 or not (form.is_date or are_midnights(head.column(index, first_row))):
+            return time
+        dates = dates or time
+    return dates
+
+
+def _form_of_stamps(head: Head, column: int, name: str, first_row: int, options: IngestOptions) -> TimeForm | None:
+    """None where a column has seconds from a start, or tells a signal. Behind the first one, numbers are stamps where
+    they are seconds since 1970 of our time and rise: days since 1900 may be anything."""
+    fields = head.column(column, first_row)
+    if place(name, "").signal != "OTHER" or not any(map(_MAY_BE_STAMP.search, fields[:SHOWN])):
+        return None
+    form = find_form(fields, "", options)
+    if form is None or form.kind == "relative" or (form.kind == "serial" and column):
+        return None
+    if form.kind != "epoch" or not column:
+        return form
+    numbers = np.array([float(text) for text in fields if is_number(text)])
+    seconds = (numbers * form.scale + form.origin_ns) / NS_PER_S
+    ours = np.all((seconds > OURS_FROM_S) & (seconds < OURS_TO_S))
+    return form if len(numbers) > 1 and ours and _rises(numbers) else None
+
+
 def _moves(head: Head, column: int, first_row: int) -> bool:
     """Whether a column is filled and tells instants: not the one of the start or the export in all rows, no dates at
     midnight."""
@@ -168,7 +234,11 @@ def may_be_times(name: str, numbers: FloatArray) -> bool:
     """Whether the numbers (n,) of a first column that no name calls times are some: the name tells neither a signal nor
     a simulation, and they rise."""
     told = place(name, "").signal != "OTHER" or without_unit(name).strip().lower() in SIMULATED
-    return not told and _rises(numbers)
+    return not told and not _numbers_rows(name) and _rises(numbers)
+
+
+def _numbers_rows(name: str) -> bool:
+    return re.sub(r"\s", "", name).rstrip(".").lower() in _ROW_NAMES
 
 
 def _rises(numbers: FloatArray) -> bool:
@@ -221,7 +291,8 @@ def wide_from(
     time: tuple[int, ...] = (),
 ) -> WidePlan | None:
     """A wide plan from the names, the rows in which they stand, and the first row with a time."""
-    time = date_and_clock(head, time or time_columns(names) or (0,), first_row, options)
+    time = time or time_columns(names) or stamps_in(head, names, first_row, options) or (0,)
+    time = date_and_clock(head, time, first_row, options)
     form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
     if form is None:
         return None
@@ -238,14 +309,25 @@ def wide_from(
     shown = ", ".join(names[index][:80] for index in stamps[:5])
     notes = (f"columns of further times were not read, neither as times nor as values: {shown}",) if stamps else ()
     below = below_names(head, names_at, first_row, [value.index for value in values])
-    width = named_width(head, names, below.first_row)
+    width = named_width(head, names, below.first_row, time)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
-    groups = (TimedColumns(time, form, judged),)
+    groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
     return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading)
 
 
+def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:
+    """Of a file a tag, whose values are called just so, the tag is the file's name."""
+    called = [value for value in values if plain(value.tag) in VALUE_NAMES]
+    others = [value for value in values if value not in called]
+    if len(called) != 1 or any(
+        mostly_numbers(head.column(value.index, first_row), head.decimal_mark) for value in others
+    ):
+        return values
+    return tuple(replace(value, tag=head.stem) if value in called else value for value in values)
+
+
 def _may_name_values(name: str) -> bool:
-    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES
+    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES and not _numbers_rows(name)
 
 
 def names_no_measurement(name: str) -> bool:
@@ -270,7 +352,9 @@ def long_from(
     known = [plain(name) for name in names]
     tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
     values = [known.index(name) for name in VALUE_NAMES if name in known]
-    time = time_columns_in(head, names, first_row, options) if tags and values else ()
+    if not tags or not values:
+        return None
+    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
     if not time:
         return None
     time = date_and_clock(head, time, first_row, options)

@@ -1,6 +1,7 @@
 """What a layout says about a file: where its columns are. The readers of tables do the rest, so a new layout is a new
 description."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from app.ingest.times.stamps import TimeForm
@@ -31,7 +32,7 @@ class TimedColumns:
 class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
     its fields, `heading` the rows between names and data that are neither. times_assumed: what was taken for times
-    where no column is named so."""
+    where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well."""
 
     layout: str
     first_row: int
@@ -41,6 +42,7 @@ class WidePlan:
     notes: tuple[str, ...] = field(default=())
     heading: tuple[int, ...] = ()
     times_assumed: str = ""
+    ends: frozenset[int] = frozenset()
 
     @property
     def form(self) -> TimeForm:
@@ -50,7 +52,9 @@ class WidePlan:
 @dataclass(frozen=True)
 class LongPlan:
     """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
-    = good; None where it is not told."""
+    = good; None where it is not told. `signals`: where a row holds several values of the loop that stands in column
+    `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
+    where it is not one for all rows."""
 
     layout: str
     first_row: int
@@ -63,6 +67,14 @@ class LongPlan:
     zero_is_good: bool | None = None
     notes: tuple[str, ...] = ()
     heading: tuple[int, ...] = ()
+    signals: tuple[ValueColumn, ...] = ()
+    word: int | None = None
+
+    def tags_of(self, cells: Iterable[str]) -> list[str]:
+        """The tags that different cells of column `tag` stand for."""
+        if not self.signals or self.word is not None:
+            return list(cells)
+        return [f"{loop}.{signal.tag}" for loop in cells for signal in self.signals]
 
 
 Plan = WidePlan | LongPlan

@@ -15,9 +15,10 @@ def usual_width(head: Head, first_row: int) -> int:
     return counts.most_common(1)[0][0] if counts else 0
 
 
-def named_width(head: Head, names: tuple[str, ...], first_row: int) -> int:
+def named_width(head: Head, names: tuple[str, ...], first_row: int, time: tuple[int, ...] = ()) -> int:
     """Of rows under a row of names: a row that has something behind the last name may have it anywhere, its fields are
-    not those of the names. In cells, instead of text, nothing is moved.
+    not those of the names. In cells, instead of text, nothing is moved. time: columns of times, which may stand last
+    under an empty name.
 
     Raises DataError("more_fields_than_names") where most rows are so.
     """
@@ -26,6 +27,7 @@ def named_width(head: Head, names: tuple[str, ...], first_row: int) -> int:
     begin = head.rows.index(names) if names in head.rows[:first_row] else first_row
     heading = (names, *head.rows[begin:first_row])  # a row of units or descriptions may name one field more
     named = max((index + 1 for row in heading for index, name in enumerate(row) if name), default=0)
+    named = max(named, *(index + 1 for index in time if index < len(names)), 0)
     over = [] if head.typed else [row for row in rows if any(row[named:])]
     if 2 * len(over) > len(rows):
         raise _more_fields(head, named, over)

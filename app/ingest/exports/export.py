@@ -19,6 +19,7 @@ from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import UNREADABLE, RowReader, in_short
 from app.ingest.tables.long_table import LongTable
+from app.ingest.tables.loop_rows_table import LoopRowsTable
 from app.ingest.tables.spreading import SPREAD_NOTE
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_table import WideTable
@@ -160,14 +161,15 @@ class TableExport(Export):
     def _table(self, plan: Plan) -> WideTable | LongTable:
         if isinstance(plan, WidePlan):
             return WideTable(plan, self._grouping, self._options, self._log, self._tally)
-        return LongTable(plan, self._grouping, self._options, self._log, self._tally)
+        table = LoopRowsTable if plan.signals else LongTable
+        return table(plan, self._grouping, self._options, self._log, self._tally)
 
     def takes_its_name(self) -> bool:
         plan, head = self._plan, self._source.head
         if isinstance(plan, WidePlan):
             tags = [value.tag for timed in plan.groups for value in timed.values]
         else:
-            tags = list(dict.fromkeys(head.column(plan.tag, plan.first_row)))
+            tags = plan.tags_of(dict.fromkeys(head.column(plan.tag, plan.first_row)))
         loops = group(tags, self._mapping, head.stem)
         return any(self.stem in name for name in (*tags, *(loop.loop for loop in loops)))
 

@@ -13,10 +13,10 @@ from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.spreading import SPREAD_NOTE, stamps_are_cut
+from app.ingest.tables.spreading import SPREAD_NOTE, shown_resolution, stamps_are_cut
 from app.ingest.tags.grouping import place
 from app.ingest.tags.loops import Grouping
-from app.ingest.times.stamps import NO_TIME, TimeForm, as_formatted, parse_text
+from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, as_formatted, parse_text
 
 
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:
@@ -52,12 +52,13 @@ def _named(group: TimedColumns, options: IngestOptions, log: RejectLog) -> Timed
 
 def _cut(plan: WidePlan, head: Head) -> bool:
     group = plan.groups[0]
-    if len(plan.groups) > 1 or group.form.kind != "text":
+    if len(plan.groups) > 1 or group.form.kind not in ("text", "epoch"):
         return False
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
     texts = [joined_stamp([row[index] for index in group.time]) for row in rows]
     times = _times(texts, group.form)
-    if not stamps_are_cut(times[times != NO_TIME], group.form.resolution_ns):
+    times = times[times != NO_TIME]
+    if not stamps_are_cut(times, shown_resolution(times, group.form.resolution_ns)):
         return False
     return not _sent_twice(texts, rows)
 
@@ -70,4 +71,6 @@ def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:
+    if form.kind == "epoch":
+        return TimeReader(form, IngestOptions()).read(pl.Series(texts, dtype=pl.String))
     return parse_text(as_formatted(pl.Series(texts, dtype=pl.String), form), form.format, form.zoned)

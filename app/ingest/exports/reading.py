@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.plans import Plan
+from app.ingest.columns.plans import Plan, WidePlan
 from app.ingest.exports.export import Export, TableExport
 from app.ingest.exports.matlab import open_matlab
 from app.ingest.exports.sheets import SheetsExport
@@ -55,7 +55,9 @@ class TextSource:
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
         head = self.head
-        return FrameReader(self._file, Dialect(head.delimiter, head.decimal_mark, width, head.marks_told), types, log)
+        ends = self.plan.ends if isinstance(self.plan, WidePlan) else frozenset[int]()
+        dialect = Dialect(head.delimiter, head.decimal_mark, width, head.marks_told, ends)
+        return FrameReader(self._file, dialect, types, log)
 
 
 def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:

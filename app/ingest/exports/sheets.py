@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from app.errors import DataError
+from app.ingest.align import stretches
 from app.ingest.exports.export import Export, TableExport, mapping_notes
 from app.ingest.exports.workbooks import ReadSheets
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, LoopTags, Reject, Rejects, SignalBlock
@@ -18,11 +19,12 @@ NOT_READ = "sheet_not_read"
 
 
 class SheetsExport(Export):
-    """A loop is that of the first sheet that has it. A sheet whose rows cannot be read is refused, the others are
-    read."""
+    """A loop is that of the first sheet that has it, unless its signals are on several. A sheet whose rows cannot be
+    read is refused, the others are read."""
 
     def __init__(self, book: ReadSheets, stem: str, mapping: TagMapping | None, options: IngestOptions) -> None:
         self.stem = stem
+        self._together = book.together
         self._notes, self._mapping, self._max_rejects = book.notes, mapping, options.max_rejects
         self._sheets = {name: TableExport(sheet, stem, mapping, options) for name, sheet in book.sheets.items()}
         self._errors: dict[str, DataError] = {}
@@ -33,7 +35,7 @@ class SheetsExport(Export):
         return self._each(iter)
 
     def loops(self) -> Iterator[LoopSamples]:
-        return self._each(TableExport.loops)
+        return stretches(self) if self._together else self._each(TableExport.loops)
 
     def _each(self, parts: Callable[[TableExport], Iterator[Part]]) -> Iterator[Part]:
         for name, sheet in self._sheets.items():
@@ -45,7 +47,7 @@ class SheetsExport(Export):
             raise next(iter(self._errors.values()))
 
     def _is_of(self, sheet: str, loop: str) -> bool:
-        own = self._owners.setdefault(loop.casefold(), sheet) == sheet
+        own = self._together or self._owners.setdefault(loop.casefold(), sheet) == sheet
         if not own:
             self._left_out[loop] = None
         return own
@@ -110,7 +112,7 @@ class SheetsExport(Export):
             time_format=_joined(part.time_format for part in each),
             time_zone=_joined(part.time_zone for part in each),
             tags=sum(part.tags for part in each),
-            loops=_once(chain.from_iterable(part.loops for part in each)),
+            loops=_once(chain.from_iterable(part.loops for part in each), self._together),
             rows_read=sum(part.rows_read for part in each),
             rows_kept=sum(part.rows_kept for part in each),
             values_kept=sum(part.values_kept for part in each),
@@ -121,11 +123,16 @@ class SheetsExport(Export):
         )
 
 
-def _once(loops: Iterable[LoopTags]) -> tuple[LoopTags, ...]:
-    """The first of each name."""
+def _once(loops: Iterable[LoopTags], together: bool) -> tuple[LoopTags, ...]:
+    """The first of each name; together: with what it has not from further ones."""
     found: dict[str, LoopTags] = {}
     for loop in loops:
-        found.setdefault(loop.loop.casefold(), loop)
+        first = found.setdefault(loop.loop.casefold(), loop)
+        if not together:
+            continue
+        given = {signal: getattr(first, signal) or getattr(loop, signal) for signal in ("pv", "op", "sp", "mode")}
+        others = tuple(dict.fromkeys((*first.others, *loop.others)))
+        found[loop.loop.casefold()] = replace(first, **given, others=others)
     return tuple(found.values())
 
 

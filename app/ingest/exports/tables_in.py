@@ -101,7 +101,7 @@ class TableSource:
         if not isinstance(self.plan, LongPlan):
             return [column.tag for timed in self.plan.groups for column in timed.values]
         cells = self._table.part(self.plan.first_row, self._table.height, [self.plan.tag]).to_series()
-        return [str(tag) for tag in cells.drop_nulls().unique(maintain_order=True)]
+        return self.plan.tags_of(str(tag) for tag in cells.drop_nulls().unique(maintain_order=True))
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> TableReader:
         width = self._table.width
@@ -140,12 +140,18 @@ def _holds_no_values(kind: pl.DataType) -> bool:
     return kind.is_nested() or kind == pl.Binary
 
 
+def in_seconds(durations: pl.Series) -> pl.Series:
+    return durations.dt.total_microseconds() / 1e6
+
+
 def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
     """A column in the type wanted; times stay times, and lists or bytes are no values."""
     if column.dtype == wanted or (wanted == pl.String and isinstance(column.dtype, pl.Datetime)):
         return column
     if _holds_no_values(column.dtype):
         return pl.Series(column.name, [None] * len(column), dtype=wanted)
+    if isinstance(column.dtype, pl.Duration):
+        return _as(in_seconds(column), wanted)
     if isinstance(wanted, pl.Categorical):
         return column.cast(pl.String, strict=False).cast(wanted)
     if column.dtype == pl.String and wanted == pl.Float64 and column.str.contains(WRITTEN).any():

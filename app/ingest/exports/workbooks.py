@@ -3,18 +3,19 @@
 import zipfile
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.plans import name_of
+from app.ingest.columns.plans import WidePlan, name_of
 from app.ingest.exports.tables_in import Table, TableSource
 from app.ingest.layouts import NotRecognised
 from app.ingest.model import IngestOptions
 from app.ingest.tables.frames import in_short
-from app.ingest.tags.grouping import TagMapping
+from app.ingest.tags.grouping import TagMapping, place
 from app.ingest.tags.loops import group
 
 WORKBOOK_BYTES = 1 << 30  # what is asked of a sheet is found in a workbook unpacked
@@ -37,6 +38,7 @@ class Workbook:
         except self._faults as error:
             raise _unreadable(error) from error
         self.names: list[str] = self._book.sheet_names
+        self.hidden: set[int] = set()  # of the sheets that were asked for
         self._held: tuple[int, pl.DataFrame] = (-1, pl.DataFrame())
 
     def sheet(self, number: int) -> Table:
@@ -52,9 +54,12 @@ class Workbook:
         if self._held[0] != number:
             self._held = (-1, pl.DataFrame())
             try:
-                frame = self._book.load_sheet(number, header_row=None, dtypes="string").to_polars()
+                sheet = self._book.load_sheet(number, header_row=None, dtypes="string")
+                frame = sheet.to_polars()
             except self._faults as error:
                 raise _unreadable(error) from error
+            if sheet.visible != "visible":
+                self.hidden.add(number)
             frame.columns = [name_of(index) for index in range(frame.width)]
             self._held = (number, frame)
         return self._held[1]
@@ -62,10 +67,11 @@ class Workbook:
 
 @dataclass(frozen=True)
 class ReadSheets:
-    """By their names, and what is to be said of the others."""
+    """By their names, and what is to be said of the others. together: the signals of a loop are on several of them."""
 
     sheets: Mapping[str, TableSource]
     notes: tuple[str, ...]
+    together: bool = False
 
 
 def _unreadable(error: Exception) -> DataError:
@@ -74,8 +80,9 @@ def _unreadable(error: Exception) -> DataError:
 
 def open_workbook(path: Path, stem: str, mapping: TagMapping | None, options: IngestOptions) -> ReadSheets | None:
     """The sheets that are read, or None where the file is no workbook: all that have PV and OP of loops, by the
-    mapping or by themselves, that no sheet before them has. Else the first with a layout that is known: a cover with
-    dates or a pivot table may stand before it. Loops without a name are called after their sheets where several are.
+    mapping or by themselves, that no sheet before them has. Else those that have them together, or the first with a
+    layout that is known: a cover with dates or a pivot table may stand before it. Loops without a name are called after
+    their sheets where several are.
 
     Raises DataError where no sheet has a layout that is known.
     """
@@ -85,6 +92,7 @@ def open_workbook(path: Path, stem: str, mapping: TagMapping | None, options: In
     known, faults = _known(book, stem, options)
     if not known:
         raise next(iter(faults.values()), None) or DataError("unknown_layout", "no sheet of the workbook has cells")
+    _call_tags(known, stem)
     loops = {name: _loops(source.tags(), mapping, stem) for name, source in known.items()}
     nameless = [name for name, own in loops.items() if stem.casefold() in own]
     if len(nameless) > 1:
@@ -92,9 +100,11 @@ def open_workbook(path: Path, stem: str, mapping: TagMapping | None, options: In
             known[name].call(name)
             loops[name] = _loops(known[name].tags(), mapping, name)
     read, left = _parted(known, loops)
+    parts = {} if read else _in_parts(known, mapping, stem)
+    read = read or parts or dict([next(iter(known.items()))])
     named = {name: error for name, error in faults.items() if not isinstance(error, NotRecognised) or error.named}
     left += [f"{name[:80]!r} was not read: {error.message}" for name, error in named.items()]
-    return ReadSheets(read, _told(len(book.names), read, left))
+    return ReadSheets(read, _told(len(book.names), read, left), together=bool(parts))
 
 
 def _is_workbook(path: Path, options: IngestOptions) -> bool:
@@ -115,7 +125,7 @@ def _is_workbook(path: Path, options: IngestOptions) -> bool:
 
 
 def _known(book: Workbook, stem: str, options: IngestOptions) -> tuple[dict[str, TableSource], dict[str, DataError]]:
-    """The sheets whose layout is known, and what is wrong with others that have cells."""
+    """The sheets whose layout is known, those that are seen first, and what is wrong with others that have cells."""
     known: dict[str, TableSource] = {}
     faults: dict[str, DataError] = {}
     for number, name in enumerate(book.names):
@@ -125,7 +135,17 @@ def _known(book: Workbook, stem: str, options: IngestOptions) -> tuple[dict[str,
                 known[name] = TableSource(table, stem, "xlsx", True, options)
         except DataError as error:
             faults[name] = error
-    return known, faults
+    hidden = {book.names[number] for number in book.hidden}
+    return {name: known[name] for name in sorted(known, key=hidden.__contains__)}, faults
+
+
+def _call_tags(known: dict[str, TableSource], stem: str) -> None:
+    """Sheets of a tag each are called by it; one alone may have any name."""
+    wide = {name: source for name, source in known.items() if isinstance(source.plan, WidePlan)}
+    of_a_tag = [name for name, source in wide.items() if source.tags()[:1] == [stem]]
+    for name in of_a_tag:
+        if len(of_a_tag) > 1 or place(name, "").signal != "OTHER":
+            known[name].call(name)
 
 
 def _loops(tags: list[str], mapping: TagMapping | None, stem: str) -> set[str]:
@@ -144,7 +164,18 @@ def _parted(known: dict[str, TableSource], loops: dict[str, set[str]]) -> tuple[
         elif own:
             read[name] = known[name]
             owners |= dict.fromkeys(own, name)
-    return read or dict([next(iter(known.items()))]), left
+    return read, left
+
+
+def _in_parts(known: dict[str, TableSource], mapping: TagMapping | None, stem: str) -> dict[str, TableSource]:
+    """The sheets with loops that no sheet has whole: a sheet a tag or a signal. None where a tag is on two of them."""
+    tags = {name: source.tags() for name, source in known.items()}
+    everywhere = list(chain.from_iterable(tags.values()))
+    if len(set(everywhere)) < len(everywhere):
+        return {}
+    whole = _loops(everywhere, mapping, stem) - {stem.casefold()}
+    loops = {name: {loop.loop.casefold() for loop in group(own, mapping, stem)} for name, own in tags.items()}
+    return {name: source for name, source in known.items() if not whole.isdisjoint(loops[name])}
 
 
 def _told(count: int, read: Collection[str], left: list[str]) -> tuple[str, ...]:

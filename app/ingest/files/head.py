@@ -3,6 +3,7 @@
 import csv
 import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -82,13 +83,21 @@ def find_delimiter(lines: list[str]) -> str:
     """The character that stands equally often in most lines of data; a preamble counts little."""
     data = [line for line in lines[len(lines) // 4 :] if line.strip()] or lines
     best, best_share = ",", 0.0
+    widths: dict[str, int] = {}
     for delimiter in DELIMITERS:
         counts = Counter(len(split_line(line, delimiter)) for line in data)
-        width, times = counts.most_common(1)[0]
-        share = times / len(data) if width > 1 else 0.0
+        widths[delimiter], times = counts.most_common(1)[0]
+        share = times / len(data) if widths[delimiter] > 1 else 0.0
         if share > best_share + 0.2:
             best, best_share = delimiter, share
-    return best
+    return "," if best == ";" and _stands_in_fields(lines[0], widths) else best
+
+
+def _stands_in_fields(names: str, widths: Mapping[str, int]) -> bool:
+    """Whether semicolons stand inside fields that commas part, as in ns=2;s=FIC101.PV: the names have none, and as many
+    commas as the rows."""
+    parted = split_line(names, ",")
+    return ";" not in names and all(parted) and len(parted) == widths[","] > max(widths[";"], 2)
 
 
 def split_line(line: str, delimiter: str) -> tuple[str, ...]:

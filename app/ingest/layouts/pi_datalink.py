@@ -2,7 +2,7 @@
 from group to group."""
 
 import re
-from itertools import takewhile
+from itertools import pairwise, takewhile
 
 from app.ingest.columns.headings import is_data
 from app.ingest.columns.names import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
@@ -24,7 +24,12 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     first_row = first_row_of_times(head, 0, options)
     if first_row == NO_ROWS:
         return None
-    width = usual_width(head, first_row)
+    widest = max(len(row) for row in head.rows[first_row:])
+    return _plan(head, first_row, widest, options) or _plan(head, first_row, usual_width(head, first_row), options)
+
+
+def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> WidePlan | None:
+    """Of rows of so many columns. A row may end behind any group: spreadsheets leave out what is empty behind it."""
     forms = {column: form for column in range(width) if (form := _dated(head.column(column, first_row), options))}
     if len(forms) < 2 or 0 not in forms:
         return None
@@ -42,7 +47,13 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         names = (row[column] for row in titles if column < len(row))
         groups.append(TimedColumns((column,), with_told_zone(form, " ".join(names)), named))
     heading = _heading(titles, groups)
-    return WidePlan("pi_datalink", start, width, tuple(groups), heading=heading)
+    ends = frozenset(end for one, other in pairwise(groups) for end in range(_last(one) + 1, other.time[0] + 1))
+    return WidePlan("pi_datalink", start, width, tuple(groups), heading=heading, ends=ends)
+
+
+def _last(group: TimedColumns) -> int:
+    """Its last column that is read."""
+    return max(column for value in group.values for column in (value.index, value.quality or 0))
 
 
 def _first_data(head: Head, first_row: int, values: list[int]) -> int:

@@ -1,14 +1,18 @@
 """Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
 apart are of this form."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 
+from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.names import (
+    ONE_WAY,
     first_row_of_times,
     may_be_times,
+    stamps_in,
     time_columns,
     time_columns_in,
     times_assumed,
@@ -20,21 +24,52 @@ from app.ingest.model import IngestOptions
 from app.ingest.numbers.units import without_unit
 from app.ingest.tags.grouping import AUDITED, place
 
+_TAG = re.compile(r"\S*\d\S*")
+_MOST_OF_TIMES = 2  # columns: date and clock
+_FEW_ROWS = 8
+_MOST_STAMPS = 0.75  # of the rows, where those of a stamp may be told apart by a word
+
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     for index, names in enumerate(head.rows[:PREAMBLE_ROWS]):
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
-        time = time_columns_in(head, names, index + 1, options) or (0,)
+        written, names = names, _with_name_of_times(head, names, index)
+        time = time_columns_in(head, names, index + 1, options) or stamps_in(head, names, index + 1, options) or (0,)
         time = date_and_clock(head, time, index + 1, options)
         first_row = first_row_of_times(head, time[0], options)
-        if any(names_better(row, names) for row in head.rows[index + 1 : max(first_row, 0)]):
+        if any(names_better(row, written) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
             plan = wide_from(head, "wide", names, (index,), first_row, options, time)
+            if plan is not None:
+                _refuse_words_that_part(head, names, plan)
             return plan and _of_times(plan, head, names)
     return None
+
+
+def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan) -> None:
+    """Raises DataError("unknown_layout") where a column of words tells the rows of one time apart: each word has values
+    of its own, which would be mixed."""
+    needed = max(plan.width, len(names))
+    rows = [row + ("",) * (needed - len(row)) for row in head.rows[plan.first_row :] if any(row)]
+    stamps = [tuple(row[index] for index in plan.groups[0].time) for row in rows]
+    if len(rows) < _FEW_ROWS or len(set(stamps)) > _MOST_STAMPS * len(rows):
+        return
+    for index, name in enumerate(names):
+        words = [row[index] for row in rows]
+        pairs = set(zip(stamps, words, strict=True))
+        if 1 < len(set(words)) <= len(rows) / 2 and len(pairs) >= ONE_WAY * len(rows) and _are_words(head, words):
+            raise DataError(
+                "unknown_layout",
+                f"the column {name[:80]!r} tells the rows of one time apart, and would be mixed; needed is a tag, such "
+                "as FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
+            )
+
+
+def _are_words(head: Head, fields: list[str]) -> bool:
+    return all(fields) and not any(is_number(field, head.decimal_mark) for field in set(fields))
 
 
 def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | None:
@@ -51,12 +86,36 @@ def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | 
 
 def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
     """Whether the names stand in the lower row: a row of descriptions or units below them may be the wider one too."""
+    above, below = audited_signals(names), audited_signals(row)
+    if _as_wide(row, names) and below > above and like_tags(row) > like_tags(names):
+        return True
     if not time_columns(row):
         return False
-    above, below = audited_signals(names), audited_signals(row)
     if wider(row, names):
         return above == 0 or below > above
     return above == 0 < below and not time_columns(names)
+
+
+def _with_name_of_times(head: Head, names: tuple[str, ...], at: int) -> tuple[str, ...]:
+    """Where descriptions stand beside the row of names, one of the two alone may name the times."""
+    if time_columns(names):
+        return names
+    for row in (*head.rows[max(at - 2, 0) : at], *head.rows[at + 1 : at + 3]):
+        time = time_columns(row)
+        if time and _as_wide(row, names) and all(place(names[index], "").signal == "OTHER" for index in time):
+            return tuple(row[index] if index in time else name for index, name in enumerate(names))
+    return names
+
+
+def _as_wide(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
+    """Whether a row names as many columns as another one, but for those of times."""
+    return len(row) == len(names) and abs(sum(map(bool, row)) - sum(map(bool, names))) <= _MOST_OF_TIMES
+
+
+def like_tags(names: tuple[str, ...]) -> float:
+    """The share of names that look like tags: without a blank, with a digit."""
+    given = [name for name in names if name]
+    return sum(bool(_TAG.fullmatch(name)) for name in given) / max(1, len(given))
 
 
 def audited_signals(names: tuple[str, ...]) -> int:

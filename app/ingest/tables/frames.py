@@ -41,6 +41,7 @@ class Dialect:
     decimal_mark: str
     width: int
     marks_told: bool = True  # else numbers with any mark are left to who knows their tags
+    ends: frozenset[int] = frozenset()  # after so many fields a line may end as well
 
     @property
     def decimal_comma(self) -> bool:
@@ -241,7 +242,9 @@ class FrameReader:
         lines = rows.data.split(b"\n", int(candidates[-1]) + 1)
         delimiter = self._dialect.delimiter.encode()
         need = self._dialect.width - 1
-        few = [row for row in candidates if lines[row].count(delimiter) < need]
+        ends = self._dialect.ends
+        counts = ((row, lines[row].count(delimiter)) for row in candidates)
+        few = [row for row, count in counts if count < need and count + 1 not in ends]
         return np.array([row for row in few if lines[row].strip(b' "\r')[:1] not in NO_ROW], dtype=np.int64)
 
     def _schema(self) -> dict[str, pl.DataType]:

@@ -71,7 +71,7 @@ class LongTable:
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
         """Blocks, with all that the file holds of a loop in one batch."""
-        self._scanner = reader.scanning(self._plan)
+        self._scanner = self._scanning(reader)
         spill: Spill | None = None
         most_values = self._options.buffered_values
         batch: list[Gathered] = []
@@ -96,6 +96,9 @@ class LongTable:
         finally:
             if spill is not None:
                 spill.close()
+
+    def _scanning(self, reader: RowReader) -> Scanner | None:
+        return reader.scanning(self._plan)
 
     def _settle_places(self) -> None:
         """When all tags have come: a later one may have taken the signal of one that came before."""
@@ -257,6 +260,19 @@ class LongTable:
         kept = timed & named
         if np.all(kept):
             return self._without_long_names(rows, codes, kept)
+        self._tell_left_out(rows, texts, tags, timed, kept, reader)
+        return self._without_long_names(rows, codes, kept)
+
+    def _tell_left_out(
+        self,
+        rows: Rows,
+        texts: pl.Series,
+        tags: pl.Series,
+        timed: NDArray[np.bool_],
+        kept: NDArray[np.bool_],
+        reader: RowReader,
+    ) -> None:
+        """Refuses the rows without a time or a tag, but for empty ones and comments."""
         short = reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
         comments = _begin_with("*#", texts) | _begin_with("*#[", tags)
@@ -268,7 +284,6 @@ class LongTable:
         self._log.add_many("bad_time", rows.lines(late), words, (tags[int(row)] for row in late))
         bare = at[timed[at]]
         self._log.add_many("no_tag", rows.lines(bare), ("a row without a tag" for _ in bare))
-        return self._without_long_names(rows, codes, kept)
 
     def _without_long_names(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
         known = self._usable

@@ -9,7 +9,7 @@ from app.ingest.model import FloatArray, SignalBlock, TimeArray
 from app.ingest.numbers.no_data import ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.pieces import Gathered, Grid, Piece, joined, joined_grid
-from app.ingest.tables.spreading import come_in_threes, spread, stamps_are_cut
+from app.ingest.tables.spreading import come_in_threes, shown_resolution, spread, stamps_are_cut
 from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Place
 from app.ingest.times.doubled_hour import hours_apart
@@ -20,7 +20,7 @@ MOST_CODES = 1 << 16
 
 class BlocksByTag:
     """`places`, by the code of a tag, grow while rows are gathered. zone: of the clock that times were read from.
-    resolution_ns: the smallest step that they can show."""
+    resolution_ns: the smallest step that their writing can show."""
 
     def __init__(self, places: list[Place], zone: str, resolution_ns: int, log: RejectLog, tally: Tally) -> None:
         self._places, self._zone, self._resolution_ns = places, zone, resolution_ns
@@ -88,11 +88,12 @@ class BlocksByTag:
     def _spread(self, time_ns: TimeArray) -> TimeArray:
         """A tag's times in the order of its rows; where stamps are cut, spread inside of them. Of two values of a stamp
         the later one holds."""
-        if not (stamps_are_cut(time_ns, self._resolution_ns) and come_in_threes(time_ns)):
+        resolution_ns = shown_resolution(time_ns, self._resolution_ns)
+        if not (stamps_are_cut(time_ns, resolution_ns) and come_in_threes(time_ns)):
             return time_ns
         self._tally.spread = True
         way = slice(None, None, -1 if time_ns[0] > time_ns[-1] else 1)
-        return spread(time_ns[way], self._resolution_ns)[way]
+        return spread(time_ns[way], resolution_ns)[way]
 
     def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.uint32]) -> SignalBlock:
         newest_first = bool(time_ns[0] > time_ns[-1])

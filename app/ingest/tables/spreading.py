@@ -8,9 +8,20 @@ from numpy.typing import NDArray
 
 from app.ingest.model import TimeArray
 from app.ingest.tables.wide_chunk import Chunk, joined, part
+from app.nanoseconds import NS_PER_S
 
 NANOSECOND = 1
+NS_PER_MINUTE = 60 * NS_PER_S
 SPREAD_NOTE = "time stamps are cut and repeat: the rows were spread evenly inside each stamp, in their order"
+
+
+def shown_resolution(time_ns: TimeArray, of_form_ns: int) -> int:
+    """To what stamps are cut, a minute, ten seconds or one, by what they show where their writing could show more:
+    `:00` stands behind all of them. The one stamp of a sample may be of a minute by chance."""
+    several = bool(np.any(time_ns != time_ns[:1]))
+    steps = (NS_PER_MINUTE, 10 * NS_PER_S, NS_PER_S) if several else (NS_PER_S,)
+    shown = next((step for step in steps if len(time_ns) and not np.any(time_ns % step)), of_form_ns)
+    return max(shown, of_form_ns)
 
 
 def stamps_are_cut(time_ns: TimeArray, resolution_ns: int) -> bool:
@@ -35,7 +46,7 @@ class Spreader:
     one. Rows may come newest first: what comes last is the record's start then."""
 
     def __init__(self, resolution_ns: int) -> None:
-        self._resolution = resolution_ns
+        self._of_form, self._resolution = resolution_ns, resolution_ns
         self._held: Chunk | None = None
         self._spacing: float | None = None
         self._begun = False
@@ -47,10 +58,16 @@ class Spreader:
         other = np.flatnonzero(whole.time_ns != whole.time_ns[-1])
         keep = int(other[-1]) + 1 if len(other) else 0
         if keep:
+            self._see(shown_resolution(whole.time_ns, self._of_form))
             self._newest_first = is_falling(whole.time_ns)
             keep = keep if self._newest_first or is_rising(whole.time_ns) else n
         self._held = part(whole, slice(keep, None)) if keep < n else None
         return self._spread(part(whole, slice(0, keep))) if keep else None
+
+    def _see(self, resolution_ns: int) -> None:
+        """The rows of a minute may all be in the first ones, or a later stamp tell that it is of a second."""
+        if not self._begun or resolution_ns < self._resolution:
+            self._resolution, self._spacing = resolution_ns, None
 
     def rest(self) -> Chunk | None:
         """What is held at the file's end."""

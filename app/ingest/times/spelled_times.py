@@ -1,6 +1,6 @@
 """Stamps as people and regional settings spell them, in the spelling that `stamps` reads: names of months in full and
 in other languages, `a.m.`, narrow blanks, a comma before the clock or before the decimals of its seconds, UTC or GMT in
-letters."""
+letters, the signs for year, month and day."""
 
 from types import MappingProxyType
 
@@ -51,6 +51,9 @@ _UTC = "(?:UTC|GMT)"
 _MADE_PLAIN = (
     (r"(?i)(\d)(?:,|,? (?:at|um|à|a las)) ?(\d{1,2}:\d{2})", "${1} ${2}"),
     (r"(:\d{2}),(\d)", "${1}.${2}"),
+    (r"(\d:\d{2}:\d{2}):(\d{3})$", "${1}.${2}"),
+    (r"^(\d{4})年(\d{1,2})月(\d{1,2})日", "${1}-${2}-${3}"),
+    (r"(\d{1,2})[时時](\d{1,2})分(\d{1,2})秒", "${1}:${2}:${3}"),
     (r"(?i)(\d) ?([ap])\.? ?m\b\.?", "${1} ${2}m"),
     (r"(?i)(:\d{2}) ?(?:uhr|hrs?)$", "${1}"),
     (r"([+-]\d{2}:\d{2}|Z)\[[A-Za-z_/]+\]$", "${1}"),

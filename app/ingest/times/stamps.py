@@ -41,7 +41,8 @@ _TIMES = (
 )
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
 _DECIMAL_COMMA = r"(:\d{2}),(\d)"
-_ZONE = re.compile(r"(Z|[+-]\d{2}:?\d{2})$")
+_BEHIND_SECONDS = "|".join(rf"(?<=:\d{{2}}[.,]\d{{{digits}}})" for digits in range(1, 10))
+_ZONE = re.compile(rf"(Z|(?:(?<=:\d{{2}})|{_BEHIND_SECONDS})[+-]\d{{2}}|[+-]\d{{2}}:?\d{{2}})$")
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
 _PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
 

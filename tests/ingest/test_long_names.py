@@ -1,0 +1,89 @@
+"""Long tables by whatever names their columns have: no tags are mixed."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+
+from app.errors import DataError
+
+from .conftest import Content, Read
+
+TIMES = [datetime(2024, 3, 14, 8) + timedelta(seconds=k) for k in range(300)]
+AT = np.array(TIMES, dtype="datetime64[ns]").astype(np.int64)
+SHAPES = [
+    ("Series;Time;Value", "{tag};{iso}+00:00;{value}"),
+    ("Data source,Time,Value,Units", "\\\\PISRV\\{tag},{iso},{value},t/h"),
+    ("Messstelle;Zeitstempel;Wert;Status", "{tag};{iso};{value};Gut"),
+    ("event_time,tag_name,value", "{iso},{tag},{value}"),
+    ("tag,ts,value_double,value_string", "{tag},{iso},{value},"),
+    ("NAME,IP_TREND_TIME,IP_TREND_VALUE,IP_TREND_QSTATUS", "{tag},{iso},{value},Good"),
+    ("VarName;TimeString;VarValue;Validity;Time_ms", "{tag};{iso};{value};1;45365333333,3333"),
+    (
+        "NodeId,SourceTimestamp,ServerTimestamp,Value,StatusCode",
+        "ns=2;s={tag},{iso}.000Z,2024-03-14T09:00:00.000Z,{value},Good",
+    ),
+    ("TagName,SourceTime,Value,Quality", "{tag},{iso},{value},192"),
+    ("Variable;Horodatage;Valeur", "{tag};{iso};{value}"),
+    ("Etiqueta;Fecha;Hora;Valor", "{tag};{date};{clock};{value}"),
+    ("Anlage;Kennung;Wann;Messwert", "Nord;{tag};{iso};{value}"),
+    ("Id,Kennung,Wann,Messwert,Einheit", "{number},{tag},{iso},{value},%"),
+    ("Loop,Signal,Time,Value", "FIC101,{signal},{iso},{value}"),
+    ("Signal;Controller;Time;Val;Status", "{signal};FIC101;{iso};{value};Good"),
+    (
+        ",result,table,_start,_stop,_time,_value,_field,_measurement",
+        ",,0,2024-03-14T08:00:00Z,2024-03-14T09:00:00Z,{iso}Z,{value},{signal},FIC101",
+    ),
+    (",result,table,_time,_value,_field,_measurement", ",,0,{iso}Z,{value},value,{tag}"),
+    (",result,table,_time,_value,_field,_measurement", ",,0,{iso}Z,{value},{tag},plant"),
+    (",result,table,_time,_value,_field,_measurement,loop", ",,0,{iso}Z,{value},{signal},plant,FIC101"),
+]
+
+
+def table(shape: tuple[str, str], by_tag: bool) -> str:
+    heading, row = shape
+    order = [(k, s) for k in range(300) for s in ("PV", "OP")]
+    order = sorted(order, key=lambda pair: pair[1]) if by_tag else order
+    cells = (
+        row.format(
+            tag=f"FIC101.{signal}",
+            signal=signal,
+            iso=f"{TIMES[k]:%Y-%m-%dT%H:%M:%S}",
+            date=f"{TIMES[k]:%d/%m/%Y}",
+            clock=f"{TIMES[k]:%H:%M:%S}",
+            value=f"{k}.5" if signal == "PV" else f"{k % 7}.25",
+            number=number,
+        )
+        for number, (k, signal) in enumerate(order)
+    )
+    return "\n".join((heading, *cells)) + "\n"
+
+
+def check(content: Content) -> None:
+    (name,) = content.loops
+    assert name.endswith("FIC101")
+    loop = content.loops[name]
+    np.testing.assert_array_equal(loop.time_ns, AT)
+    np.testing.assert_array_equal(loop.pv, np.arange(300) + 0.5)
+    np.testing.assert_array_equal(loop.op, np.arange(300) % 7 + 0.25)
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("by_tag", [False, True])
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape[0])
+def test_each_tag_has_its_values(read: Read, shape: tuple[str, str], by_tag: bool) -> None:
+    check(read(table(shape, by_tag)))
+
+
+def test_a_wide_table_with_words_stays_one(read: Read) -> None:
+    rows = "".join(f"{stamp},{k},{k % 7},{'AUTO' if k % 50 else 'MAN'},unit 1\n" for k, stamp in enumerate(TIMES))
+    content = read("Time,A.PV,A.OP,A.MODE,Area\n" + rows)
+    assert content.summary.layout == "wide"
+    assert content.loops["A"].pv.tolist() == list(range(300))
+
+
+def test_rows_of_a_stamp_that_words_tell_apart_are_no_wide_table(read: Read) -> None:
+    rows = "".join(f"{stamp},{word},{k},{k % 7}\n" for k, stamp in enumerate(TIMES) for word in ("north", "south"))
+    with pytest.raises(DataError, match="'Where' tells the rows of one time apart") as refused:
+        read("Time,Where,PV,OP\n" + rows)
+    assert refused.value.code == "unknown_layout"

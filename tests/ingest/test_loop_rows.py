@@ -1,0 +1,79 @@
+"""A row a loop: tables of a data base that have the signals of all loops in the same columns."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+
+from app.ingest import IngestOptions
+
+from .conftest import Content, Read
+from .test_tables import parquet, workbook
+
+pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+FIRST = datetime(2024, 3, 14, 8)
+AT = np.datetime64(FIRST, "ns").astype(np.int64) + 10**9 * np.arange(300)
+OFFSETS = {"FIC101": 0, "TIC205": 1000, "LIC3": 2000}
+
+
+def rows(by_loop: bool = False) -> list[list[str]]:
+    seconds = [(k, loop) for k in range(300) for loop in OFFSETS]
+    order = sorted(seconds, key=lambda row: list(OFFSETS).index(row[1])) if by_loop else seconds
+    stamps = [f"{FIRST + timedelta(seconds=k)}" for k in range(300)]
+    return [[loop, stamps[k], f"{OFFSETS[loop] + k}", f"{k % 7}.5", f"{OFFSETS[loop]}"] for k, loop in order]
+
+
+def text(names: str, table: list[list[str]]) -> str:
+    return "\n".join((names, *map(",".join, table))) + "\n"
+
+
+def check(content: Content) -> None:
+    assert content.summary.layout == "loop_rows"
+    assert set(content.loops) == set(OFFSETS)
+    for name, offset in OFFSETS.items():
+        loop = content.loops[name]
+        np.testing.assert_array_equal(loop.time_ns, AT)
+        np.testing.assert_array_equal(loop.pv, offset + np.arange(300.0))
+        np.testing.assert_array_equal(loop.op, np.arange(300) % 7 + 0.5)
+        np.testing.assert_array_equal(loop.sp, np.full(300, float(offset)))
+    assert (content.summary.rows_read, content.summary.rows_kept, content.summary.values_kept) == (900, 900, 2700)
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=500, buffered_values=600)])
+@pytest.mark.parametrize("by_loop", [False, True])
+@pytest.mark.parametrize("name", ["Loop", "Tag", "LoopName", "loop_name", "Controller", "Block"])
+def test_each_loop_has_its_rows(read: Read, name: str, by_loop: bool, options: IngestOptions) -> None:
+    check(read(text(f"{name},Time,PV,OP,SP", rows(by_loop)), options=options))
+
+
+def test_in_parquet_and_in_a_workbook(read: Read) -> None:
+    names = ["Loop", "Time", "PV", "OP", "SP"]
+    columns = dict(zip(names, zip(*rows(), strict=True), strict=True))
+    frame = pl.DataFrame(columns).with_columns(pl.col("PV", "OP", "SP").cast(pl.Float64))
+    check(read(parquet(frame)))
+    check(read(workbook([names, *rows()])))
+
+
+def test_loops_that_are_numbers_repeat(read: Read) -> None:
+    numbered = [[str(list(OFFSETS).index(loop) + 1), *rest] for loop, *rest in rows()]
+    assert set(read(text("Loop,Time,PV,OP,SP", numbered)).loops) == {"1", "2", "3"}
+    counted = [[str(k), *rest] for k, (_, *rest) in enumerate(row for row in rows() if row[0] == "LIC3")]
+    assert read(text("Item,Time,PV,OP,SP", counted)).summary.layout == "wide"
+
+
+def test_what_is_wrong_with_a_row_is_told_once(read: Read) -> None:
+    table = rows()
+    table[4][1], table[7][0], table[9][2] = "late", "", "Bad"
+    content = read(text("Loop,Time,PV [degC],OP,SP,Remark", [[*row, "x"] for row in table]))
+    assert dict(content.rejects.counts) == {"bad_time": 1, "no_tag": 1, "not_a_number": 1}
+    assert content.summary.rows_kept == 898
+    assert any("Remark" in note for note in content.summary.notes)
+
+
+def test_modes_in_words(read: Read) -> None:
+    table = [[*row, "AUTO" if row[0] == "LIC3" else "MAN"] for row in rows()]
+    content = read(text("Loop,Time,PV,OP,SP,MODE", table))
+    means = {name: float(np.mean(loop.automatic)) for name, loop in content.loops.items()}
+    assert means == {"FIC101": 0.0, "TIC205": 0.0, "LIC3": 1.0}
