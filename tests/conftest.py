@@ -121,6 +121,7 @@ def postgres_url() -> Iterator[str]:
     try:
         migrate(Settings(database_url=url, data_dir=Path(tempfile.gettempdir())))
         yield url
+        _emptying(url).close()
     finally:
         with server.connect() as connection:
             connection.exec_driver_sql(f'DROP DATABASE "{name}" WITH (FORCE)')
