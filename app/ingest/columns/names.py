@@ -97,6 +97,10 @@ VALUE_NAMES = (
     "valuedouble",
     "valeur",
     "valor",
+    "messwert",
+    "mesure",
+    "medida",
+    "测量值",
 )
 QUALITY_NAMES = (
     "opcquality",

@@ -58,9 +58,9 @@ def _value(head: Head, names: tuple[str, ...], columns: dict[int, list[str]]) ->
         for index, fields in columns.items()
         if mostly_numbers(fields, head.decimal_mark) and not names_no_measurement(names[index])
     ]
-    if any(place(names[index], "").signal != "OTHER" for index in numbers):
-        return None
     called = [index for index in numbers if plain(names[index]) in VALUE_NAMES]
+    if any(place(names[index], "").signal != "OTHER" for index in numbers if index not in called):
+        return None
     return called[0] if called else numbers[0] if len(numbers) == 1 else None
 
 
