@@ -111,10 +111,11 @@ class Fitness:
 def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
     """The fitness checks in their order; each narrows the recording to what can be audited, and says so.
 
-    Missing values are taken out, then the newest long stretch in automatic is kept, of it the newest long one without
-    a hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording
-    is refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands
-    at a limit, or where too much had to be filled.
+    Missing values are taken out, and those that lie alone and far from all others, then the newest long stretch in
+    automatic is kept, of it the newest long one without a hole, then the newest long one beside dead PV or OP, and that
+    stretch is put on a uniform time base. A recording is refused where a step leaves fewer than
+    `config.min_samples`, where OP is switched between two values or stands at a limit, or where too much had to be
+    filled.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts; but whether PV stands
     at its set point, and on which side of one that moves it is, is asked in one unit of both.
     """
@@ -126,8 +127,12 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     fitness = Fitness((), None, missing_share, automatic_share, None, 0)
     length = checks.check_length(recording.samples, config)
     if length.outcome == "fail":
-        return _stopped(fitness, (length,), ("missing_values", *LATER_CHECKS))
-    found = (length, checks.check_missing(both, aligned.interpolated, config))
+        return _stopped(fitness, (length,), ("missing_values", "wild_samples", *LATER_CHECKS))
+    found = (
+        length,
+        checks.check_missing(both, aligned.interpolated, config),
+        checks.check_wild(aligned.wild_pv, aligned.wild_op, config),
+    )
     if len(samples) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS)
     stands = standstill(samples, float(recording.time_s[0]), recording.op_range, recording.pv_range)

@@ -7,6 +7,7 @@ from app.engine.verdict.wording import WORDED, is_spoken, sentence_without_value
 _DATA = {
     "too_short": "The recording has too few samples.",
     "missing_values": "PV and OP have a value together in too few samples.",
+    "wild_samples": "Samples far from all others, one or two in a row, were taken as missing.",
     "not_in_automatic": "The recorded mode says automatic for too few samples in a row.",
     "gaps": "Holes leave no stretch that is long enough.",
     "filled": "Too many samples had to be interpolated.",
