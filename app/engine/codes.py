@@ -29,7 +29,7 @@ CheckCode = Literal[
 
 ReasonCode = Literal[
     Cause, CheckCode,
-    "no_variation", "evidence_not_clear", "not_cleared", "windows_disagree", "uncoupled_slowly",
+    "no_variation", "evidence_not_clear", "not_cleared", "few_samples", "windows_disagree", "uncoupled_slowly",
     "uncoupled", "same_signal", "set_point_moves", "set_point_rests", "nearly_sinusoidal", "keeps_time", "pv_stands",
     "wound_up", "no_answer", "hidden_band", "own_cycle", "foreign_cycle", "pv_does_not_answer", "answers_no_more",
     "prior_only", "filled_share", "mode_share", "record_too_short", "flat_signal", "not_finite", "signal_length",

@@ -104,6 +104,8 @@ def test_a_swing_of_one_sine_makes_nothing_clear(evidence):
     [
         ({"oscillation": {"cycles": 5.0}}, []),
         ({"oscillation": {"cycles": 4.9}}, ["few_cycles"]),
+        ({"record": 500}, []),
+        ({"record": 499}, ["few_samples"]),
         ({"filled_share": 0.1}, []),
         ({"filled_share": 0.11}, ["filled_share"]),
         ({"automatic_share": None}, []),
@@ -119,6 +121,8 @@ def test_a_swing_of_one_sine_makes_nothing_clear(evidence):
     ],
 )
 def test_what_the_record_is_like_is_a_doubt_of_its_own(evidence, record, doubt):
+    if "record" in record:
+        record = {"record": evidence.fitness.audited.part(slice(0, record["record"]))}
     said = evidence.judged(**record)
     assert (said.verdict, said.reliability) == ("stiction", "not_reliable" if doubt else "reliable")
     assert doubts(said) == doubt
