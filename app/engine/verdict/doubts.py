@@ -144,7 +144,8 @@ def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: Verdic
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
         text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
         return (Reason("same_signal", text),)
-    if strangers_chance(fitness.looked_at, oscillation) < config.max_strangers_chance:
+    chance = strangers_chance(fitness.looked_at, oscillation)
+    if chance is None or chance < config.max_strangers_chance:
         return ()
     if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
         text = "what is new in PV and what is new in OP go together in what is quick, and not over a part of a swing"
