@@ -10,7 +10,7 @@ from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
-from app.engine.fitness.resample import is_regular, to_uniform
+from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import at_extremes, newest_long_run, run_lengths, still_at_its_end, usable_values
 from app.engine.fitness.standstill import Standstill, as_far_as_ever, standstill
@@ -177,7 +177,7 @@ def _samples(recording: Recording, aligned: Aligned) -> Samples:
 
 def _assess_stretches(recording: Recording, samples: Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
     acting = _newest_automatic(samples, config)
-    in_automatic, after = samples.part(acting), len(samples) - acting.stop
+    in_automatic, after = _in_automatic(samples.part(acting)), len(samples) - acting.stop
     found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), after, config))
     if len(in_automatic) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[1:])
@@ -220,7 +220,26 @@ def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, con
 def _newest_automatic(samples: Samples, config: FitnessConfig) -> slice:
     if samples.automatic is None:
         return slice(0, len(samples))
-    return newest_long_run(samples.automatic, config.newest_share, config.min_samples)
+    return newest_long_run(_bridged(samples, config), config.newest_share, config.min_samples)
+
+
+def _bridged(samples: Samples, config: FitnessConfig) -> BoolArray:
+    """(N,) True in automatic, and in spells out of it that are no longer than a hole that is filled, unless they are
+    too many to fill: a tag of the mode that blinks ends no stretch.
+    """
+    automatic = np.asarray(samples.automatic)
+    at = np.flatnonzero(automatic)
+    time_s = samples.time_s[at]
+    brief = (np.diff(at) > 1) & (np.diff(time_s) <= config.max_gap_intervals * typical_interval(samples.time_s))
+    bridged = automatic.copy()
+    for k in np.flatnonzero(brief):
+        bridged[at[k] : at[k + 1]] = True
+    return bridged if len(at) >= (1.0 - config.max_filled_share) * np.sum(bridged) else automatic
+
+
+def _in_automatic(samples: Samples) -> Samples:
+    """What was recorded out of automatic in a bridged stretch is no more the loop's than what is missing."""
+    return samples if samples.automatic is None else samples.part(samples.automatic)
 
 
 def _dead_s(samples: Samples, config: FitnessConfig) -> float | None:
