@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from app.engine.evidence import Finding
+from app.engine.evidence import Finding, Measured
 from app.engine.features import NAMES
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
@@ -135,8 +135,8 @@ def test_what_the_record_is_like_is_a_doubt_of_its_own(evidence, record, doubt):
         (Rival("set_point_following", 0.84, "PV follows", explained=0.94), []),
         (Rival("set_point_following", 0.1, "PV follows", explained=0.96), ["set_point_moves"]),
         (Rival("disturbance", 0.1, "the load", explained=0.96), []),
-        (Rival("external_oscillation", 0.6, "a sine", statistic=0.95), []),
-        (Rival("external_oscillation", 0.6, "a sine", statistic=0.96), ["nearly_sinusoidal"]),
+        (Rival("external_oscillation", 0.6, "a sine", explained=0.95), []),
+        (Rival("external_oscillation", 0.6, "a sine", explained=0.96), ["nearly_sinusoidal"]),
         (Rival("external_oscillation", 0.6, "no sine"), []),
         (Rival("disturbance", 0.5, "the load jumps", counts=1.0), ["disturbance"]),
         (Rival("disturbance", 0.49, "the load jumps", counts=1.0), []),
@@ -147,6 +147,20 @@ def test_a_rival_that_may_have_made_the_shapes_is_a_doubt(evidence, rival, doubt
     said = evidence.judged(0.9, (rival,))
     assert (said.verdict, said.likely_cause) == ("stiction", "stiction")
     assert (said.reliability, doubts(said)) == ("not_reliable" if doubt else "reliable", doubt)
+
+
+def test_the_doubt_tells_what_it_was_found_by(evidence):
+    follows = Rival("set_point_following", 0.1, "PV and OP follow", explained=0.96)
+    (reason,) = (r for r in evidence.judged(0.9, (follows,)).reasons if r.code == "set_point_moves")
+    assert (reason.measured, reason.measured.passed) == (Measured(0.96, "<", 0.95), False)
+    assert reason.text == "PV follows from the set point (96 % of its variance on unseen cycles)"
+
+
+def test_of_a_record_too_short_to_tell_it_is_not_said_that_pv_and_op_are_strangers(evidence):
+    said = evidence.judged(0.1, record=evidence.fitness.audited.part(slice(0, 119)))
+    assert (said.verdict, said.reliability) == ("no_stiction", "not_reliable")
+    assert "few_samples" in doubts(said)
+    assert not {"uncoupled", "uncoupled_slowly"} & set(doubts(said))
 
 
 def test_a_loop_that_cycles_on_its_sensors_resolution_is_not_doubted_for_it(evidence):

@@ -197,18 +197,25 @@ def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
     """Where PV and OP are all but the set point's movement, or one sine, the shape need not be the valve's."""
     doubts = []
     for rival in weighing.rivals:
-        if rival.cause == "set_point_following" and _follows(rival, config):
-            follows = Measured(rival.strength, "<", config.max_following)
-            doubts.append(Reason("set_point_moves", rival.text, follows))
-        if rival.cause == "external_oscillation" and (rival.statistic or 0.0) >= config.max_wave:
-            wave = Measured(rival.statistic or 0.0, "<", config.max_wave)
-            doubts.append(Reason("nearly_sinusoidal", rival.text, wave))
+        if rival.cause == "set_point_following":
+            doubts.extend(_follows(rival, config))
+        wave = Measured(rival.explained or 0.0, "<", config.max_wave)
+        if rival.cause == "external_oscillation" and not wave.passed:
+            text = f"a sine that keeps its phase explains {100 * wave.statistic:.0f} % of PV and OP on unseen cycles"
+            doubts.append(Reason("nearly_sinusoidal", text, wave))
     return doubts
 
 
-def _follows(rival: Rival, config: VerdictConfig) -> bool:
+def _follows(rival: Rival, config: VerdictConfig) -> list[Reason]:
     """PV alone is enough where it is all the set point's: on a level OP is the slope of SP, no response to it."""
-    return rival.strength >= config.max_following or (rival.explained or 0.0) >= config.max_followed
+    both = Measured(rival.strength, "<", config.max_following)
+    if not both.passed:
+        return [Reason("set_point_moves", rival.text, both)]
+    alone = Measured(rival.explained or 0.0, "<", config.max_followed)
+    if alone.passed:
+        return []
+    text = f"PV follows from the set point ({100 * alone.statistic:.0f} % of its variance on unseen cycles)"
+    return [Reason("set_point_moves", text, alone)]
 
 
 def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
