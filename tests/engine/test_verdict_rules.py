@@ -164,10 +164,10 @@ def test_of_a_record_too_short_to_tell_it_is_not_said_that_pv_and_op_are_strange
 
 
 def test_a_loop_that_cycles_on_its_sensors_resolution_is_not_doubted_for_it(evidence):
-    coarse = {"findings": (Finding("pv_quantised", "fail", "coarse"), Finding("filled", "fail", "filled"))}
+    coarse = {"findings": (Finding("pv_quantised", "fail", "coarse"), Finding("stored_points", "fail", "few"))}
     stands_out, does_not = (Rival("quantised_sensor", strength, "coarse") for strength in (0.6, 0.4))
-    assert doubts(evidence.judged(0.9, (stands_out,), **coarse)) == ["filled"]
-    assert doubts(evidence.judged(0.9, (does_not,), **coarse)) == ["pv_quantised", "filled"]
+    assert doubts(evidence.judged(0.9, (stands_out,), **coarse)) == ["stored_points"]
+    assert doubts(evidence.judged(0.9, (does_not,), **coarse)) == ["pv_quantised", "stored_points"]
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ _PHASE_SINE = NAMES.index("phase_sine")
 
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
-_DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
+_DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolated", "stored_points"})
 
 # For most of the stretch one of them held one value, as behind a valve that is stuck: the rest of it says little.
 _DEAD: frozenset[CheckCode] = frozenset({"op_flat", "pv_flat"})
