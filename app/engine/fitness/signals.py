@@ -136,7 +136,7 @@ def newest_long(starts: IntArray, ends: IntArray, share: float, least: int) -> s
     """
     lengths = ends - starts
     longest = int(np.max(lengths))
-    k = int(np.flatnonzero(lengths >= max(share * longest, least if longest >= least else 0))[-1])
+    k = int(np.flatnonzero(lengths >= max(share * longest, min(least, longest)))[-1])
     return slice(int(starts[k]), int(ends[k]))
 
 
