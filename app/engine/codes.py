@@ -20,16 +20,16 @@ NO_ANSWER_VERDICTS = ("inconclusive", "not_auditable")
 """The verdicts that name it."""
 
 CheckCode = Literal[
-    "too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_two_values",
-    "op_at_limits", "samples_per_cycle", "few_cycles", "irregular_sampling", "pv_quantised", "op_quantised",
-    "pv_interpolated", "op_interpolated", "stored_points", "size_regularity", "size_cycles", "size_samples_per_cycle",
-    "size_evidence", "size_as_sampled", "size_width",
+    "too_short", "missing_values", "wild_samples", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat",
+    "op_two_values", "op_at_limits", "samples_per_cycle", "few_cycles", "irregular_sampling", "pv_quantised",
+    "op_quantised", "pv_interpolated", "op_interpolated", "stored_points", "size_regularity", "size_cycles",
+    "size_samples_per_cycle", "size_evidence", "size_as_sampled", "size_width",
 ]  # fmt: skip
 """What a record is checked for before it is audited, and before a size of stiction is told."""
 
 ReasonCode = Literal[
     Cause, CheckCode,
-    "no_variation", "evidence_not_clear", "not_cleared", "windows_disagree", "uncoupled_slowly",
+    "no_variation", "evidence_not_clear", "not_cleared", "few_samples", "windows_disagree", "uncoupled_slowly",
     "uncoupled", "same_signal", "set_point_moves", "set_point_rests", "nearly_sinusoidal", "keeps_time", "pv_stands",
     "wound_up", "no_answer", "hidden_band", "own_cycle", "foreign_cycle", "pv_does_not_answer", "answers_no_more",
     "prior_only", "filled_share", "mode_share", "record_too_short", "flat_signal", "not_finite", "signal_length",

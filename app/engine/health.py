@@ -131,9 +131,11 @@ def _unsure(probability: float) -> HealthPart:
 def _oscillation(oscillation: Oscillation | None) -> HealthPart:
     if oscillation is None:
         return _part("oscillation", 0.0, "oscillation not evaluated")
-    if not oscillation.regular:
+    period_s = oscillation.period_s
+    if not oscillation.regular or period_s is None:
         return _part("oscillation", 0.0, "no regular oscillation")
-    text = f"oscillates with a period of {oscillation.period_s:.0f} s, strength {oscillation.strength:.2f}"
+    told = f"{period_s:.0f}" if period_s >= 10.0 else f"{period_s:.3g}"
+    text = f"oscillates with a period of {told} s, strength {oscillation.strength:.2f}"
     return _part("oscillation", oscillation.strength, text)
 
 

@@ -1,16 +1,18 @@
 """Key figures that engineers expect of a loop monitor, over good samples only: each with its definition and source."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numba import njit
 
 from app.engine.fitness import FitnessConfig
+from app.engine.fitness.align import align
 from app.engine.fitness.resample import typical_interval
 from app.engine.fitness.signals import at_extremes, at_limits, quantisation_step, resolution, usable_values
 from app.engine.oscillation import autocorrelation
 from app.engine.recording import BoolArray, FloatArray, IntArray, Recording, Span, known_span
+from app.engine.signals.sampled import held
 from app.engine.timed import Timed, holding_times
 
 FEWEST_STEPS = 10
@@ -84,20 +86,21 @@ def compute(recording: Recording) -> KeyFigures:
 
     recording: PV, OP and SP in engineering units, NaN where missing.
 
-    Only samples with finite PV and OP count; control error, saturation and Harris index use those in automatic where
-    the mode is known. The Harris index assumes a dead time of HARRIS_HORIZON samples, says less the further the loop's
-    own is from that, and punishes loops that follow a moving set point or that are meant to let a level swing: compare
-    a loop with itself.
+    Only samples with finite PV and OP count, and not the wild ones among them; where PV and OP were stamped at
+    different times, they are brought together as they are for the audit, and the set point is held. Control error,
+    saturation and Harris index use those in automatic where the mode is known. The Harris index assumes a dead time of
+    HARRIS_HORIZON samples, says less the further the loop's own is from that, and punishes loops that follow a moving
+    set point or that are meant to let a level swing: compare a loop with itself.
     Sources: Jelali 2013, Control Performance Management in Industrial Automation, doi 10.1007/978-1-4471-4546-2
     (figures); Harris 1989, Can. J. Chem. Eng. 67, 856, doi 10.1002/cjce.5450670519, and Desborough and Harris 1992,
     doi 10.1002/cjce.5450700620 (index).
     """
+    recording, good = _together(recording)
     held_s = holding_times(recording.time_s)
 
     def timed(signal: FloatArray, part: BoolArray) -> Timed:
         return Timed(signal[part], None if held_s is None else held_s[part])
 
-    good = usable_values(recording.pv) & usable_values(recording.op)
     used = good if recording.automatic is None else good & recording.automatic
     tracked = np.zeros_like(used) if recording.sp is None else used & usable_values(recording.sp)
     error = Timed(np.empty(0), None) if recording.sp is None else timed(recording.sp - recording.pv, tracked)
@@ -105,7 +108,7 @@ def compute(recording: Recording) -> KeyFigures:
     upset = error.values if len(error) else recording.pv[used]
     pv, op, op_used = timed(recording.pv, good), timed(recording.op, good), timed(recording.op, used)
     size = error.of(np.abs)
-    held = _each_held(recording.time_s, held_s)
+    each_s = _each_held(recording.time_s, held_s)
     travel, reversals = _travel(recording, good)
     low, median, high = error.percentiles((5.0, 50.0, 95.0))
     return KeyFigures(
@@ -127,10 +130,32 @@ def compute(recording: Recording) -> KeyFigures:
         op_travel_per_h=travel,
         op_reversals_per_h=reversals,
         op_travel_pct_of_span_per_h=_pct_of_span(travel, recording.op_range),
-        response_time_s=_response_time_s(upset, held[controlled]),
+        response_time_s=_response_time_s(upset, each_s[controlled]),
         harris_index=_harris_index(upset, _runs(controlled, recording.time_s)),
         harris_horizon_samples=HARRIS_HORIZON,
     )
+
+
+def _together(recording: Recording) -> tuple[Recording, BoolArray]:
+    """The recording at the times at which PV and OP are known together, and which of its samples are good."""
+    found = align(recording, _AS_CHECKED)
+    if found.interpolated is None:
+        return recording, found.both
+    at = usable_values(recording.op if found.interpolated == "PV" else recording.pv)
+    time_s, sp = recording.time_s, recording.sp
+    if sp is not None and usable_values(sp).any():
+        known = usable_values(sp)
+        sp = held(time_s[known], sp[known], time_s)
+    brought = replace(
+        recording,
+        time_s=time_s[at],
+        pv=found.pv[at],
+        op=found.op[at],
+        sp=None if sp is None else sp[at],
+        automatic=None if recording.automatic is None else recording.automatic[at],
+        others={},
+    )
+    return brought, found.both[at]
 
 
 def _service_factor_pct(automatic: BoolArray | None, good: BoolArray, pv: Timed) -> float | None:

@@ -14,7 +14,7 @@ from app.engine.recording import UniformRecord
 N = 900
 
 
-def chance(pv: np.ndarray, op: np.ndarray) -> float:
+def chance(pv: np.ndarray, op: np.ndarray) -> float | None:
     loop = UniformRecord(1.0, pv, op, None, np.zeros(len(pv), bool))
     return strangers_chance(loop, detect(loop))
 
@@ -52,7 +52,8 @@ def test_an_answer_is_heard_through_noise_as_large(pole: float) -> None:
 def test_of_a_short_or_standing_signal_nothing_is_known() -> None:
     rng = np.random.default_rng(6)
     op = wandering(rng, 0.9)
-    assert chance(op[:80], op[:80]) == 1.0
+    assert chance(op[:119], op[:119]) is None
+    assert chance(op[:120], op[:120]) is not None
     assert chance(np.full(N, 5.0), op) == 1.0
 
 

@@ -103,6 +103,23 @@ def test_the_newest_long_stretch_in_automatic_is_audited(manual: slice, judged: 
     assert text.endswith("not looked at") == said.endswith("not looked at")
 
 
+@pytest.mark.parametrize("blips", [range(50, N, 90), [100, 300], range(200, 209)])
+def test_a_mode_that_blinks_ends_no_stretch(blips):
+    automatic = np.ones(N, dtype=bool)
+    automatic[list(blips)] = False
+    fitness = assess(cycling(automatic=automatic))
+    assert (fitness.record.start_s, fitness.record.samples, fitness.gaps) == (0.0, N, 0)
+    assert np.flatnonzero(fitness.record.filled).tolist() == list(blips)
+    assert fitness.automatic_share == 1.0 - len(blips) / N
+
+
+def test_a_blink_is_as_long_as_a_hole_that_is_filled():
+    automatic, pv = np.ones(N, dtype=bool), cycling().pv.copy()
+    automatic[200:209], pv[200:209] = False, np.nan
+    by_mode, by_hole = assess(cycling(automatic=automatic)), assess(cycling(pv=pv))
+    np.testing.assert_array_equal(by_mode.record.pv, by_hole.record.pv)
+
+
 def test_beside_a_dead_op_the_newest_long_stretch_is_audited():
     op = cycling(1000).op
     op[250:750] = op[250]

@@ -15,6 +15,8 @@ from app.engine.fitness.signals import (
 def test_newest_long_run():
     assert newest_long_run(np.array([True, False, True, True, False]), 0.5, 1) == slice(2, 4)
     assert newest_long_run(np.array([True, True, True, False, True, False]), 0.5, 1) == slice(0, 3)
+    assert newest_long_run(np.array([True, True, True, False, True, True]), 0.5, 3) == slice(0, 3)
+    assert newest_long_run(np.array([True, True, True, False, True, True]), 0.5, 4) == slice(0, 3)  # none has as many
     assert newest_long_run(np.zeros(3, dtype=bool), 0.5, 1) == slice(0, 0)
     assert newest_long_run(np.zeros(0, dtype=bool), 0.5, 1) == slice(0, 0)
 

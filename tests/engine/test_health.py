@@ -132,3 +132,9 @@ def test_no_probability_is_told_as_certain(probability, told):
 
 def test_an_irregular_oscillation_takes_nothing_off():
     assert lost(health(STICKY, STILL, replace(SWING, regularity=0.5)))["oscillation"] == 0.0
+
+
+@pytest.mark.parametrize(("period_s", "told"), [(0.0237, "0.0237"), (9.87, "9.87"), (45.3, "45"), (86400.0, "86400")])
+def test_a_period_is_told_of_quick_loops_too(period_s, told):
+    part = health(STICKY, STILL, replace(SWING, period_s=period_s)).parts[1]
+    assert part.text == f"oscillates with a period of {told} s, strength 0.50"

@@ -202,3 +202,30 @@ def test_what_op_did_while_nothing_was_recorded_is_no_travel():
     assert (figures.op_travel_per_h, figures.op_reversals_per_h) == (0.0, 0.0)
     ends = np.where((np.arange(500) == 0) | (np.arange(500) == 499), 1.0, np.nan)
     assert compute(recording(np.linspace(0.0, 50.0, 500), ends)).op_travel_per_h is None
+
+
+def apart(n: int = 600) -> tuple[Recording, Recording]:
+    """A loop whose PV and OP were taken at one time, and the same stamped by turns, SP beside PV."""
+    k = np.arange(n, dtype=float)
+    pv, op = 20.0 + np.sin(k / 20.0), 50.0 + 5.0 * np.cos(k / 20.0)
+    together = Recording("loop", k, pv, op, np.full(n, 20.5), np.ones(n, bool), (0.0, 100.0), (0.0, 50.0))
+    by_turns = {name: np.full(2 * n, np.nan) for name in ("pv", "op", "sp")}
+    by_turns["pv"][::2], by_turns["op"][1::2], by_turns["sp"][::2] = pv, op, together.sp
+    return together, replace(together, time_s=np.arange(2 * n) / 2.0, automatic=np.ones(2 * n, bool), **by_turns)
+
+
+def test_signals_that_were_stamped_by_turns_have_the_figures_of_their_loop():
+    one, other = (compute(loop) for loop in apart())
+    assert other.good_share_pct == pytest.approx(100.0, abs=0.5)
+    for name in ("error_abs_mean", "error_mean", "pv_std", "op_std", "op_travel_per_h", "service_factor_pct"):
+        assert getattr(other, name) == pytest.approx(getattr(one, name), rel=0.02), name
+    assert other.response_time_s == pytest.approx(one.response_time_s, abs=1.0)
+
+
+def test_a_wild_sample_moves_no_figure():
+    loop, _ = apart()
+    op = loop.op.copy()
+    op[300] = 4294967295.0
+    figures = compute(replace(loop, op=op))
+    assert figures.op_std == pytest.approx(compute(loop).op_std, rel=0.01)
+    assert figures.good_share_pct == pytest.approx(100.0 * 599 / 600)

@@ -9,11 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import sawtooth
 
+from app.engine.evidence import measured_of
 from app.engine.features import PER_CYCLE, extract, shape_windows
 from app.engine.freerun import through_process, valve_position
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
 from app.engine.rivals import Rival, compete, contest, runner_up, winner
+from app.engine.rivals.disturbance import load_disturbance, outside_wave
 from app.engine.rivals.jumps import Jumps, jumps
 from app.engine.rivals.line import Line, line, worst
 from app.engine.rivals.set_point import set_point_following
@@ -71,6 +73,61 @@ def test_a_set_point_that_is_behind_all_counts_where_a_sticky_valve_explains_no_
     assert (found.strength, found.counts) == (pytest.approx(strength), counts)
     assert (found.statistic, found.threshold, found.explained) == (min(pv, op), 0.7, pv)
     assert ("no better" in found.text) == (counts > 0.0)
+
+
+def told(rival: Rival) -> tuple[float, str, float]:
+    """What it rests on, which passes where it stands out."""
+    found = measured_of(rival.statistic, rival.operator, rival.threshold)
+    assert found.passed == rival.stands_out
+    return found.statistic, found.operator, found.threshold
+
+
+def scene(even: float, follows: float = 0.9, wave: float = 0.0, opposition: float = 0.0) -> SimpleNamespace:
+    named = {"ccf_even": even, "ccf_odd": 0.0, "gain": 0.0, "causal_sticky": follows}.get
+    swing = SimpleNamespace(regular=True, strength=0.9)
+    features = SimpleNamespace(named=named)
+    return SimpleNamespace(along_sp=True, features=features, oscillation=swing, wave=wave, opposition=opposition)
+
+
+@pytest.mark.parametrize(
+    ("even", "follows", "rests_on", "text"),
+    [
+        (0.6, 0.9, (0.6, ">=", 0.5), "OP is in line with PV by 0.60"),
+        (0.4, 0.9, (0.4, ">=", 0.5), "OP is in line with PV by 0.40"),
+        (0.4, 0.2, (0.2, "<=", 0.3), "even where it was fitted a sticky valve explains 20 %"),
+        (0.0, 0.9, (0.9, "<=", 0.3), "even where it was fitted a sticky valve explains 90 %"),
+    ],
+)
+def test_a_disturbance_tells_by_what_it_was_found(even, follows, rests_on, text):
+    found = load_disturbance(scene(even, follows))
+    assert told(found) == rests_on
+    assert found.text.startswith(text)
+
+
+@pytest.mark.parametrize(
+    ("even", "wave", "opposition", "rests_on", "text"),
+    [
+        (0.6, 0.5, 0.0, (0.6, ">=", 0.5), "a regular swing, and OP is in line with PV by 0.60"),
+        (0.1, 0.9, 0.3, (0.9, ">=", 0.7), "a sine that keeps its phase explains 90 %"),
+        (0.1, 0.9, 0.6, (0.6, "<=", 0.55), "a sine that keeps its phase explains 90 %"),
+        (0.1, 0.6, 0.3, (0.6, ">=", 0.7), "a sine that keeps its phase explains 60 %"),
+    ],
+)
+def test_a_wave_from_outside_tells_by_what_it_was_found(even, wave, opposition, rests_on, text):
+    found = outside_wave(scene(even, wave=wave, opposition=opposition))
+    assert told(found) == (pytest.approx(rests_on[0]), rests_on[1], pytest.approx(rests_on[2]))
+    assert found.text.startswith(text)
+    assert found.explained == wave
+
+
+def test_a_set_point_that_pv_and_op_go_along_with_tells_so():
+    sp = np.cumsum(noise(4))
+    features, record = SimpleNamespace(named={"misfit_drop": 0.1}.get), SimpleNamespace(op=2.0 * sp, sp=sp)
+    along = SimpleNamespace(sp=True, from_sp=(0.5, 0.5), record=record, features=features, pv_along_sp=0.8)
+    found = set_point_following(along)
+    assert told(found) == (pytest.approx(0.8), ">=", 0.5)
+    assert (found.strength, found.explained) == (pytest.approx(0.8), 0.5)
+    assert found.text == "PV and OP go along with the set point as it is, by 0.80"
 
 
 def following(S: float, period_s: float) -> dict[str, Rival]:

@@ -90,6 +90,18 @@ def test_without_set_point_and_mode_it_is_seen_too():
     assert audit(loop).judgement.likely_cause == CAUSE
 
 
+@pytest.mark.parametrize("known", [0, SINCE])
+def test_a_set_point_that_is_not_known_claims_no_more_than_none(known):
+    """Two stands from the beginning, PV coarse: nothing tells how it moves, and where it should be is not known."""
+    k = np.arange(N)
+    pv = np.where(k < SEAM, 50.0, 50.9)
+    op = np.round(48.0 + 20.0 * np.sin(k / 150.0), 2)
+    loop = replace(alive(), pv=pv, op=op, automatic=None)
+    without = assess(replace(loop, sp=None)).standstill
+    assert without is None
+    assert assess(replace(loop, sp=np.where(k < known, 50.0, np.nan))).standstill is None
+
+
 def test_units_and_signs_are_free():
     given = restarted()
     other = replace(given, pv=7.0 - 0.1 * given.pv, op=-3.0 * given.op, sp=7.0 - 0.1 * given.sp)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from app.engine.evidence import Finding
+from app.engine.evidence import Finding, Measured
 from app.engine.features import NAMES
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
@@ -104,6 +104,8 @@ def test_a_swing_of_one_sine_makes_nothing_clear(evidence):
     [
         ({"oscillation": {"cycles": 5.0}}, []),
         ({"oscillation": {"cycles": 4.9}}, ["few_cycles"]),
+        ({"record": 500}, []),
+        ({"record": 499}, ["few_samples"]),
         ({"filled_share": 0.1}, []),
         ({"filled_share": 0.11}, ["filled_share"]),
         ({"automatic_share": None}, []),
@@ -119,6 +121,8 @@ def test_a_swing_of_one_sine_makes_nothing_clear(evidence):
     ],
 )
 def test_what_the_record_is_like_is_a_doubt_of_its_own(evidence, record, doubt):
+    if "record" in record:
+        record = {"record": evidence.fitness.audited.part(slice(0, record["record"]))}
     said = evidence.judged(**record)
     assert (said.verdict, said.reliability) == ("stiction", "not_reliable" if doubt else "reliable")
     assert doubts(said) == doubt
@@ -131,8 +135,8 @@ def test_what_the_record_is_like_is_a_doubt_of_its_own(evidence, record, doubt):
         (Rival("set_point_following", 0.84, "PV follows", explained=0.94), []),
         (Rival("set_point_following", 0.1, "PV follows", explained=0.96), ["set_point_moves"]),
         (Rival("disturbance", 0.1, "the load", explained=0.96), []),
-        (Rival("external_oscillation", 0.6, "a sine", statistic=0.95), []),
-        (Rival("external_oscillation", 0.6, "a sine", statistic=0.96), ["nearly_sinusoidal"]),
+        (Rival("external_oscillation", 0.6, "a sine", explained=0.95), []),
+        (Rival("external_oscillation", 0.6, "a sine", explained=0.96), ["nearly_sinusoidal"]),
         (Rival("external_oscillation", 0.6, "no sine"), []),
         (Rival("disturbance", 0.5, "the load jumps", counts=1.0), ["disturbance"]),
         (Rival("disturbance", 0.49, "the load jumps", counts=1.0), []),
@@ -145,11 +149,25 @@ def test_a_rival_that_may_have_made_the_shapes_is_a_doubt(evidence, rival, doubt
     assert (said.reliability, doubts(said)) == ("not_reliable" if doubt else "reliable", doubt)
 
 
+def test_the_doubt_tells_what_it_was_found_by(evidence):
+    follows = Rival("set_point_following", 0.1, "PV and OP follow", explained=0.96)
+    (reason,) = (r for r in evidence.judged(0.9, (follows,)).reasons if r.code == "set_point_moves")
+    assert (reason.measured, reason.measured.passed) == (Measured(0.96, "<", 0.95), False)
+    assert reason.text == "PV follows from the set point (96 % of its variance on unseen cycles)"
+
+
+def test_of_a_record_too_short_to_tell_it_is_not_said_that_pv_and_op_are_strangers(evidence):
+    said = evidence.judged(0.1, record=evidence.fitness.audited.part(slice(0, 119)))
+    assert (said.verdict, said.reliability) == ("no_stiction", "not_reliable")
+    assert "few_samples" in doubts(said)
+    assert not {"uncoupled", "uncoupled_slowly"} & set(doubts(said))
+
+
 def test_a_loop_that_cycles_on_its_sensors_resolution_is_not_doubted_for_it(evidence):
-    coarse = {"findings": (Finding("pv_quantised", "fail", "coarse"), Finding("filled", "fail", "filled"))}
+    coarse = {"findings": (Finding("pv_quantised", "fail", "coarse"), Finding("stored_points", "fail", "few"))}
     stands_out, does_not = (Rival("quantised_sensor", strength, "coarse") for strength in (0.6, 0.4))
-    assert doubts(evidence.judged(0.9, (stands_out,), **coarse)) == ["filled"]
-    assert doubts(evidence.judged(0.9, (does_not,), **coarse)) == ["pv_quantised", "filled"]
+    assert doubts(evidence.judged(0.9, (stands_out,), **coarse)) == ["stored_points"]
+    assert doubts(evidence.judged(0.9, (does_not,), **coarse)) == ["pv_quantised", "stored_points"]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from scipy.special import chdtrc
 from app.engine.features import PER_CYCLE
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.innovations import apart, innovations
+from app.engine.signals.innovations import SAMPLES_A_LAG, apart, innovations
 from app.engine.signals.sampled import block_means
 
 ORDER = 20
@@ -16,15 +16,17 @@ FINER = 8
 SHIFTS = 12
 
 
-def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float:
+def strangers_chance(record: UniformRecord, oscillation: Oscillation) -> float | None:
     """Probability that PV and OP which have nothing to do with each other are as alike as these, 0 to 1.
 
     Two signals that swing, or wander, look alike by chance. So each is first foretold from its own past, and only what
     is new in one is compared with what is new in the other, up to LAGS samples before and after: half a cycle
-    where that has forty. 1 where the record is too short, or one of the two foretells itself altogether. Source: Haugh
-    1976, Checking the independence of two covariance-stationary time series, doi 10.1080/01621459.1976.10480353.
+    where that has forty. None where the record is too short to tell; 1 where one of the two foretells itself
+    altogether. Source: Haugh 1976, Checking the independence of two covariance-stationary time series,
+    doi 10.1080/01621459.1976.10480353.
     """
-    return _chance(record, _stride(record, oscillation))
+    stride = _stride(record, oscillation)
+    return None if record.samples // stride < SAMPLES_A_LAG * ORDER else _chance(record, stride)
 
 
 def strangers_chance_finely(record: UniformRecord, oscillation: Oscillation) -> float:

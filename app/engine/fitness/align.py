@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.resample import typical_interval
-from app.engine.fitness.signals import usable_values
+from app.engine.fitness.signals import usable_values, wild
 from app.engine.recording import BoolArray, FloatArray, Recording
 
 # Below this share of the sparser signal's samples with a partner, the two were not sampled together.
@@ -18,12 +18,15 @@ class Aligned:
     """pv, op: (N,) as recorded, or interpolated at the other's times. both: (N,) True where both have a value.
 
     interpolated: the signal that was interpolated, "PV" or "OP", or None where they were sampled together.
+    wild_pv, wild_op: the values, in order of time, that were recorded and lie so far off that they count as missing.
     """
 
     pv: FloatArray
     op: FloatArray
     both: BoolArray
     interpolated: str | None
+    wild_pv: FloatArray
+    wild_op: FloatArray
 
 
 def align(recording: Recording, config: FitnessConfig) -> Aligned:
@@ -33,17 +36,28 @@ def align(recording: Recording, config: FitnessConfig) -> Aligned:
     samples have a partner, the denser is interpolated linearly at the times of the sparser, but not across its holes.
     """
     time_known = usable_values(recording.time_s)
-    has_pv = usable_values(recording.pv) & time_known
-    has_op = usable_values(recording.op) & time_known
+    has_pv, wild_pv = _tame(recording.pv, time_known, config)
+    has_op, wild_op = _tame(recording.op, time_known, config)
     both = has_pv & has_op
     n_pv, n_op = int(np.sum(has_pv)), int(np.sum(has_op))
     if min(n_pv, n_op) < 2 or np.sum(both) >= PARTNERED_SHARE * min(n_pv, n_op):
-        return Aligned(recording.pv, recording.op, both, None)
+        return Aligned(recording.pv, recording.op, both, None, wild_pv, wild_op)
     if n_op <= n_pv:
         reached = has_op & _reachable(recording.time_s, has_pv, config)
-        return Aligned(_interpolated(recording.time_s, recording.pv, has_pv), recording.op, reached, "PV")
+        pv = _interpolated(recording.time_s, recording.pv, has_pv)
+        return Aligned(pv, recording.op, reached, "PV", wild_pv, wild_op)
     reached = has_pv & _reachable(recording.time_s, has_op, config)
-    return Aligned(recording.pv, _interpolated(recording.time_s, recording.op, has_op), reached, "OP")
+    op = _interpolated(recording.time_s, recording.op, has_op)
+    return Aligned(recording.pv, op, reached, "OP", wild_pv, wild_op)
+
+
+def _tame(signal: FloatArray, time_known: BoolArray, config: FitnessConfig) -> tuple[BoolArray, FloatArray]:
+    """(N,) True where `signal` (N,) has a value to go by; and those of its values that are wild."""
+    usable = usable_values(signal) & time_known
+    known = np.flatnonzero(usable)
+    far = known[wild(signal[known], config.wild_ranges, config.most_wild)]
+    usable[far] = False
+    return usable, signal[far]
 
 
 def _interpolated(time_s: FloatArray, signal: FloatArray, known: BoolArray) -> FloatArray:

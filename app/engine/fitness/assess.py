@@ -10,7 +10,7 @@ from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
-from app.engine.fitness.resample import is_regular, to_uniform
+from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import at_extremes, newest_long_run, run_lengths, still_at_its_end, usable_values
 from app.engine.fitness.standstill import Standstill, as_far_as_ever, standstill
@@ -111,10 +111,11 @@ class Fitness:
 def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
     """The fitness checks in their order; each narrows the recording to what can be audited, and says so.
 
-    Missing values are taken out, then the newest long stretch in automatic is kept, of it the newest long one without
-    a hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording
-    is refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands
-    at a limit, or where too much had to be filled.
+    Missing values are taken out, and those that lie alone and far from all others, then the newest long stretch in
+    automatic is kept, of it the newest long one without a hole, then the newest long one beside dead PV or OP, and that
+    stretch is put on a uniform time base. A recording is refused where a step leaves fewer than
+    `config.min_samples`, where OP is switched between two values or stands at a limit, or where too much had to be
+    filled.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts; but whether PV stands
     at its set point, and on which side of one that moves it is, is asked in one unit of both.
     """
@@ -126,8 +127,12 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     fitness = Fitness((), None, missing_share, automatic_share, None, 0)
     length = checks.check_length(recording.samples, config)
     if length.outcome == "fail":
-        return _stopped(fitness, (length,), ("missing_values", *LATER_CHECKS))
-    found = (length, checks.check_missing(both, aligned.interpolated, config))
+        return _stopped(fitness, (length,), ("missing_values", "wild_samples", *LATER_CHECKS))
+    found = (
+        length,
+        checks.check_missing(both, aligned.interpolated, config),
+        checks.check_wild(aligned.wild_pv, aligned.wild_op, config),
+    )
     if len(samples) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS)
     stands = standstill(samples, float(recording.time_s[0]), recording.op_range, recording.pv_range)
@@ -172,7 +177,7 @@ def _samples(recording: Recording, aligned: Aligned) -> Samples:
 
 def _assess_stretches(recording: Recording, samples: Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
     acting = _newest_automatic(samples, config)
-    in_automatic, after = samples.part(acting), len(samples) - acting.stop
+    in_automatic, after = _in_automatic(samples.part(acting)), len(samples) - acting.stop
     found = (*fitness.findings, checks.check_automatic(samples.automatic, len(in_automatic), after, config))
     if len(in_automatic) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS[1:])
@@ -215,7 +220,26 @@ def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, con
 def _newest_automatic(samples: Samples, config: FitnessConfig) -> slice:
     if samples.automatic is None:
         return slice(0, len(samples))
-    return newest_long_run(samples.automatic, config.newest_share, config.min_samples)
+    return newest_long_run(_bridged(samples, config), config.newest_share, config.min_samples)
+
+
+def _bridged(samples: Samples, config: FitnessConfig) -> BoolArray:
+    """(N,) True in automatic, and in spells out of it that are no longer than a hole that is filled, unless they are
+    too many to fill: a tag of the mode that blinks ends no stretch.
+    """
+    automatic = np.asarray(samples.automatic)
+    at = np.flatnonzero(automatic)
+    time_s = samples.time_s[at]
+    brief = (np.diff(at) > 1) & (np.diff(time_s) <= config.max_gap_intervals * typical_interval(samples.time_s))
+    bridged = automatic.copy()
+    for k in np.flatnonzero(brief):
+        bridged[at[k] : at[k + 1]] = True
+    return bridged if len(at) >= (1.0 - config.max_filled_share) * np.sum(bridged) else automatic
+
+
+def _in_automatic(samples: Samples) -> Samples:
+    """What was recorded out of automatic in a bridged stretch is no more the loop's than what is missing."""
+    return samples if samples.automatic is None else samples.part(samples.automatic)
 
 
 def _dead_s(samples: Samples, config: FitnessConfig) -> float | None:

@@ -20,6 +20,9 @@ from app.engine.fitness.standstill import Standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Span, UniformRecord
 
+# So many values that were taken as missing are told.
+MOST_TOLD = 5
+
 # A recording that fails one of these is not audited; the other findings only say how good it is.
 BLOCKING: frozenset[CheckCode] = frozenset(
     {"too_short", "missing_values", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat", "op_two_values",
@@ -48,6 +51,22 @@ def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConf
     if interpolated is not None:
         text += f"; they were stamped at different times, {interpolated} is interpolated"
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
+
+
+def check_wild(pv: FloatArray, op: FloatArray, config: FitnessConfig) -> Finding:
+    """pv, op: the values of each that count as missing because they lie alone and far off."""
+    found = [_told_wild(name, values) for name, values in (("PV", pv), ("OP", op)) if len(values)]
+    if found:
+        text = f"samples that lie alone and far from all others are taken as missing: {' and '.join(found)}"
+    else:
+        text = f"no value of PV or OP lies alone and more than {config.wild_ranges:g} times its range outside of that"
+    return _finding("wild_samples", not found, text, len(pv) + len(op), 0.0, "samples", "<=")
+
+
+def _told_wild(name: str, values: FloatArray) -> str:
+    told = ", ".join(f"{value:.10g}" for value in values[:MOST_TOLD])
+    more = ", .." if len(values) > MOST_TOLD else ""
+    return f"{len(values)} of {name} ({told}{more})"
 
 
 def check_automatic(automatic: BoolArray | None, kept: int, later: int, config: FitnessConfig) -> Finding:

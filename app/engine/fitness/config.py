@@ -21,6 +21,9 @@ class FitnessConfig:
     """Thresholds of the fitness checks. Shares are of samples, 0 to 1.
 
     min_samples: fewest usable samples in one stretch; the smallest ladder rungs have some ten parameters to find.
+    wild_ranges, most_wild: so many times the range of a signal (without its outermost values) outside of that, for so
+    many samples in a row at most, a value is no measurement: a dropout, or a code of a system. What the loop does lasts
+    longer or goes less far.
     newest_share: the newest stretch that has this share of the samples of the longest is judged in its place.
     max_gap_intervals: a hole longer than this many sampling intervals splits the record, a shorter one is filled.
     jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
@@ -43,6 +46,8 @@ class FitnessConfig:
     """
 
     min_samples: int = 100
+    wild_ranges: float = 5.0
+    most_wild: int = 2
     newest_share: float = 0.5
     max_gap_intervals: float = 10.0
     jitter_tolerance: float = 0.25

@@ -13,6 +13,8 @@ LARGEST_PLAUSIBLE = 1e100
 # Two values that differ by less than this share of the signal's span are the same value after a change of unit.
 SAME_SHARE_OF_SPAN = 1e-9
 OUTERMOST, LEVEL_BAND = 0.02, 0.01
+# Of a signal's values, on either side, but never fewer than so many: its range is asked between them.
+OUTER_SHARE, FEWEST_OUTER = 0.01, 4
 
 
 def usable_values(signal: FloatArray) -> BoolArray:
@@ -30,6 +32,27 @@ def resolution(signal: FloatArray) -> float:
         return 0.0
     largest = float(np.max(np.abs(signal)))
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
+
+
+def wild(signal: FloatArray, ranges: float, most: int) -> BoolArray:
+    """(N,) True where `signal` (N,), finite, lies alone and far off: more than `ranges` times its range without its
+    outermost values outside of that, for at most so many samples in a row.
+
+    Nowhere where that range is nothing: of a signal that mostly stands it is not known how far it goes.
+    """
+    n = len(signal)
+    outer = max(int(OUTER_SHARE * n), FEWEST_OUTER)
+    if n <= 2 * outer:
+        return np.zeros(n, dtype=bool)
+    low, high = np.partition(signal, (outer, n - 1 - outer))[[outer, n - 1 - outer]]
+    if high - low <= resolution(np.array([low, high])):
+        return np.zeros(n, dtype=bool)
+    reach = ranges * (high - low)
+    far = (signal < low - reach) | (signal > high + reach)
+    if not far.any():
+        return far
+    run = np.concatenate(([0], np.cumsum(np.diff(far))))
+    return far & (np.bincount(run)[run] <= most)
 
 
 def at_extremes(signal: FloatArray) -> tuple[BoolArray, BoolArray]:

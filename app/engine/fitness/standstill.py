@@ -153,12 +153,12 @@ def _at_work(samples: Samples, starts: IntArray, stands: list[slice]) -> bool:
     moved coarsely at best, and never but from stand to stand, it has to be one or the other more clearly.
     """
     newest, compared = stands[-1], stands[0].start >= LEAST_STILL
-    if samples.sp is None:
+    known = None if samples.sp is None else np.isfinite(samples.sp[newest])
+    if samples.sp is None or known is None or not known.any():
         return compared or len(stands) == 1 or _wound_up(samples.op, newest)
-    known = np.isfinite(samples.sp[newest])
     distance = np.abs(samples.sp[newest][known] - samples.pv[newest][known])
     near = (NEAREST if compared else NEAREST_UNCOMPARED) * _least_step(samples.pv, starts)
-    if not len(distance) or float(np.mean(distance > near)) >= AWAY_SHARE:
+    if float(np.mean(distance > near)) >= AWAY_SHARE:
         return True
     moved = samples.sp[max(newest.start - LEAST_STILL, 0) :]
     return _wound_up(samples.op, newest) and float(np.ptp(moved[np.isfinite(moved)])) <= resolution(samples.pv)

@@ -1,5 +1,7 @@
 """Something outside shakes the loop: a wave, or a load that wanders or jumps."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.rivals.jumps import Jumps, jumps
@@ -11,7 +13,11 @@ WAVE = 0.7
 """Share of PV and OP, on cycles not fitted, that a wave from outside must explain."""
 OPPOSED = 0.65
 """Opposition of OP and PV from which on the loop itself may be at its limit of stability."""
+SLOWER, _TOO_QUICK = OPPOSED - 0.1, OPPOSED + 0.05
+"""Opposition up to which the controller has time to integrate; and from where on it surely has not."""
 UNEXPLAINED = 0.3
+IN_LINE = 0.5
+"""How much OP runs in line with PV from where on it answers it."""
 TAKEN_BACK = 0.5
 """From where on jumps of PV that go back along with OP are the load's."""
 _AGAINST_JUMPS = 3.0
@@ -25,14 +31,19 @@ def outside_wave(scene: Scene) -> Rival:
     (deadband on a level), which is a sine to the eye.
     """
     in_line = _in_line(scene) if scene.oscillation.regular and scene.oscillation.strength > _STRONG_SWING else 0.0
-    wave = scene.wave
-    slower = rising(scene.opposition, OPPOSED + 0.05, OPPOSED - 0.25)
-    strength = max(in_line, min(rising(wave, 2 * WAVE - 1.0, 1.0), slower))
+    wave, opposition = scene.wave, scene.opposition
+    in_phase, slower = rising(wave, 2 * WAVE - 1.0, 1.0), rising(opposition, _TOO_QUICK, 2 * SLOWER - _TOO_QUICK)
+    found = Rival("external_oscillation", min(in_phase, slower), "", explained=wave)
+    if in_line > found.strength:
+        text = f"a regular swing, and {_answers(in_line)}"
+        return replace(found, strength=in_line, text=text, statistic=in_line, threshold=IN_LINE)
     text = (
         f"a sine that keeps its phase explains {100 * wave:.0f} % of PV and OP on unseen cycles, and OP "
-        f"moves against PV by {scene.opposition:.2f}: a wave from outside leaves the controller time to integrate"
+        f"moves against PV by {opposition:.2f}: a wave from outside leaves the controller time to integrate"
     )
-    return Rival("external_oscillation", strength, text, statistic=wave, threshold=WAVE, explained=wave)
+    if slower < in_phase:
+        return replace(found, text=text, statistic=opposition, operator="<=", threshold=SLOWER)
+    return replace(found, text=text, statistic=wave, threshold=WAVE)
 
 
 def load_disturbance(scene: Scene) -> Rival:
@@ -48,12 +59,15 @@ def load_disturbance(scene: Scene) -> Rival:
             return _load_steps(seen)
     follows = scene.features.named("causal_sticky")
     unexplained = rising(follows, 2 * UNEXPLAINED - 0.1, 0.1)
-    text = (
-        f"OP is in line with PV by {_in_line(scene):.2f}, as a controller passes a disturbance on, and even where it "
-        f"was fitted a sticky valve explains {100 * follows:.0f} % of PV from OP"
-    )
-    strength = max(_in_line(scene), unexplained)
-    return Rival("disturbance", strength, text, statistic=follows, operator="<=", threshold=UNEXPLAINED)
+    in_line = _in_line(scene)
+    if in_line > unexplained:
+        return Rival("disturbance", in_line, _answers(in_line), statistic=in_line, threshold=IN_LINE)
+    text = f"even where it was fitted a sticky valve explains {100 * follows:.0f} % of PV from OP"
+    return Rival("disturbance", unexplained, text, statistic=follows, operator="<=", threshold=UNEXPLAINED)
+
+
+def _answers(in_line: float) -> str:
+    return f"OP is in line with PV by {in_line:.2f}, as a controller passes a disturbance on"
 
 
 def _load_steps(seen: Jumps) -> Rival:

@@ -6,6 +6,8 @@ from app.engine.signals.sampled import correlation
 
 FOLLOWED = 0.7
 _NOTHING = 0.4
+ALONG = 0.5
+"""The product of the shares of PV and of OP that go along with the set point as it is, from where on they follow it."""
 BEHIND_ALL = 0.85
 """Strength from which on the set point is behind all that PV and OP do."""
 _STICTION_EXPLAINS = 0.005
@@ -24,13 +26,18 @@ def set_point_following(scene: Scene) -> Rival:
         return not_evaluated("set_point_following", "the set point does not move or is not known")
     pv, op = scene.from_sp
     plainly = 0.0 if scene.record.sp is None else scene.pv_along_sp * correlation(scene.record.op, scene.record.sp) ** 2
-    strength = max(rising(min(pv, op), _NOTHING, 2 * FOLLOWED - _NOTHING), plainly)
-    text = (
-        f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
-        f"({100 * op:.0f} %)"
-    )
+    later = rising(min(pv, op), _NOTHING, 2 * FOLLOWED - _NOTHING)
+    strength = max(later, plainly)
+    if plainly > later:
+        text, statistic, threshold = f"PV and OP go along with the set point as it is, by {plainly:.2f}", plainly, ALONG
+    else:
+        text = (
+            f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
+            f"({100 * op:.0f} %)"
+        )
+        statistic, threshold = min(pv, op), FOLLOWED
     plain = strength >= BEHIND_ALL and scene.features.named("misfit_drop") < _STICTION_EXPLAINS
     if plain:
         text += "; from OP a sticky valve explains PV no better than one that follows"
     counts = _AGAINST_STICTION if plain else 0.0
-    return Rival("set_point_following", strength, text, counts, statistic=min(pv, op), threshold=FOLLOWED, explained=pv)
+    return Rival("set_point_following", strength, text, counts, statistic=statistic, threshold=threshold, explained=pv)

@@ -17,7 +17,9 @@ class VerdictConfig:
     sine is this at most.
     reliable_own_cycle_from: enough for stiction where PV shows that the cycle is the valve's (`own_cycle`); from there
     on it is a doubt where a long record does not.
-    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict.
+    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict. min_samples: fewest samples, as
+    noise that ripples has many cycles in few: of excerpts of the real recordings with 130 to 300 samples 88 to 89 % of
+    the verdicts that were otherwise reliable are right, of those with 400 and 600 92 and 94 %.
     max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
     PV and OP with less than this probability.
     min_difference: for a reliable verdict, the least share of the variance of PV that a straight line over OP leaves.
@@ -39,6 +41,7 @@ class VerdictConfig:
     strong_swing: float = 0.4
     reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0
+    min_samples: int = 500
     max_window_spread: float = 1.0
     max_filled_share: float = 0.1
     min_automatic_share: float = 0.5

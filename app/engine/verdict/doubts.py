@@ -34,7 +34,7 @@ _PHASE_SINE = NAMES.index("phase_sine")
 
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
-_DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolated", "filled", "stored_points"})
+_DOUBTFUL_DATA: frozenset[CheckCode] = frozenset({"pv_quantised", "pv_interpolated", "stored_points"})
 
 # For most of the stretch one of them held one value, as behind a valve that is stuck: the rest of it says little.
 _DEAD: frozenset[CheckCode] = frozenset({"op_flat", "pv_flat"})
@@ -75,6 +75,10 @@ def doubts(
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
         doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
+    samples = fitness.looked_at.samples
+    if samples < config.min_samples:
+        text = f"what was judged holds {samples} samples; {config.min_samples} or more can be relied on"
+        doubts.append(Reason("few_samples", text, Measured(samples, ">=", config.min_samples)))
     if verdict == "no_stiction":
         doubts.extend(_no_answer(fitness))
     if verdict == "stiction":
@@ -140,7 +144,8 @@ def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: Verdic
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
         text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
         return (Reason("same_signal", text),)
-    if strangers_chance(fitness.looked_at, oscillation) < config.max_strangers_chance:
+    chance = strangers_chance(fitness.looked_at, oscillation)
+    if chance is None or chance < config.max_strangers_chance:
         return ()
     if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
         text = "what is new in PV and what is new in OP go together in what is quick, and not over a part of a swing"
@@ -192,18 +197,25 @@ def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
     """Where PV and OP are all but the set point's movement, or one sine, the shape need not be the valve's."""
     doubts = []
     for rival in weighing.rivals:
-        if rival.cause == "set_point_following" and _follows(rival, config):
-            follows = Measured(rival.strength, "<", config.max_following)
-            doubts.append(Reason("set_point_moves", rival.text, follows))
-        if rival.cause == "external_oscillation" and (rival.statistic or 0.0) >= config.max_wave:
-            wave = Measured(rival.statistic or 0.0, "<", config.max_wave)
-            doubts.append(Reason("nearly_sinusoidal", rival.text, wave))
+        if rival.cause == "set_point_following":
+            doubts.extend(_follows(rival, config))
+        wave = Measured(rival.explained or 0.0, "<", config.max_wave)
+        if rival.cause == "external_oscillation" and not wave.passed:
+            text = f"a sine that keeps its phase explains {100 * wave.statistic:.0f} % of PV and OP on unseen cycles"
+            doubts.append(Reason("nearly_sinusoidal", text, wave))
     return doubts
 
 
-def _follows(rival: Rival, config: VerdictConfig) -> bool:
+def _follows(rival: Rival, config: VerdictConfig) -> list[Reason]:
     """PV alone is enough where it is all the set point's: on a level OP is the slope of SP, no response to it."""
-    return rival.strength >= config.max_following or (rival.explained or 0.0) >= config.max_followed
+    both = Measured(rival.strength, "<", config.max_following)
+    if not both.passed:
+        return [Reason("set_point_moves", rival.text, both)]
+    alone = Measured(rival.explained or 0.0, "<", config.max_followed)
+    if alone.passed:
+        return []
+    text = f"PV follows from the set point ({100 * alone.statistic:.0f} % of its variance on unseen cycles)"
+    return [Reason("set_point_moves", text, alone)]
 
 
 def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:

@@ -7,6 +7,7 @@ from app.engine.verdict.wording import WORDED, is_spoken, sentence_without_value
 _DATA = {
     "too_short": "The recording has too few samples.",
     "missing_values": "PV and OP have a value together in too few samples.",
+    "wild_samples": "Samples far from all others, one or two in a row, were taken as missing.",
     "not_in_automatic": "The recorded mode says automatic for too few samples in a row.",
     "gaps": "Holes leave no stretch that is long enough.",
     "filled": "Too many samples had to be interpolated.",
@@ -33,6 +34,7 @@ _DOUBTS = {
     "evidence_not_clear": "The probability of stiction is too near one half for the verdict to be reliable.",
     "not_cleared": "Another cause explains the record, but the shapes alone do not clear the valve.",
     "few_cycles": "The record holds too few cycles to be trusted.",
+    "few_samples": "The record holds too few samples to be trusted.",
     "windows_disagree": "Parts of the record say different things about the valve.",
     "uncoupled_slowly": "PV and OP go together only in what is quick, not over a part of a swing.",
     "uncoupled": "What is new in PV and in OP have nothing to do with each other: they may be of two loops.",

@@ -31,6 +31,7 @@ APART: tuple[ReasonCode, ...] = (
 )
 DIVIDED: tuple[ReasonCode, ...] = (
     "few_cycles",
+    "few_samples",
     "windows_disagree",
     "stretches_disagree",
     "stiction_began",
