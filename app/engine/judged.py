@@ -107,6 +107,7 @@ def _with_episodes(judgement: Judgement, episodes: Episodes) -> Judgement:
         reliability="not_reliable",
         reasons=_began_first((*reasons, *kept)),
         likely_cause="stiction",
+        hidden_band_op=None,
     )
 
 

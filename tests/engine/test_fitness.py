@@ -113,6 +113,22 @@ def test_a_mode_that_blinks_ends_no_stretch(blips):
     assert fitness.automatic_share == 1.0 - len(blips) / N
 
 
+@pytest.mark.parametrize(
+    "spell",
+    [
+        (1030, 1135, 4),  # each fourth sample blinks out: too few are in automatic
+        (1050, 1950, 2),  # each second one: too many to fill
+    ],
+)
+def test_a_stretch_that_blinks_is_as_long_as_what_is_in_automatic(spell):
+    first, behind, every = spell
+    automatic = np.arange(2000) < 200
+    automatic[first:behind] = np.arange(first, behind) % every != 0
+    fitness = assess(cycling(2000, automatic=automatic))
+    assert fitness.auditable
+    assert (fitness.record.start_s, fitness.record.samples) == (0.0, 200)
+
+
 def test_a_blink_is_as_long_as_a_hole_that_is_filled():
     automatic, pv = np.ones(N, dtype=bool), cycling().pv.copy()
     automatic[200:209], pv[200:209] = False, np.nan

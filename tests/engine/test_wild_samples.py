@@ -89,3 +89,26 @@ def test_a_wild_sample_changes_no_verdict(signal, value):
     assert (second.verdict, second.reliability) == (first.verdict, first.reliability) == ("stiction", "reliable")
     assert second.stiction_probability == pytest.approx(first.stiction_probability, abs=0.02)
     assert "wild_samples" in {reason.code for reason in second.reasons}
+
+
+def test_a_valve_that_opens_again_and_again_has_none():
+    noise = np.random.default_rng(3).normal(0.0, 0.05, 2000)
+    op = noise + np.where(np.arange(2000) % 250 < 2, 6.0, 0.0)
+    assert told(assess(cycling(2000, op=op))).outcome == "pass"
+
+
+def test_a_few_steps_of_a_coarse_transmitter_are_no_wild_samples():
+    t = np.arange(N)
+    pv = np.where(t // 7 % 2 == 1, 50.1, 50.0)
+    pv[[100, 101]] = 50.7, 50.8
+    assert told(assess(cycling(pv=pv))).outcome == "pass"
+
+
+def test_two_rows_that_stand_for_hours_are_no_wild_samples():
+    """An archive of changes stores a plateau by its ends."""
+    good = cycling(2000)
+    time_s = good.time_s.copy()
+    time_s[1001:] += 3600.0 * (time_s[1] - time_s[0])
+    pv = good.pv.copy()
+    pv[[1000, 1001]] = 500.0
+    assert told(assess(replace(good, time_s=time_s, pv=pv))).outcome == "pass"

@@ -35,9 +35,8 @@ def align(recording: Recording, config: FitnessConfig) -> Aligned:
     Signals that a historian stamps one by one never meet in a row: where fewer than half of the sparser signal's
     samples have a partner, the denser is interpolated linearly at the times of the sparser, but not across its holes.
     """
-    time_known = usable_values(recording.time_s)
-    has_pv, wild_pv = _tame(recording.pv, time_known, config)
-    has_op, wild_op = _tame(recording.op, time_known, config)
+    has_pv, wild_pv = _tame(recording.pv, recording.time_s, config)
+    has_op, wild_op = _tame(recording.op, recording.time_s, config)
     both = has_pv & has_op
     n_pv, n_op = int(np.sum(has_pv)), int(np.sum(has_op))
     if min(n_pv, n_op) < 2 or np.sum(both) >= PARTNERED_SHARE * min(n_pv, n_op):
@@ -51,11 +50,11 @@ def align(recording: Recording, config: FitnessConfig) -> Aligned:
     return Aligned(recording.pv, op, reached, "OP", wild_pv, wild_op)
 
 
-def _tame(signal: FloatArray, time_known: BoolArray, config: FitnessConfig) -> tuple[BoolArray, FloatArray]:
-    """(N,) True where `signal` (N,) has a value to go by; and those of its values that are wild."""
-    usable = usable_values(signal) & time_known
+def _tame(signal: FloatArray, time_s: FloatArray, config: FitnessConfig) -> tuple[BoolArray, FloatArray]:
+    """(N,) True where `signal` (N,) at `time_s` (N,) has a value to go by; and those of its values that are wild."""
+    usable = usable_values(signal) & usable_values(time_s)
     known = np.flatnonzero(usable)
-    far = known[wild(signal[known], config.wild_ranges, config.most_wild)]
+    far = known[wild(signal[known], time_s[known], config)]
     usable[far] = False
     return usable, signal[far]
 

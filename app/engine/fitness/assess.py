@@ -12,7 +12,14 @@ from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
 from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
 from app.engine.fitness.samples import Samples
-from app.engine.fitness.signals import at_extremes, newest_long_run, run_lengths, still_at_its_end, usable_values
+from app.engine.fitness.signals import (
+    at_extremes,
+    newest_long_run,
+    run_lengths,
+    runs_of,
+    still_at_its_end,
+    usable_values,
+)
 from app.engine.fitness.standstill import Standstill, as_far_as_ever, standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
@@ -220,12 +227,12 @@ def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, con
 def _newest_automatic(samples: Samples, config: FitnessConfig) -> slice:
     if samples.automatic is None:
         return slice(0, len(samples))
-    return newest_long_run(_bridged(samples, config), config.newest_share, config.min_samples)
+    return newest_long_run(_bridged(samples, config), config.newest_share, config.min_samples, samples.automatic)
 
 
 def _bridged(samples: Samples, config: FitnessConfig) -> BoolArray:
-    """(N,) True in automatic, and in spells out of it that are no longer than a hole that is filled, unless they are
-    too many to fill: a tag of the mode that blinks ends no stretch.
+    """(N,) True in automatic, and in spells out of it that are no longer than a hole that is filled, but not where they
+    are too many to fill: a tag of the mode that blinks ends no stretch.
     """
     automatic = np.asarray(samples.automatic)
     at = np.flatnonzero(automatic)
@@ -234,7 +241,10 @@ def _bridged(samples: Samples, config: FitnessConfig) -> BoolArray:
     bridged = automatic.copy()
     for k in np.flatnonzero(brief):
         bridged[at[k] : at[k + 1]] = True
-    return bridged if len(at) >= (1.0 - config.max_filled_share) * np.sum(bridged) else automatic
+    for first, behind in zip(*runs_of(bridged), strict=True):
+        if np.mean(automatic[first:behind]) < 1.0 - config.max_filled_share:
+            bridged[first:behind] = automatic[first:behind]
+    return bridged
 
 
 def _in_automatic(samples: Samples) -> Samples:

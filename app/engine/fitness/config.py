@@ -21,9 +21,9 @@ class FitnessConfig:
     """Thresholds of the fitness checks. Shares are of samples, 0 to 1.
 
     min_samples: fewest usable samples in one stretch; the smallest ladder rungs have some ten parameters to find.
-    wild_ranges, most_wild: so many times the range of a signal (without its outermost values) outside of that, for so
-    many samples in a row at most, a value is no measurement: a dropout, or a code of a system. What the loop does lasts
-    longer or goes less far.
+    wild_ranges, most_wild, most_wild_spells: so many times the range of a signal (without its outermost values) outside
+    of that, for so many samples in a row at most and so often, a value is no measurement: a dropout, or a code of a
+    system. What the loop does lasts longer, goes less far or comes again.
     newest_share: the newest stretch that has this share of the samples of the longest is judged in its place.
     max_gap_intervals: a hole longer than this many sampling intervals splits the record, a shorter one is filled.
     jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
@@ -48,6 +48,7 @@ class FitnessConfig:
     min_samples: int = 100
     wild_ranges: float = 5.0
     most_wild: int = 2
+    most_wild_spells: int = 6
     newest_share: float = 0.5
     max_gap_intervals: float = 10.0
     jitter_tolerance: float = 0.25

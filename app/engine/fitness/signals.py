@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.fitness.config import LIMIT_BAND
+from app.engine.fitness.config import LIMIT_BAND, FitnessConfig
+from app.engine.fitness.resample import typical_interval
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
 from app.engine.signals.sampled import at_ends
 
@@ -34,11 +35,14 @@ def resolution(signal: FloatArray) -> float:
     return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
 
 
-def wild(signal: FloatArray, ranges: float, most: int) -> BoolArray:
-    """(N,) True where `signal` (N,), finite, lies alone and far off: more than `ranges` times its range without its
-    outermost values outside of that, for at most so many samples in a row.
+def wild(signal: FloatArray, time_s: FloatArray, config: FitnessConfig) -> BoolArray:
+    """(N,) True where `signal` (N,), finite, at times `time_s` (N,) in s, lies alone and far off: more than
+    `config.wild_ranges` times its range without its outermost values outside of that, for at most `config.most_wild`
+    samples in a row that could be filled if they were missing.
 
-    Nowhere where that range is nothing: of a signal that mostly stands it is not known how far it goes.
+    Nowhere where that range is nothing: of a signal that mostly stands it is not known how far it goes; of one that
+    goes by few steps of its quantisation hardly more. Nowhere either where that happens again and again: a valve that
+    opens rarely does so.
     """
     n = len(signal)
     outer = max(int(OUTER_SHARE * n), FEWEST_OUTER)
@@ -47,12 +51,21 @@ def wild(signal: FloatArray, ranges: float, most: int) -> BoolArray:
     low, high = np.partition(signal, (outer, n - 1 - outer))[[outer, n - 1 - outer]]
     if high - low <= resolution(np.array([low, high])):
         return np.zeros(n, dtype=bool)
-    reach = ranges * (high - low)
-    far = (signal < low - reach) | (signal > high + reach)
+    far = _beyond(signal, low, high, config.wild_ranges * (high - low))
     if not far.any():
         return far
-    run = np.concatenate(([0], np.cumsum(np.diff(far))))
-    return far & (np.bincount(run)[run] <= most)
+    step = quantisation_step(signal[(signal >= low) & (signal <= high)]) or 0.0
+    far &= _beyond(signal, low, high, config.wild_ranges * config.min_levels * step)
+    longest_s, found = config.max_gap_intervals * typical_interval(time_s), np.zeros(n, dtype=bool)
+    for first, behind in zip(*runs_of(far), strict=True):
+        around_s = time_s[min(behind, n - 1)] - time_s[max(first - 1, 0)]
+        found[first:behind] = behind - first <= config.most_wild and around_s <= longest_s
+    again = len(runs_of(found)[0]) > config.most_wild_spells
+    return np.zeros(n, dtype=bool) if again else found
+
+
+def _beyond(signal: FloatArray, low: float, high: float, reach: float) -> BoolArray:
+    return (signal < low - reach) | (signal > high + reach)
 
 
 def at_extremes(signal: FloatArray) -> tuple[BoolArray, BoolArray]:
@@ -123,18 +136,31 @@ def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
     return float(np.std(sp)) / spread
 
 
-def newest_long_run(mask: BoolArray, share: float, least: int) -> slice:
-    """The newest run of True in `mask` (N,) that `newest_long` takes; an empty slice where there is none."""
+def runs_of(mask: BoolArray) -> tuple[IntArray, IntArray]:
+    """First samples (K,) of the runs of True in `mask` (N,), and those behind their last (K,)."""
     edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return newest_long(starts, ends, share, least) if len(starts) else slice(0, 0)
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
-def newest_long(starts: IntArray, ends: IntArray, share: float, least: int) -> slice:
+def newest_long_run(mask: BoolArray, share: float, least: int, counted: BoolArray | None = None) -> slice:
+    """The newest run of True in `mask` (N,) that `newest_long` takes; an empty slice where there is none.
+
+    counted: (N,) which samples count for how long a run is; None: all.
+    """
+    starts, ends = runs_of(mask)
+    if not len(starts):
+        return slice(0, 0)
+    before = np.concatenate(([0], np.cumsum(mask if counted is None else counted)))
+    return newest_long(starts, ends, share, least, before[ends] - before[starts])
+
+
+def newest_long(starts: IntArray, ends: IntArray, share: float, least: int, lengths: IntArray | None = None) -> slice:
     """The newest of some stretches, given by their first samples (K,) and those behind their last (K,), that has at
     least a share of the longest one's samples, and not fewer than `least` where the longest has as many.
+
+    lengths: (K,) how many samples of each count; None: all.
     """
-    lengths = ends - starts
+    lengths = ends - starts if lengths is None else lengths
     longest = int(np.max(lengths))
     k = int(np.flatnonzero(lengths >= max(share * longest, min(least, longest)))[-1])
     return slice(int(starts[k]), int(ends[k]))

@@ -71,3 +71,10 @@ def test_a_linear_simulation_lacks_nothing() -> None:
     said = explain(loop("first", 3, 0.0), replace(loop("second", 8, 0.0), trace=None))
     assert judged(said).refitted.rmse < 0.4
     assert "second_not_simulated" not in codes(said)
+
+
+def test_along_a_trace_that_is_shorter_than_it_is_late_nothing_is_known() -> None:
+    first = loop("first", 3)
+    prepared = prepare(replace(first, trace=first.trace[np.clip(np.arange(N) + 12, 0, N - 1)]))
+    laid = replace(prepared.laid, early_s=-2.0 * N * TS)
+    assert rest_along(replace(prepared, laid=laid), prepared.record, first.trace) is None

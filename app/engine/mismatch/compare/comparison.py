@@ -229,7 +229,7 @@ def shortened(comparison: Comparison) -> Comparison:
     (`thinning.factor_for`).
     """
     samples = len(comparison.pv)
-    if samples > MOST_SAMPLES and answers_a_simulation(comparison):
+    if samples > MOST_SAMPLES and answers_a_simulation(comparison) and is_at_work(comparison, MOST_SAMPLES):
         return begun(comparison, MOST_SAMPLES)
     return at_interval(comparison, -(-samples // MOST_SAMPLES))
 
@@ -238,6 +238,13 @@ def answers_a_simulation(comparison: Comparison) -> bool:
     """Whether a simulation was given of a loop whose OP follows PV: means would make it wrong."""
     given = comparison.trace is not None or comparison.simulation is not None
     return given and record_of(comparison).fed_back
+
+
+def is_at_work(comparison: Comparison, most: int) -> bool:
+    """Whether OP, PV and a given trace move within the first `most` samples."""
+    signals = (comparison.op, comparison.pv, *(() if comparison.trace is None else (comparison.trace,)))
+    beginnings = (signal[:most][np.isfinite(signal[:most])] for signal in signals)
+    return all(len(beginning) and np.ptp(beginning) > 0.0 for beginning in beginnings)
 
 
 def begun(comparison: Comparison, most: int) -> Comparison:
@@ -257,7 +264,8 @@ def glimpse(comparison: Comparison) -> Comparison:
     beside a given simulation where OP follows PV.
     """
     n = len(comparison.pv)
-    if n > MOST_QUICK_SAMPLES and answers_a_simulation(comparison):
+    as_sampled = n > MOST_QUICK_SAMPLES and answers_a_simulation(comparison)
+    if as_sampled and is_at_work(comparison, MOST_QUICK_AS_SAMPLED):
         return begun(comparison, MOST_QUICK_AS_SAMPLED)
     allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
     return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))

@@ -26,7 +26,8 @@ class Lacking:
 
 def rest_along(prepared: Prepared, second: Experiment, trace: FloatArray | None) -> FloatArray | None:
     """(N,) what the trace (N,) of a second record holds beside the linear model behind the first one's, unit of PV;
-    None where there is no such trace to tell it, zeros where the first one's is linear.
+    None where there is no such trace to tell it, or it is shorter than it is late; zeros where the first one's is
+    linear.
 
     Only the model's start is the second record's own.
     """
@@ -39,10 +40,13 @@ def rest_along(prepared: Prepared, second: Experiment, trace: FloatArray | None)
     at = np.arange(second.samples, dtype=np.float64)
     moved = at - laid.early_s / ts
     there = (moved >= 0.0) & (moved <= at[-1])
+    if not there.any():
+        return None
     u = alike(prepared.record, second).op_deviation
     left = np.interp(moved, at, trace) - behind.level - run_process(u, behind.plant.changed(x0=0.0), ts)
     begun = run_process(np.zeros_like(u), behind.plant.changed(K=0.0, b=0.0, x0=1.0), ts)
-    start = float(begun[there] @ left[there]) / float(begun[there] @ begun[there])
+    energy = float(begun[there] @ begun[there])
+    start = float(begun[there] @ left[there]) / energy if energy > 0.0 else 0.0
     return np.where(there, prepared.share * (left - start * begun), 0.0)
 
 
