@@ -69,7 +69,8 @@ class NamedTable:
     def time_columns(self) -> tuple[str, ...]:
         """The column of times, or date and clock: by name or, as in an export, by what they hold."""
         names = tuple(self.names)
-        named = time_columns_in(self._head, names, 0, self._options) or stamps_in(self._head, names, 0, self._options)
+        named = time_columns_in(self._head, names, 0, self._options)
+        named = named or stamps_in(self._head, names, 0, self._options, of_rows=True)
         found = named or ((0,) if self._first_holds_times() else ())
         return tuple(names[index] for index in found and date_and_clock(self._head, found, 0, self._options))
 

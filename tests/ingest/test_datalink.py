@@ -100,3 +100,27 @@ def test_a_row_that_ends_inside_of_a_group_is_ragged(read: Read) -> None:
     content = read("\n".join(lines) + "\n")
     assert dict(content.rejects.counts) == {"ragged_row": 1}
     assert content.summary.values_kept == 118
+
+
+@pytest.mark.parametrize("more", [",", ",x", ",,,x"])
+def test_one_row_with_more_fields_leaves_the_others(read: Read, more: str) -> None:
+    lines = table("Time,A.PV,Time,A.OP", "{t},{i}.5,{u},{i}").splitlines()
+    lines[9] += more
+    content = read("\n".join(lines) + "\n")
+    assert content.summary.layout == "pi_datalink"
+    assert content.rejects.total == (more != ",")
+    assert content.summary.values_kept == 60 - 2 * (more != ",")
+
+
+def test_a_row_may_end_behind_an_empty_value_of_the_last_group(read: Read) -> None:
+    lines = table("Time,A.PV,,Time,A.OP,,", "{t},{i}.5,,{u},{i},,").splitlines()
+    lines[9] = f"{stamp(8)},8.5,,{stamp(8, -2)},"
+    content = read("\n".join(lines) + "\n")
+    assert content.rejects.total == 0
+    assert content.summary.values_kept == 59
+
+
+def test_the_last_value_of_a_group_may_be_in_a_few_rows(read: Read) -> None:
+    lines = table("Time,A.PV,Time,A.OP,A.SP", "{t},{i}.5,{u},{i}").splitlines()
+    lines[9] += ",50"
+    assert np.nansum(read("\n".join(lines) + "\n").loops["A"].sp) == 50

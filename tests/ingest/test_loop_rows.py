@@ -77,3 +77,33 @@ def test_modes_in_words(read: Read) -> None:
     content = read(text("Loop,Time,PV,OP,SP,MODE", table))
     means = {name: float(np.mean(loop.automatic)) for name, loop in content.loops.items()}
     assert means == {"FIC101": 0.0, "TIC205": 0.0, "LIC3": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Controller", ("Auto", "Manual")),
+        ("Name", ("Anna", "Bo")),
+        ("Item", ("Diesel", "Naphtha")),
+        ("Signal", ("Good1", "Bad")),
+        ("Name", ("FIC101", "")),
+    ],
+)
+def test_words_that_name_no_loops(read: Read, name: str, words: tuple[str, str]) -> None:
+    table = [[*row, words[k > 0 if "" in words else k // 100]] for k, (_, *row) in enumerate(rows(by_loop=True)[:200])]
+    content = read(text(f"Time,PV,OP,SP,{name}", table))
+    assert (content.summary.layout, set(content.loops) - {name}) == ("wide", {"export"})
+    assert content.loops["export"].pv.tolist() == list(range(200))
+
+
+@pytest.mark.parametrize("name", ["Loop", "Point"])
+def test_words_in_a_few_rows_name_no_loops(read: Read, name: str) -> None:
+    table = [[*row, "FIC101" if k % 50 == 0 else ""] for k, (_, *row) in enumerate(rows(by_loop=True)[:200])]
+    content = read(text(f"Time,PV,OP,SP,{name}", table))
+    assert content.loops["export"].pv.tolist() == list(range(200))
+    assert "no_tag" not in content.rejects.counts
+
+
+def test_a_loop_that_fills_the_first_rows_alone(read: Read) -> None:
+    content = read(text("Tag,Time,PV,OP,SP", [row for row in rows(by_loop=True) for _ in range(2)]))
+    assert set(content.loops) == set(OFFSETS)

@@ -116,6 +116,15 @@ def test_bits_of_which_nothing_tells_whose_they_are(read: Read, layout) -> None:
     )
 
 
+@pytest.mark.parametrize("telling", [4.0, 48.0])
+def test_what_a_later_chunk_tells_is_no_longer_untold(telling: float) -> None:
+    met = ModesMet()
+    met.of_numbers(np.array([8.0, 16.0]), "A.MODE")
+    assert list(met.untold) == ["A.MODE"]
+    met.of_numbers(np.array([8.0, telling]), "A.MODE")
+    assert not met.untold
+
+
 def test_each_tag_of_a_long_table_counts_for_itself(read: Read) -> None:
     tags = {"A/MODE.ACTUAL": 16, "B.MODE": 4, "C/MODE.ACTUAL": 8}
     rows = [(tag, stamp, mode) for stamp in STAMPS for tag, mode in tags.items()]

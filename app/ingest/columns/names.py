@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sized
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,6 +15,7 @@ from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
+from app.ingest.numbers.units import without_unit as bare_number
 from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
 from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
@@ -126,6 +127,7 @@ QUALITY_NAMES = (
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 _ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "row", "rowid", "ndx"))
 """Names of the number of a row, in small letters and without blanks: no times, however they rise."""
+_ROWS_OR_VALUES = frozenset(("no", "nr"))
 NO_ROWS = -1
 _MAY_BE_STAMP = re.compile(r"\d\D+\d+\D+\d|\d{8}|年|^\d{5}([.,]|$)")
 ONE_WAY = 0.98  # of the steps of times that no name tells, at least
@@ -184,19 +186,57 @@ def time_columns_in(head: Head, names: tuple[str, ...], first_row: int, options:
     return next((time for time in moving if _are_instants(form_of(head, time, first_row, options))), named)
 
 
-def stamps_in(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
+def stamps_in(
+    head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions, of_rows: bool = False
+) -> tuple[int, ...]:
     """The first column, or date and clock, that holds stamps from a row on, whatever it is called; one of dates alone
-    where there is no other."""
+    where there is no other. of_rows: a row is an instant, and beside a first column of seconds from a start those that
+    do not tell the rows apart are of something else, as of the export or the batch."""
     dates: tuple[int, ...] = ()
-    for index in range(max(map(len, head.rows[first_row:]), default=0)):
-        form = _form_of_stamps(head, index, names[index] if index < len(names) else "", first_row, options)
+    without_clocks = False
+    beside_seconds = of_rows and _first_are_seconds(head, names, first_row, options)
+    for index in range(min(len(names), max(map(len, head.rows[first_row:]), default=0))):
+        form = _form_of_stamps(head, index, names[index], first_row, options)
         if form is None:
             continue
-        time = date_and_clock(head, (index,), first_row, options)
-        if len(time) > 1 or not (form.is_date or are_midnights(head.column(index, first_row))):
+        are_dates = form.is_date or are_midnights(head.column(index, first_row))
+        single = are_dates and without_clocks  # clocks are looked for in all columns, and there is none
+        time = (index,) if single else date_and_clock(head, (index,), first_row, options)
+        without_clocks = without_clocks or (are_dates and len(time) == 1)
+        if max(time) >= len(names) or (beside_seconds and not _tell_rows(head, names, time, first_row, are_dates)):
+            continue
+        if len(time) > 1 or not are_dates:
             return time
         dates = dates or time
     return dates
+
+
+def _first_are_seconds(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> bool:
+    """Whether the first column counts from a start under a name that may be that of times."""
+    form = find_form(head.column(0, first_row), "", options)
+    if not names or form is None or form.kind != "relative":
+        return False
+    return may_be_times(names[0], numbers_of(head, 0, first_row))
+
+
+def _tell_rows(head: Head, names: tuple[str, ...], time: tuple[int, ...], first_row: int, are_dates: bool) -> bool:
+    """Whether stamps, or dates with clocks, stand in the rows and differ from one to the next; those of minutes need
+    not beside what may be the number of a row."""
+    if plain(names[0]) in SKIPPED_NAMES and not (are_dates and len(time) == 1):
+        return _moves(head, time[-1], first_row)
+    fields = list(zip(*(head.column(index, first_row) for index in time), strict=False))
+    return _is_filled(head, fields, first_row) and 2 * len(set(fields)) > len(fields)
+
+
+def numbers_of(head: Head, column: int, first_row: int) -> FloatArray:
+    """(n,) those of a column's fields that are some, without their units."""
+    texts = (text for text in head.column(column, first_row) if is_number(text, head.decimal_mark))
+    return np.array([float(bare_number(text).replace(",", ".")) for text in texts])
+
+
+def name_at(names: tuple[str, ...], index: int) -> str:
+    """Empty behind the last one."""
+    return names[index] if index < len(names) else ""
 
 
 def _form_of_stamps(head: Head, column: int, name: str, first_row: int, options: IngestOptions) -> TimeForm | None:
@@ -210,7 +250,7 @@ def _form_of_stamps(head: Head, column: int, name: str, first_row: int, options:
         return None
     if form.kind != "epoch" or not column:
         return form
-    numbers = np.array([float(text) for text in fields if is_number(text)])
+    numbers = numbers_of(head, column, first_row)
     seconds = (numbers * form.scale + form.origin_ns) / NS_PER_S
     ours = np.all((seconds > OURS_FROM_S) & (seconds < OURS_TO_S))
     return form if len(numbers) > 1 and ours and _rises(numbers) else None
@@ -220,9 +260,13 @@ def _moves(head: Head, column: int, first_row: int) -> bool:
     """Whether a column is filled and tells instants: not the one of the start or the export in all rows, no dates at
     midnight."""
     fields = head.column(column, first_row)
-    filled = len(fields) >= MOST * sum(any(row) for row in head.rows[first_row:])
+    filled = _is_filled(head, fields, first_row)
     rests = max(Counter(fields).values(), default=0) >= MOST * len(fields)
     return filled and not rests and not are_midnights(fields)
+
+
+def _is_filled(head: Head, fields: Sized, first_row: int) -> bool:
+    return len(fields) >= MOST * sum(any(row) for row in head.rows[first_row:])
 
 
 def _is_full_time(name: str) -> bool:
@@ -242,7 +286,11 @@ def may_be_times(name: str, numbers: FloatArray) -> bool:
 
 
 def _numbers_rows(name: str) -> bool:
-    return re.sub(r"\s", "", name).rstrip(".").lower() in _ROW_NAMES
+    return _bare_name(name) in _ROW_NAMES
+
+
+def _bare_name(name: str) -> str:
+    return re.sub(r"\s", "", name).rstrip(".").lower()
 
 
 def _rises(numbers: FloatArray) -> bool:
@@ -295,12 +343,14 @@ def wide_from(
     time: tuple[int, ...] = (),
 ) -> WidePlan | None:
     """A wide plan from the names, the rows in which they stand, and the first row with a time."""
-    time = time or time_columns(names) or stamps_in(head, names, first_row, options) or (0,)
+    time = time or time_columns(names) or stamps_in(head, names, first_row, options, of_rows=True) or (0,)
     time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, names[time[0]] if time[0] < len(names) else "")
+    form = form_of(head, time, first_row, options, name_at(names, time[0]))
     if form is None:
         return None
-    named = [index for index, name in enumerate(names) if index not in time and _may_name_values(name)]
+    named = [
+        index for index in range(len(names)) if index not in time and _may_hold_values(head, names, index, first_row)
+    ]
     stamps = [
         index
         for index in named
@@ -334,6 +384,13 @@ def _may_name_values(name: str) -> bool:
     return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES and not _numbers_rows(name)
 
 
+def _may_hold_values(head: Head, names: tuple[str, ...], column: int, first_row: int) -> bool:
+    """By its name; one that is called NO may be nitric oxide, where it does not rise as the number of a row."""
+    if _bare_name(names[column]) in _ROWS_OR_VALUES:
+        return not _rises(numbers_of(head, column, first_row))
+    return _may_name_values(names[column])
+
+
 def names_no_measurement(name: str) -> bool:
     """Whether a column is by its name a mode, a quality or a number of the row: nothing that could move a PV."""
     return not _may_name_values(name) or place(name, "").signal == "MODE"
@@ -362,7 +419,7 @@ def long_from(
     if not time:
         return None
     time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, names[time[0]])
+    form = form_of(head, time, first_row, options, name_at(names, time[0]))
     if form is None:
         return None
     quality = _quality_of(head, known, first_row, {*time, tags[0], values[0]})

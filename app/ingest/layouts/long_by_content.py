@@ -7,6 +7,7 @@ from app.ingest.columns.names import (
     VALUE_NAMES,
     form_of,
     mostly_numbers,
+    name_at,
     names_no_measurement,
     plain,
     stamps_in,
@@ -41,7 +42,7 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, options: IngestOpt
         return None
     time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
     time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, names[time[0]]) if time else None
+    form = form_of(head, time, first_row, options, name_at(names, time[0])) if time else None
     value = _value(head, names, {index: columns[index] for index in columns if index not in time})
     if form is None or value is None:
         return None

@@ -1,13 +1,18 @@
 """A row a loop and an instant, as a data base's table of loops is queried: Loop,Time,PV,OP,SP. Its signals have the
 name of the row's loop before their own."""
 
-from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import QUALITY_NAMES, TAG_NAMES, form_of, plain, stamps_in, time_columns_in
+import numpy as np
+import polars as pl
+
+from app.ingest.columns.clocks import MOST, date_and_clock
+from app.ingest.columns.names import QUALITY_NAMES, TAG_NAMES, form_of, name_at, plain, stamps_in, time_columns_in
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import AUDITED, place
+from app.ingest.tags.modes import UNKNOWN_MODE, automatic_flags
+from app.ingest.tags.quality import holds_quality_words
 
 _LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
 LOOPS_OR_TAGS = _LOOP_NAMES | TAG_NAMES | {"controller", "controllername", "block", "blockname"}
@@ -26,7 +31,9 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
 def _plan(
     head: Head, names: tuple[str, ...], first_row: int, signals: tuple[ValueColumn, ...], options: IngestOptions
 ) -> LongPlan | None:
-    loops = [index for index, name in enumerate(names) if _names_loops(head, name, head.column(index, first_row))]
+    filled = MOST * sum(any(row) for row in head.rows[first_row:])
+    columns = ((index, name, head.column(index, first_row)) for index, name in enumerate(names))
+    loops = [index for index, name, fields in columns if len(fields) >= filled and _names_loops(head, name, fields)]
     loops.sort(key=lambda index: plain(names[index]) not in _LOOP_NAMES)
     if not loops:
         return None
@@ -34,7 +41,7 @@ def _plan(
     if not time:
         return None
     time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, names[time[0]])
+    form = form_of(head, time, first_row, options, name_at(names, time[0]))
     if form is None:
         return None
     known = [plain(name) for name in names]
@@ -62,10 +69,18 @@ def _signals(names: tuple[str, ...]) -> tuple[ValueColumn, ...]:
 
 
 def _names_loops(head: Head, name: str, fields: list[str]) -> bool:
-    """Whether a column has names of loops: numbers are some where it is called so alone, and they repeat."""
+    """Whether a column has names of loops: numbers are some where it is called so alone, and they repeat. Under another
+    name most words have a digit, and none is a mode or a quality: it may be of operators, products or remarks."""
     known = plain(name)
     if known not in LOOPS_OR_TAGS or not fields:
         return False
     if not all(is_number(text, head.decimal_mark) for text in fields):
-        return True
+        return known in _LOOP_NAMES or _may_be_loops(set(fields))
     return known in _LOOP_NAMES and 2 * len(set(fields)) <= len(fields)
+
+
+def _may_be_loops(words: set[str]) -> bool:
+    flags = automatic_flags(pl.Series(sorted(words), dtype=pl.String))
+    if np.any(np.isfinite(flags) & (flags != UNKNOWN_MODE)) or any(holds_quality_words([word]) for word in words):
+        return False
+    return 2 * sum(any(map(str.isdigit, word)) for word in words) > len(words)

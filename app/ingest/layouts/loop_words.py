@@ -2,7 +2,7 @@
 _time,_value,_field,_measurement."""
 
 from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import QUALITY_NAMES, VALUE_NAMES, form_of, plain, stamps_in, time_columns_in
+from app.ingest.columns.names import QUALITY_NAMES, VALUE_NAMES, form_of, name_at, plain, stamps_in, time_columns_in
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
@@ -60,7 +60,7 @@ def _joined(
 ) -> LongPlan | None:
     time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
     time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, names[time[0]]) if time else None
+    form = form_of(head, time, first_row, options, name_at(names, time[0])) if time else None
     if form is None:
         return None
     known = [plain(name) for name in names]

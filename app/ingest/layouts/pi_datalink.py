@@ -25,7 +25,13 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     if first_row == NO_ROWS:
         return None
     widest = max(len(row) for row in head.rows[first_row:])
-    return _plan(head, first_row, widest, options) or _plan(head, first_row, usual_width(head, first_row), options)
+    of_widest = _plan(head, first_row, widest, options)
+    width = usual_width(head, first_row)
+    usual = _plan(head, first_row, width, options)
+    if of_widest is None or usual is None:
+        return of_widest or usual
+    named = any(any(row[width:]) for row in head.rows[: of_widest.first_row])
+    return of_widest if named or len(of_widest.groups) > len(usual.groups) else usual  # else a row has fields too many
 
 
 def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> WidePlan | None:
@@ -47,8 +53,9 @@ def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> Wid
         names = (row[column] for row in titles if column < len(row))
         groups.append(TimedColumns((column,), with_told_zone(form, " ".join(names)), named))
     heading = _heading(titles, groups)
-    ends = frozenset(end for one, other in pairwise(groups) for end in range(_last(one) + 1, other.time[0] + 1))
-    return WidePlan("pi_datalink", start, width, tuple(groups), heading=heading, ends=ends)
+    ends = {end for one, other in pairwise(groups) for end in range(_last(one) + 1, other.time[0] + 1)}
+    ends.update(range(_last(groups[-1]) + 1, width))
+    return WidePlan("pi_datalink", start, width, tuple(groups), heading=heading, ends=frozenset(ends))
 
 
 def _last(group: TimedColumns) -> int:

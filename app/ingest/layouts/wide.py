@@ -4,14 +4,14 @@ apart are of this form."""
 import re
 from dataclasses import replace
 
-import numpy as np
-
 from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.names import (
     ONE_WAY,
     first_row_of_times,
     may_be_times,
+    name_at,
+    numbers_of,
     stamps_in,
     time_columns,
     time_columns_in,
@@ -21,7 +21,6 @@ from app.ingest.columns.names import (
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
-from app.ingest.numbers.units import without_unit
 from app.ingest.tags.grouping import AUDITED, place
 
 _TAG = re.compile(r"\S*\d\S*")
@@ -36,7 +35,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
         written, names = names, _with_name_of_times(head, names, index)
-        time = time_columns_in(head, names, index + 1, options) or stamps_in(head, names, index + 1, options) or (0,)
+        time = time_columns_in(head, names, index + 1, options)
+        time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
         time = date_and_clock(head, time, index + 1, options)
         first_row = first_row_of_times(head, time[0], options)
         if any(names_better(row, written) for row in head.rows[index + 1 : max(first_row, 0)]):
@@ -77,8 +77,7 @@ def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | 
     if time_columns(names) or plan.form.kind != "relative":
         return plan
     column = plan.groups[0].time[0]
-    texts = [text for text in head.column(column, plan.first_row) if is_number(text, head.decimal_mark)]
-    if not may_be_times(names[column], np.array([float(without_unit(text).replace(",", ".")) for text in texts])):
+    if not may_be_times(names[column], numbers_of(head, column, plan.first_row)):
         return None
     told = times_assumed(names[column], plan.form)
     return replace(plan, times_assumed=told, notes=(*plan.notes, told))
@@ -129,4 +128,4 @@ def wider(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
 def signal_of_numbers(head: Head, names: tuple[str, ...], first_row: int, column: int) -> bool:
     """Whether the column is a signal by its name, so that its numbers are no times: the file has none then."""
     numbers = is_number(head.rows[first_row][column], head.decimal_mark)
-    return numbers and place(names[column], "").signal != "OTHER"
+    return numbers and place(name_at(names, column), "").signal != "OTHER"

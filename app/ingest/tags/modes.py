@@ -147,14 +147,13 @@ class ModesMet:
             return named
         telling = self._telling.setdefault(tag, set())
         telling |= {number for number in _TOLD if np.any(numbers == number)}
-        if telling & _OF_DELTAV:
-            return _DELTAV
-        if not telling & _CONTRARY:
+        if not telling & _OF_DELTAV and not telling & _CONTRARY:
             return _USUAL
-        if _OF_FIELDBUS in telling:
-            return _FIELDBUS
-        self.untold[tag] = None
-        return _UNTOLD
+        if not telling & (_OF_DELTAV | {_OF_FIELDBUS}):
+            self.untold[tag] = None
+            return _UNTOLD
+        self.untold.pop(tag, None)
+        return _DELTAV if telling & _OF_DELTAV else _FIELDBUS
 
     def _note(self, numbers: FloatArray, counting: Mapping[float, float]) -> None:
         met = {(number, flag) for number, flag in counting.items() if number > 1}
