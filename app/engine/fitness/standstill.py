@@ -153,8 +153,7 @@ def _at_work(samples: Samples, starts: IntArray, stands: list[slice]) -> bool:
     moved coarsely at best, and never but from stand to stand, it has to be one or the other more clearly.
     """
     newest, compared = stands[-1], stands[0].start >= LEAST_STILL
-    known = None if samples.sp is None else np.isfinite(samples.sp[newest])
-    if samples.sp is None or known is None or not known.any():
+    if samples.sp is None or not (known := np.isfinite(samples.sp[newest])).any():
         return compared or len(stands) == 1 or _wound_up(samples.op, newest)
     distance = np.abs(samples.sp[newest][known] - samples.pv[newest][known])
     near = (NEAREST if compared else NEAREST_UNCOMPARED) * _least_step(samples.pv, starts)

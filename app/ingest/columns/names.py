@@ -406,6 +406,18 @@ def _holds_times(head: Head, column: int, first_row: int, options: IngestOptions
     return are_clocks(fields) or (form is not None and form.kind == "text")
 
 
+def times_of_rows(
+    head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions
+) -> tuple[tuple[int, ...], TimeForm] | None:
+    """The column of times of a table with a value, or a loop, a row, or those of dates and clocks; and their form."""
+    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
+    if not time:
+        return None
+    time = date_and_clock(head, time, first_row, options)
+    form = form_of(head, time, first_row, options, name_at(names, time[0]))
+    return None if form is None else (time, form)
+
+
 def long_from(
     head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions
 ) -> LongPlan | None:
@@ -415,13 +427,10 @@ def long_from(
     values = [known.index(name) for name in VALUE_NAMES if name in known]
     if not tags or not values:
         return None
-    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
-    if not time:
+    found = times_of_rows(head, names, first_row, options)
+    if found is None:
         return None
-    time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, name_at(names, time[0]))
-    if form is None:
-        return None
+    time, form = found
     quality = _quality_of(head, known, first_row, {*time, tags[0], values[0]})
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
@@ -430,9 +439,15 @@ def long_from(
 
 def _quality_of(head: Head, known: list[str], first_row: int, others: set[int]) -> int | None:
     """The column of qualities in a long table: by its name, else by its words."""
-    named = [known.index(name) for name in QUALITY_NAMES if name in known]
+    if (named := quality_named(known)) is not None:
+        return named
     by_words = (at for at in range(len(known)) if at not in others and holds_quality_words(head.column(at, first_row)))
-    return named[0] if named else next(by_words, None)
+    return next(by_words, None)
+
+
+def quality_named(known: list[str]) -> int | None:
+    """The column of qualities by its plain name."""
+    return next((known.index(name) for name in QUALITY_NAMES if name in known), None)
 
 
 def _zero_is_good(quality: str, names: list[str]) -> bool | None:

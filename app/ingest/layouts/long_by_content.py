@@ -1,17 +1,13 @@
 """Long under names that are not known: a column of stamps, one of words that repeat and are tags of signals, one of
 numbers."""
 
-from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.names import (
-    QUALITY_NAMES,
     VALUE_NAMES,
-    form_of,
     mostly_numbers,
-    name_at,
     names_no_measurement,
     plain,
-    stamps_in,
-    time_columns_in,
+    quality_named,
+    times_of_rows,
 )
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import named_width
@@ -40,14 +36,14 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, options: IngestOpt
     tags = [index for index, fields in columns.items() if _are_tags(fields, head.decimal_mark)]
     if not tags:
         return None
-    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
-    time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, name_at(names, time[0])) if time else None
-    value = _value(head, names, {index: columns[index] for index in columns if index not in time})
-    if form is None or value is None:
+    found = times_of_rows(head, names, first_row, options)
+    if found is None:
         return None
-    known = [plain(name) for name in names]
-    quality = next((known.index(name) for name in QUALITY_NAMES if name in known), None)
+    time, form = found
+    value = _value(head, names, {index: columns[index] for index in columns if index not in time})
+    if value is None:
+        return None
+    quality = quality_named([plain(name) for name in names])
     width = named_width(head, names, first_row, time)
     return LongPlan("long", first_row, width, time, form, tags[0], value, quality)
 

@@ -4,8 +4,8 @@ name of the row's loop before their own."""
 import numpy as np
 import polars as pl
 
-from app.ingest.columns.clocks import MOST, date_and_clock
-from app.ingest.columns.names import QUALITY_NAMES, TAG_NAMES, form_of, name_at, plain, stamps_in, time_columns_in
+from app.ingest.columns.clocks import MOST
+from app.ingest.columns.names import TAG_NAMES, plain, quality_named, times_of_rows
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
@@ -37,15 +37,11 @@ def _plan(
     loops.sort(key=lambda index: plain(names[index]) not in _LOOP_NAMES)
     if not loops:
         return None
-    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
-    if not time:
+    found = times_of_rows(head, names, first_row, options)
+    if found is None:
         return None
-    time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, name_at(names, time[0]))
-    if form is None:
-        return None
-    known = [plain(name) for name in names]
-    quality = next((known.index(name) for name in QUALITY_NAMES if name in known), None)
+    time, form = found
+    quality = quality_named([plain(name) for name in names])
     used = {loops[0], quality, *time, *(signal.index for signal in signals)}
     left = ", ".join(name[:80] for index, name in enumerate(names) if name and index not in used)
     notes = (f"columns beside the signals of the loops were not read: {left[:300]}",) if left else ()

@@ -1,8 +1,7 @@
 """A row a value of a tag that stands in two columns, loop and signal: Loop,Signal,Time,Value, or InfluxDB's
 _time,_value,_field,_measurement."""
 
-from app.ingest.columns.clocks import date_and_clock
-from app.ingest.columns.names import QUALITY_NAMES, VALUE_NAMES, form_of, name_at, plain, stamps_in, time_columns_in
+from app.ingest.columns.names import VALUE_NAMES, plain, quality_named, times_of_rows
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
@@ -58,13 +57,11 @@ def _joined(
     word: int | None,
     options: IngestOptions,
 ) -> LongPlan | None:
-    time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
-    time = date_and_clock(head, time, first_row, options)
-    form = form_of(head, time, first_row, options, name_at(names, time[0])) if time else None
-    if form is None:
+    found = times_of_rows(head, names, first_row, options)
+    if found is None:
         return None
-    known = [plain(name) for name in names]
-    quality = next((known.index(name) for name in QUALITY_NAMES if name in known), None)
+    time, form = found
+    quality = quality_named([plain(name) for name in names])
     width = named_width(head, names, first_row, time)
     signals = () if word is None else (ValueColumn(value, ""),)
     return LongPlan(_LAYOUT, first_row, width, time, form, tag, value, quality, signals=signals, word=word)
