@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.engine.mismatch.compare.aligning import onto, sample_by_sample
 from app.errors import DataError
-from app.services.explaining.aligning import onto, sample_by_sample
 from app.services.explaining.comparisons import Columns, read_comparison
 
 N = 200

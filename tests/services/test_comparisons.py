@@ -9,9 +9,10 @@ import polars as pl
 import pytest
 
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
+from app.engine.mismatch.compare.even_grid import uniform
 from app.engine.recording import Recording
 from app.errors import DataError, RequestError
-from app.services.explaining.comparisons import Columns, measured_alone, read_comparison, read_table, uniform
+from app.services.explaining.comparisons import Columns, measured_alone, read_comparison, read_table
 from tests.services.compared_files import code_of, rows, simulated_rows, write
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Controller, simulate_again
+from app.engine.mismatch.compare.even_grid import comparison_of
 from app.engine.mismatch.judge.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError
-from app.services.explaining.comparisons import comparison_of
 from app.services.explaining.given_model import simulation_from_json
 from app.services.explaining.models import simulate_model
 

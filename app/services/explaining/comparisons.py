@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.engine.evidence import Reason
-from app.engine.mismatch import Comparison, LinearSimulation
-from app.engine.mismatch.compare.comparison import LEAST_SAMPLES
-from app.engine.recording import BoolArray, FloatArray, Recording
-from app.engine.signals.sampled import held
+from app.engine.mismatch import Comparison
+from app.engine.mismatch.compare.aligning import Aligned, onto, sample_by_sample
+from app.engine.mismatch.compare.even_grid import comparison_of, uniform
+from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import (
     SIMULATED,
@@ -24,14 +23,9 @@ from app.ingest import (
     read_named,
     read_recordings,
 )
-from app.services.explaining.aligning import Aligned, beyond, covering, onto, sample_by_sample
 
 NOT_MEASURED = ("ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
-GAP_INTERVALS = 3.0
-SAME_STAMP = 0.01  # of an interval: so near a stamp a grid point is the sample
-STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
-SPARSE = 3.0
 READ_PLAINLY = IngestOptions()
 A_SECOND_A_SAMPLE = (
     "no column tells times that can be read: samples are taken to be 1 s apart, and every time that is told rests on "
@@ -299,21 +293,6 @@ def some_numbers(table: NamedTable, column: str) -> FloatArray:
     return values
 
 
-def comparison_of(
-    recording: Recording, trace: FloatArray | None = None, simulation: LinearSimulation | None = None
-) -> Comparison:
-    """A stored recording against a simulated trace (N,) at its times, a model, or our own linear loop."""
-    signals = {"op": recording.op, "pv": recording.pv}
-    signals |= {"sp": recording.sp} if recording.sp is not None else {}
-    if trace is not None and len(trace) != recording.samples:
-        raise DataError(
-            "simulation_length", f"the simulation has {len(trace)} samples, the recording {recording.samples}"
-        )
-    signals |= {"trace": trace} if trace is not None else {}
-    found = uniform(recording.name, recording.time_s, signals, dict(recording.others))
-    return found if trace is not None else replace(found, simulation=simulation)
-
-
 def simulated_trace(
     table: NamedTable, simulated: str | None, options: IngestOptions, taken: tuple[str, ...] = ()
 ) -> tuple[str | None, Aligned | None]:
@@ -341,103 +320,3 @@ def simulated_trace(
 def simulated_column(table: NamedTable) -> str:
     """The column of a simulation's own table that is the simulation."""
     return simulation_among(table.names) or table.column_of("PV") or table.names[-1]
-
-
-def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others: dict[str, FloatArray]) -> Comparison:
-    """Equal sampling at the median interval; trailing rows without PV and OP are left out, gaps are bridged and
-    marked: by straight lines, but the set point holds, for it steps.
-    """
-    present = np.isfinite(time) & np.isfinite(signals["pv"]) & np.isfinite(signals["op"])
-    if present.sum() < LEAST_SAMPLES:
-        raise DataError(
-            "too_short",
-            f"{name} has {int(present.sum())} samples with time, PV and OP, at least {LEAST_SAMPLES} are needed",
-        )
-    order = np.flatnonzero(present)[np.argsort(time[present], kind="stable")]
-    kept = np.concatenate(([True], np.diff(time[order]) > 0.0))
-    notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
-    order = order[kept]
-    if "trace" in signals:
-        refuse_a_copy(signals["pv"][order], signals["trace"][order])
-        notes += whole_trace(time, order, signals["trace"])
-    at = time[order] - time[order[0]]
-    interval = float(np.median(np.diff(at)))
-    # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
-    interval = at[-1] / (len(at) - 1) if at[-1] / (len(at) - 1) > SPARSE * interval else interval
-    grid = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1) * interval
-    known = known_at(grid, at, interval)
-    even = len(grid) == len(at) and bool(np.allclose(grid, at, atol=SAME_STAMP * interval))
-
-    def resampled(signal: FloatArray, *, steps: bool = False) -> FloatArray:
-        values = signal[order]
-        if even and np.all(np.isfinite(values)):
-            return values
-        finite = np.isfinite(values)
-        if finite.sum() < 2:
-            return np.full(len(grid), np.nan)
-        known = at[finite], values[finite]
-        return held(*known, grid + STAMP_ROUNDING * interval) if steps else np.interp(grid, *known)
-
-    measured = tuple((n, s) for n, s in ((n, resampled(s)) for n, s in others.items()) if np.all(np.isfinite(s)))
-    sp = resampled(signals["sp"], steps=True) if "sp" in signals else None
-    return Comparison(
-        name=name,
-        sampling_interval_s=interval,
-        op=resampled(signals["op"]),
-        pv=resampled(signals["pv"]),
-        sp=None if sp is None or not np.all(np.isfinite(sp)) else sp,
-        measured=measured,
-        known=None if even else known,
-        trace=resampled(signals["trace"]) if "trace" in signals else None,
-        notes=notes,
-    )
-
-
-def known_at(grid: FloatArray, at: FloatArray, interval: float) -> BoolArray:
-    """(M,) True where a point of the grid (M,) is no invention: between samples, at the times (N,), that are no gap
-    apart, and on a sample at the end of a gap.
-    """
-    behind = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
-    before, after = at[behind - 1], at[behind]
-    recorded = np.minimum(np.abs(grid - before), np.abs(after - grid)) <= SAME_STAMP * interval
-    return recorded | (after - before < GAP_INTERVALS * interval)
-
-
-def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
-    """Raises DataError("simulation_is_pv") where a simulation (N,) is the recorded PV itself: no loop is simulated to
-    the last digit of what was measured, and nothing would ever be missing.
-    """
-    if np.array_equal(pv, trace):
-        text = "the simulation is PV itself, sample for sample: there is nothing to compare"
-        raise DataError("simulation_is_pv", text)
-
-
-def whole_trace(time: FloatArray, order: NDArray[np.int64], trace: FloatArray) -> tuple[Reason, ...]:
-    """What is to be said of a simulation (N,) recorded at the times (N,) s, of which the samples `order` are compared.
-
-    Raises DataError("simulation_length") where it does not cover them: as a line from its last value on it would be
-    compared with what it has not simulated.
-    """
-    simulated = np.isfinite(time) & np.isfinite(trace)
-    if simulated.sum() < 2:
-        return ()  # refused as a simulation without values
-    at = time[simulated]
-    covering(time[order], np.sort(at))
-    said = beyond(float(time[order[0]]), float(time[order[-1]]), at)
-    within = order[(time[order] >= np.min(at)) & (time[order] <= np.max(at))]
-    holes = int(np.sum(~np.isfinite(trace[within])))
-    if not holes:
-        return said
-    text = f"{holes} samples of the simulation have no value and are bridged by straight lines"
-    return (*said, Reason("simulation_bridged", text))
-
-
-def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:
-    """What times (N,) s in the order of the file hide: an hour that comes twice is sorted into the one before."""
-    found = []
-    if back := int(np.sum(np.diff(time) < 0.0)):
-        text = f"time runs back {back} times; sorted by time, the samples of a clock that was set are mixed"
-        found.append(Reason("time_runs_back", text))
-    if repeated:
-        found.append(Reason("times_repeated", f"{repeated} samples whose time was there before are left out"))
-    return tuple(found)

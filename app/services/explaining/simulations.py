@@ -12,15 +12,15 @@ import polars as pl
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison
+from app.engine.mismatch.compare.aligning import Aligned, onto
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES, check
+from app.engine.mismatch.compare.even_grid import comparison_of
 from app.engine.recording import FloatArray, Recording
 from app.errors import DataError, RequestError
 from app.ingest import NO_TIME, IngestOptions, parse_named, read_instants
 from app.nanoseconds import NS_PER_S
 from app.services.auditing.recordings import origin_ns, recording_of
-from app.services.explaining.aligning import Aligned, onto
 from app.services.explaining.comparisons import (
-    comparison_of,
     in_doubt,
     measured_alone,
     recorded_simulation,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from app.engine.mismatch.compare.even_grid import uniform
 from app.engine.recording import FloatArray
-from app.services.explaining.comparisons import uniform
 
 
 def groups(each: int, missing: int) -> FloatArray:
