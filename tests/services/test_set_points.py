@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from app.engine.plant_wide.set_points import BIN_NS, Moves, moves_in, together
 from app.services.backend import Backend
 from app.services.plant import groups
 from app.services.plant.groups import _asked_of_set_points
-from app.services.plant.set_points import BIN_NS, Moves, moves_in, set_points_together, together
+from app.services.plant.set_points import set_points_together
 from app.services.results import GroupMember, GroupView
 from app.storage import loops, series
 from app.storage.samples import Samples
