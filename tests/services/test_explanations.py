@@ -13,6 +13,7 @@ from sqlalchemy.exc import OperationalError
 
 from app.engine.mismatch import Comparison
 from app.engine.mismatch import explain as engine_explain
+from app.engine.signals.turning import since_reversal
 from app.errors import DataError, LoopauditError, NotFoundError, RequestError
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
@@ -21,7 +22,6 @@ from app.services.explaining import traces as explanation_traces
 from app.services.explaining import working as explaining
 from app.services.explaining.explanations import Wanted
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
-from app.services.explaining.trigger import since_reversal
 from app.services.plant import loops as loops_service
 from app.services.upkeep.sweep import sweep
 from app.settings import Settings

@@ -2,10 +2,10 @@
 
 from app.engine.features.extract import NAMES, Features, extract, observe
 from app.engine.features.steady import at_rest
-from app.engine.features.travel import standing
+from app.engine.features.travel import standing, standing_as_sampled
 from app.engine.features.window import PER_CYCLE, ShapeWindow, cycle_samples, shape_windows, spans
 
 __all__ = [
     "NAMES", "PER_CYCLE", "Features", "ShapeWindow", "at_rest", "cycle_samples", "extract", "observe",
-    "shape_windows", "spans", "standing",
+    "shape_windows", "spans", "standing", "standing_as_sampled",
 ]  # fmt: skip

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from app.engine.features.window import CYCLES, PER_CYCLE, ShapeWindow, window_of
-from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.features.window import CYCLES, PER_CYCLE, ShapeWindow, cycle_samples, window_of
+from app.engine.oscillation import Oscillation
+from app.engine.recording import BoolArray, FloatArray, IntArray, UniformRecord
 from app.engine.signals.movement_patterns import rho_3
 from app.engine.signals.sampled import ROUNDING, burstiness, correlation, quantiles
 
@@ -15,6 +16,7 @@ REVERSAL = 0.7
 _STILL_BAND = 0.3
 _EIGHTH = PER_CYCLE // 8
 _FEWEST_LEG_SAMPLES = 4
+_FEWEST_SAMPLES = 16
 _STRIDE = PER_CYCLE // 10
 
 
@@ -85,6 +87,25 @@ def standing(pv: FloatArray, op: FloatArray, per_cycle: float) -> BoolArray:
     n = len(pv)
     edges = np.linspace(0, n, max(1, round(n / (CYCLES * per_cycle))) + 1).astype(int)
     return np.concatenate([_standing(pv[a:b], op[a:b], per_cycle) for a, b in pairwise(edges)])
+
+
+def standing_as_sampled(time_s: FloatArray, pv: FloatArray, op: FloatArray, oscillation: Oscillation) -> BoolArray:
+    """(N,) as `standing`, of samples as they came: on an even grid at their median interval, each sample by the point
+    next to it.
+
+    time_s: (N,) s, increasing. pv, op: (N,) finite. oscillation: that of these samples. Nothing is marked of fewer than
+    16 samples.
+    """
+    if len(time_s) < _FEWEST_SAMPLES:
+        return np.zeros(len(time_s), np.bool_)
+    since = time_s - time_s[0]
+    interval = float(np.median(np.diff(since)))
+    grid = np.arange(0.0, since[-1] + 0.5 * interval, interval)
+    on_grid = np.interp(grid, since, pv), np.interp(grid, since, op)
+    even = UniformRecord(interval, *on_grid, None, np.zeros(len(grid), np.bool_))
+    marked = standing(even.pv, even.op, cycle_samples(even, oscillation))
+    nearest: BoolArray = marked[np.minimum(np.rint(since / interval).astype(np.int64), len(grid) - 1)]
+    return nearest
 
 
 def _standing(pv: FloatArray, op: FloatArray, per_cycle: float) -> BoolArray:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.resample import typical_interval
+from app.engine.fitness.resample import to_uniform, typical_interval
 from app.engine.fitness.signals import newest_long
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, UniformRecord
 
 
 @dataclass(frozen=True)
@@ -23,3 +23,20 @@ def newest_without_hole(time_s: FloatArray, config: FitnessConfig) -> Unbroken:
     holes = np.flatnonzero(np.diff(time_s) > config.max_gap_intervals * typical_interval(time_s))
     edges = np.concatenate(([0], holes + 1, [len(time_s)]))
     return Unbroken(newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes))
+
+
+def newest_even(
+    time_s: FloatArray, pv: FloatArray, op: FloatArray, fewest: int, config: FitnessConfig
+) -> UniformRecord | None:
+    """The newest long stretch without a hole on a uniform time base, as an audit takes it; None where it has fewer than
+    `fewest` samples.
+
+    time_s: (N,) s, increasing; the record begins by this clock. pv, op: (N,) finite, in engineering units.
+    """
+    if len(time_s) < fewest:
+        return None
+    whole = newest_without_hole(time_s, config).samples
+    time_s = time_s[whole]
+    if len(time_s) < fewest:
+        return None
+    return to_uniform(time_s, pv[whole], op[whole], None, 0.0, config)

@@ -8,6 +8,9 @@ from app.engine.valve import kano_stems
 
 _RANGE = (0.01, 0.99)
 
+TURN = 0.1
+"""A signal has turned where it went back by this share of its standard deviation: less is noise."""
+
 
 def usual_range(x: FloatArray) -> float:
     """Of nearly all samples."""
@@ -33,3 +36,19 @@ def relays(x: FloatArray, sizes: FloatArray) -> FloatArray:
     side = np.where(np.abs(x) > 0.5 * usual_range(x) * sizes[:, None], np.sign(x), 0.0)
     last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(x)), 0), axis=1)
     return np.take_along_axis(side, last, axis=1)
+
+
+def since_reversal(x: FloatArray) -> FloatArray:
+    """(N,) how far a signal x (N,), N at least 1, has gone since it last turned, signed by its direction; in the unit
+    of x.
+    """
+    threshold = TURN * float(np.std(x))
+    turned, extreme, direction = float(x[0]), float(x[0]), 0.0
+    travel = np.zeros(len(x))
+    for k, value in enumerate(x.tolist()):
+        if direction * (extreme - value) > threshold or (direction == 0.0 and abs(value - extreme) > threshold):
+            turned, direction, extreme = extreme, float(np.sign(value - extreme)), value
+        elif direction * (value - extreme) > 0.0:
+            extreme = value
+        travel[k] = value - turned
+    return travel

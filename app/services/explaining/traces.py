@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from app.engine.signals.extremes import extremes
 from app.services.audit_json.numbers import listed
 from app.services.backend import Backend
 from app.services.explaining.explanations import stored_answer
 from app.services.explaining.line import FIGURES
 from app.services.explaining.trace_table import as_csv, column
 from app.services.moments import iso_utc, moment_of
-from app.services.plant.trend import extremes
 
 SHOWN_WINDOWS = 200
 

@@ -8,9 +8,7 @@ import numpy as np
 from app.engine.mismatch import Comparison, Explanation
 from app.engine.mismatch.judge.result import Effect
 from app.engine.recording import FloatArray
-
-TURN = 0.1
-"""OP has turned where it went back by this share of its standard deviation: less is noise."""
+from app.engine.signals.turning import since_reversal
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +43,6 @@ def trigger_of(explanation: Explanation, comparison: Comparison) -> Trigger:
         return _op(signals)
     effect = explanation.effects[0]
     return _coupling(signals, effect) or _phase(signals, effect) or BY_CODE.get(effect.code, _unnamed)(signals)
-
-
-def since_reversal(op: FloatArray) -> FloatArray:
-    """How far OP (N,) has gone since it last turned, signed by its direction; in the unit of OP."""
-    threshold = TURN * float(np.std(op))
-    turned, extreme, direction = float(op[0]), float(op[0]), 0.0
-    travel = np.zeros(len(op))
-    for k, value in enumerate(op.tolist()):
-        if direction * (extreme - value) > threshold or (direction == 0.0 and abs(value - extreme) > threshold):
-            turned, direction, extreme = extreme, float(np.sign(value - extreme)), value
-        elif direction * (value - extreme) > 0.0:
-            extreme = value
-        travel[k] = value - turned
-    return travel
 
 
 def _op(signals: Signals) -> Trigger:

@@ -9,12 +9,12 @@ import numpy as np
 
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
-from app.engine.fitness.holes import newest_without_hole
-from app.engine.fitness.resample import to_uniform
+from app.engine.fitness.holes import newest_even
 from app.engine.fitness.signals import resolution, usable_values
 from app.engine.freerun import valve_position
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reference import yper
+from app.engine.signals.extremes import extremes
 from app.errors import DataError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S
@@ -25,7 +25,6 @@ from app.services.damage import damage_in_words
 from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find, verdict_detail
 from app.services.plant.standing import judged_part, where_pv_stands
-from app.services.plant.trend import extremes
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples
 
@@ -248,14 +247,8 @@ def _evenly(record: _Record) -> UniformRecord | None:
     because a spectrum by the number of the sample has lines that no signal has; None where they are too few.
     """
     known = np.flatnonzero(record.inside & np.isfinite(record.pv) & np.isfinite(record.op))
-    if len(known) < LEAST_OF_SPECTRUM:
-        return None
-    time_s = (record.samples.time_ns[known] - record.samples.time_ns[known[0]]) / NS_PER_S
-    whole = newest_without_hole(time_s, _FITNESS).samples
-    time_s, known = time_s[whole], known[whole]
-    if len(known) < LEAST_OF_SPECTRUM:
-        return None
-    return to_uniform(time_s, record.pv[known], record.op[known], None, 0.0, _FITNESS)
+    time_s = (record.samples.time_ns[known] - record.samples.time_ns[known[:1]]) / NS_PER_S
+    return newest_even(time_s, record.pv[known], record.op[known], LEAST_OF_SPECTRUM, _FITNESS)
 
 
 def _curve(detail: dict[str, Any]) -> dict[str, Any] | None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
+from app.engine.signals.extremes import extremes
 from app.errors import DataError, RequestError
 from app.ingest import carried
 from app.nanoseconds import NS_PER_S
@@ -17,7 +17,7 @@ from app.services.moments import iso_utc, moment_of, ns_of
 from app.services.plant.loops import find
 from app.services.results import TrendView
 from app.storage import series
-from app.storage.samples import DamagedStretchError, FloatArray, Samples, merged
+from app.storage.samples import DamagedStretchError, Samples, merged
 from app.storage.steps import HOLDING
 
 log = logging.getLogger("loopaudit.trend")
@@ -118,19 +118,3 @@ def _known_modes(modes: list[float | None] | None) -> list[int | None] | None:
     if modes is None:
         return None
     return [None if mode is None or mode < 0 else int(mode) for mode in modes]
-
-
-def extremes(signals: list[FloatArray], n: int, points: int) -> NDArray[np.int64]:
-    """Where each signal is least and greatest in each of the stretches into which the samples are cut."""
-    buckets = max(1, points // (2 * max(1, len(signals))))
-    edges = np.linspace(0, n, buckets + 1).astype(np.int64)
-    width = int(np.max(np.diff(edges)))
-    # The last column repeats samples of the next stretch where a stretch is one shorter; repeated places fall away.
-    places = np.minimum(edges[:-1, None] + np.arange(width)[None, :], n - 1)
-    rows = np.arange(buckets)
-    found = [np.zeros(1, np.int64), np.full(1, n - 1)]
-    for signal in signals:
-        values = signal[places]
-        found.append(places[rows, np.argmin(np.where(np.isnan(values), np.inf, values), axis=1)])
-        found.append(places[rows, np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)])
-    return np.unique(np.concatenate(found))
