@@ -176,6 +176,17 @@ def valve_position(op: FloatArray, S: float, J: float) -> FloatArray:
     return v
 
 
+def position_over_gaps(op: FloatArray, S: float, J: float) -> FloatArray | None:
+    """v (N,) as `valve_position`, of an OP (N,) that is NaN where it is missing and goes on a straight line there; None
+    where fewer than two samples of it are known.
+    """
+    known = np.flatnonzero(np.isfinite(op))
+    if len(known) < 2:
+        return None
+    v: FloatArray = valve_position(np.interp(np.arange(len(op)), known, op[known]), S, J)
+    return v
+
+
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def through_process(v: FloatArray, lag: float) -> FloatArray:
     """v (n,) through a first-order lag in samples at unit gain, or summed up where lag is below 0, as INTEGRATOR is."""

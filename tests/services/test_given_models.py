@@ -9,11 +9,11 @@ import pytest
 
 from app.engine.mismatch import Comparison, Controller, simulate_again
 from app.engine.mismatch.compare.even_grid import comparison_of
+from app.engine.mismatch.driven import simulate_model
 from app.engine.mismatch.judge.result import ExplainedModel, PartModel
 from app.engine.recording import Recording
 from app.errors import DataError
 from app.services.explaining.given_model import simulation_from_json
-from app.services.explaining.models import simulate_model
 
 
 def test_a_stored_recording_with_a_model() -> None:

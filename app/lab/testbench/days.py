@@ -22,10 +22,10 @@ from app.engine.audit import audit
 from app.engine.judgement import Judgement
 from app.engine.mismatch import explain
 from app.engine.mismatch.compare.even_grid import comparison_of
+from app.engine.mismatch.compare.narrowing import narrowed
 from app.engine.recording import Recording
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, integrator, simulate_loop
 from app.engine.simulate.plant import Plant
-from app.services.explaining.narrowing import narrowed
 
 DAY_S = 86_400.0
 NIGHTS = 4

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from app.engine.long_records.stretches import LONG_SAMPLES
 from app.engine.mismatch import Comparison
+from app.engine.mismatch.compare.narrowing import narrowed
 from app.errors import LoopauditError, RequestError
 from app.ingest import IngestOptions
 from app.services.explaining.comparisons import Columns, is_file, read_with_recording
 from app.services.explaining.line import Kind, Second
 from app.services.explaining.models import with_model
-from app.services.explaining.narrowing import narrowed
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, Explanation, explain, locate
+from app.engine.mismatch.compare.narrowing import span_to_explain
 from app.engine.mismatch.judge.result import Location
 from app.errors import DataError, LoopauditError
 from app.nanoseconds import NS_PER_S
@@ -20,7 +21,6 @@ from app.services.backend import DATABASE_AWAY, Backend
 from app.services.damage import damage_in_words
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, location_line
-from app.services.explaining.narrowing import span_to_explain
 from app.services.explaining.simulations import comparison_with, kind_of
 from app.services.explaining.trace_table import stored_columns
 from app.services.explaining.trigger import trigger_of

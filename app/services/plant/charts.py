@@ -11,7 +11,7 @@ from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
 from app.engine.fitness.holes import newest_even
 from app.engine.fitness.signals import resolution, usable_values
-from app.engine.freerun import valve_position
+from app.engine.freerun import position_over_gaps
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reference import yper
 from app.engine.signals.extremes import extremes
@@ -176,7 +176,7 @@ def _valve(detail: dict[str, Any]) -> dict[str, float] | None:
 def _trend(record: _Record, valve: dict[str, float] | None, part: slice = slice(None)) -> dict[str, Any]:
     """shown of samples: how many are drawn of how many there are."""
     # The valve's position hangs on where OP has been before: it is worked out for the whole, whatever is shown of it.
-    position = None if valve is None else _position(record.op, valve)
+    position = None if valve is None else position_over_gaps(record.op, valve["S"], valve["J"])
     drawn = {"pv": record.pv, "op": record.op, "sp": record.sp, "valve": position}
     given = {name: signal[part] for name, signal in drawn.items() if signal is not None}
     time_ns = record.samples.time_ns[part]
@@ -199,14 +199,6 @@ def _holes(time_ns: np.ndarray, interval_ns: float) -> np.ndarray:
         return np.empty(0, np.int64)
     least = max(_FITNESS.max_gap_intervals * interval_ns, float(time_ns[-1] - time_ns[0]) / MOST_HOLES)
     return np.flatnonzero(steps > least)
-
-
-def _position(op: FloatArray, valve: dict[str, float]) -> FloatArray | None:
-    known = np.flatnonzero(np.isfinite(op))
-    if len(known) < 2:
-        return None
-    whole = np.interp(np.arange(len(op)), known, op[known])
-    return valve_position(whole, valve["S"], valve["J"])
 
 
 def _scatter(record: _Record) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.long_records.stretches import LONG_SAMPLES
-from app.engine.mismatch import Comparison
+from app.engine.mismatch.compare.comparison import Comparison
 from app.engine.preparation import identified_part
 from app.engine.recording import Recording
 
@@ -27,7 +27,8 @@ def span_to_explain(recording: Recording) -> tuple[float, float] | None:
 
 
 def narrowed(comparison: Comparison, recording: Recording | None = None) -> Comparison:
-    """The part of a comparison that is explained where its audit decides which; seconds then count from its start.
+    """The part of a comparison that is explained where its audit decides which, with a note; seconds then count from
+    its start.
 
     recording: what it was made of, with all that an audit knows of it; without, as much of it as a comparison holds.
     """
