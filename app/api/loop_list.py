@@ -12,10 +12,10 @@ from app.errors import DataError, RequestError
 from app.http.backend import Services
 from app.http.problems import responses
 from app.services.backend import Backend
-from app.services.plant import loop_list
-from app.services.plant.loop_list import LoopList
-from app.services.plant.loops import refusal
 from app.services.results import LoopsChanged
+from app.services.stating import loop_list
+from app.services.stating.loop_list import LoopList
+from app.services.stating.properties import refusal
 
 router = APIRouter(tags=["loops"])
 

@@ -14,11 +14,13 @@ from app.http.backend import Cursor, IsoTime, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
+from app.services.loops import RETIRED, ListFilter, get_loop, list_loops
 from app.services.moments import ns_of
-from app.services.plant import loops as service
-from app.services.plant.loop_list import written
+from app.services.plant import loop_verdicts
 from app.services.plant.trend import MOST_POINTS
 from app.services.plant.trend import trend as thinned
+from app.services.stating import properties
+from app.services.stating.loop_list import written
 
 router = APIRouter(tags=["loops"])
 
@@ -49,9 +51,9 @@ def loops(
     """As CSV all of them at once, whatever `limit` and `cursor` say, to be changed in a spreadsheet and sent back
     (`PATCH /v1/loops`); it begins with the byte order mark by which spreadsheets know UTF-8.
     """
-    wanted = service.ListFilter(unit, search, service.RETIRED[retired])
+    wanted = ListFilter(unit, search, RETIRED[retired])
     if format_ == "json":
-        return service.list_loops(backend, limit, cursor, wanted)
+        return list_loops(backend, limit, cursor, wanted)
     headers = {"Content-Disposition": 'attachment; filename="loops.csv"'}
     # Whole before its first byte goes out: a data base that goes away meanwhile is then told, and no list is cut short.
     body = "".join(written(backend, wanted))
@@ -66,14 +68,14 @@ def loops(
 )
 def health(request: Request, backend: Services, tag: LoopTag) -> Any:
     """The newest verdict of a loop and its key figures, flat, for dashboards; with an ETag."""
-    return tagged(request, service.loop_health_json(backend, tag), "application/json")
+    return tagged(request, loop_verdicts.loop_health_json(backend, tag), "application/json")
 
 
 @router.get(
     "/loops/{tag:path}/verdicts", response_model=VerdictPage, responses=responses(400, 404), summary="The history"
 )
 def verdicts(backend: Services, tag: LoopTag, limit: Limit = 100, cursor: Cursor = None) -> Any:
-    return service.verdict_history(backend, tag, limit, cursor)
+    return loop_verdicts.verdict_history(backend, tag, limit, cursor)
 
 
 @router.get(
@@ -111,7 +113,7 @@ def one_of(name: str, moment: datetime | None, other: datetime | None) -> dateti
 @router.get("/loops/{tag:path}", response_model=LoopOut, responses=NOT_MODIFIED | responses(404), summary="One loop")
 def loop(request: Request, response: Response, backend: Services, tag: LoopTag) -> Any:
     """A loop with an ETag, which changes with what is said of it and with its samples."""
-    view = service.get_loop(backend, tag)
+    view = get_loop(backend, tag)
     own = response.headers["ETag"] = tag_of(vars(view))
     if known(request.headers.get("If-None-Match", ""), own):
         return Response(status_code=304, headers={"ETag": own})
@@ -130,6 +132,6 @@ def patch(response: Response, backend: Services, tag: LoopTag, changes: LoopPatc
     one, as in `/loops/FIC1/health`, is a part of the tag here.
     """
     only_if = None if if_match is None else lambda view: known(if_match, tag_of(vars(view)))
-    view = service.patch_loop(backend, tag, changes.model_dump(exclude_unset=True), only_if)
+    view = properties.patch_loop(backend, tag, changes.model_dump(exclude_unset=True), only_if)
     response.headers["ETag"] = tag_of(vars(view))
     return view

@@ -6,9 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.http.backend import IsoTime
 from app.services.audit_json.models import KeyFiguresLine, ReliabilityRow, TableRow
-from app.services.plant.loops import KNOWN_TYPES, LONGEST_WORDS, MOST_IMPORTANT
-from app.services.plant.notes import LONGEST_TEXT, LONGEST_WORK_ORDER
 from app.services.results import AuditState, UploadState
+from app.services.stating.notes import LONGEST_TEXT, LONGEST_WORK_ORDER
+from app.services.stating.properties import KNOWN_TYPES, LONGEST_WORDS, MOST_IMPORTANT
 
 CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 """In the responses of a route that answers with a table."""

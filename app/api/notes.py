@@ -9,7 +9,7 @@ from app.http.backend import Caller, Cursor, Identifier, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
-from app.services.plant import notes as service
+from app.services.stating import notes as service
 
 router = APIRouter(tags=["notes"])
 

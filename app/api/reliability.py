@@ -17,10 +17,10 @@ from app.services.audit_json.models import ReadingName, ReliabilityName, TableRo
 from app.services.auditing.audits import get_audit
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
+from app.services.loops import RETIRED
 from app.services.plant import reliability as service
-from app.services.plant.loop_list import BYTE_ORDER_MARK
-from app.services.plant.loops import RETIRED
 from app.services.spreadsheet import csv_lines
+from app.services.stating.loop_list import BYTE_ORDER_MARK
 
 COLUMNS = tuple(TableRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)

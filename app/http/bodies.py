@@ -12,7 +12,7 @@ from app.http.problems import respond
 from app.http.receiving import LARGEST_MAPPING
 from app.http.spooling import FORM_OVERHEAD_BYTES
 from app.services.explaining.simulations import LARGEST_TRACE
-from app.services.plant.loop_list import MOST_LOOPS
+from app.services.stating.loop_list import MOST_LOOPS
 from app.settings import Settings
 
 UPLOADS = ("/v1/uploads", "/uploads")

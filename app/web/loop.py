@@ -14,22 +14,23 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from app.errors import FieldError, NotFoundError, RequestError
 from app.http.backend import Caller, Identifier, Services
 from app.http.paths import LoopTag
+from app.services import loops
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.backend import Backend
 from app.services.moments import PlantClock
-from app.services.plant import loops, notes
 from app.services.plant.arrivals import current_ns
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
-from app.services.plant.continuing import maybe_before
 from app.services.plant.groups import unnamed
-from app.services.plant.loop_list import number
 from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.nights import nights as nights_of
-from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.worst import worst_tags
 from app.services.results import LoopView
+from app.services.stating import notes, properties
+from app.services.stating.continuing import maybe_before
+from app.services.stating.loop_list import number
+from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.reason_wording import NO_VOTE
 from app.services.telling.rival_wording import worth_a_look
 from app.web.explanation import newest_in_words
@@ -53,7 +54,7 @@ class Typed:
 NOTHING_TYPED = Typed()
 
 SPANS = ("pv_low", "pv_high", "op_low", "op_high")
-LONGEST_FIELD = 2 * loops.LONGEST_WORDS  # as typed; what is too long to be kept is told at its field
+LONGEST_FIELD = 2 * properties.LONGEST_WORDS  # as typed; what is too long to be kept is told at its field
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,7 @@ def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
 @router.post("/loops/{tag:path}/continues")
 def continues(backend: Services, tag: LoopTag, earlier: Field = "") -> RedirectResponse:
     """What the page offers where the loop may be another one under a new tag."""
-    loops.patch_loop(backend, tag, {"continues": earlier})
+    properties.patch_loop(backend, tag, {"continues": earlier})
     return back_to(tag, "settings")
 
 
@@ -203,7 +204,7 @@ def settings(
     only_if = (lambda view: _as_set(view).version == version) if version else None
     try:
         if not wrong:
-            loops.patch_loop(backend, tag, {**words, **numbers, **stated}, only_if)
+            properties.patch_loop(backend, tag, {**words, **numbers, **stated}, only_if)
     except FieldError as error:
         wrong[error.field] = error.message
     except RequestError as error:
@@ -232,7 +233,7 @@ def _numbers(typed: Mapping[str, str]) -> tuple[dict[str, float | None], dict[st
 
 
 def _as_set(it: LoopView) -> Settings:
-    names = ("importance", *loops.WORDS, *SPANS)
+    names = ("importance", *properties.WORDS, *SPANS)
     told = {name: "" if (value := getattr(it, name)) is None else str(value) for name in names}
     answer = next(answer for answer, stated in ANSWERS.items() if stated is it.moves_valve)
     values = {**told, "moves_valve": answer, "retired": "yes" if it.retired else ""}

@@ -9,8 +9,8 @@ from app.errors import RequestError
 from app.http.backend import Services
 from app.http.spooling import spooled
 from app.services.backend import Backend
-from app.services.plant.loop_list import COLUMNS, MOST_LOOPS, read, take
 from app.services.results import LoopsChanged
+from app.services.stating.loop_list import COLUMNS, MOST_LOOPS, read, take
 from app.web.rendering import page
 
 SHOWN = 200

@@ -11,13 +11,13 @@ from starlette.responses import FileResponse, JSONResponse
 from app.engine.plant_wide.groups import IN_STEP
 from app.http.backend import Services
 from app.services.cursors import LONGEST as LONGEST_CURSOR
+from app.services.loops import RETIRED
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant import reliability
 from app.services.plant.arrivals import arrivals
 from app.services.plant.glossary import FIGURES
 from app.services.plant.judged import judged
-from app.services.plant.loops import RETIRED
 from app.services.plant.nights import nights
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter

@@ -27,9 +27,9 @@ from app.services.plant.arrivals import (
 )
 from app.services.plant.arrivals import sentences as sentences_by
 from app.services.plant.plant_sheet import plant_sheet
-from app.services.plant.shelving import shelf
 from app.services.plant.silent import of_run
 from app.services.reports.documents import plant_report
+from app.services.stating.shelving import shelf
 from app.services.telling.naming import NAMED
 from app.storage import arrivals as stored
 from app.storage import series

@@ -29,8 +29,9 @@ from app.services.auditing.hearing import (
 )
 from app.services.backend import Backend
 from app.services.moments import UTC_CLOCK
-from app.services.plant.loops import loop_health, patch_loop, verdict_detail
+from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_page
+from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import Ask, next_step
 from app.storage import loops, series
 from app.storage.audits import LoopFilter

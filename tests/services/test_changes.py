@@ -12,7 +12,7 @@ from app.services.backend import Backend
 from app.services.digests.digest import digest_of, newest_run
 from app.services.digests.telling import as_text
 from app.services.plant import changes, worst
-from app.services.plant.loops import loop_health
+from app.services.plant.loop_verdicts import loop_health
 from app.services.telling.wording import headline, probability
 from app.storage.tables import audits, newest_rows
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest

@@ -13,7 +13,7 @@ from app.services.backend import Backend
 from app.services.moments import iso_utc, moment_of
 from app.services.plant import charts as charts_module
 from app.services.plant.charts import charts, closer
-from app.services.plant.loops import verdict_detail
+from app.services.plant.loop_verdicts import verdict_detail
 from app.services.reports.documents import loop_report
 from app.storage import loops, series
 from app.storage.samples import Samples

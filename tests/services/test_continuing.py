@@ -7,14 +7,16 @@ import pytest
 from sqlalchemy import update
 
 from app.errors import FieldError
+from app.services import loops
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.plant import loops, notes, reliability
-from app.services.plant.continuing import likeness, maybe_before
-from app.services.plant.loop_list import read, take, written
+from app.services.plant import loop_verdicts, reliability
 from app.services.plant.nights import nights
-from app.services.plant.shelving import shelf
+from app.services.stating import notes, properties
+from app.services.stating.continuing import likeness, maybe_before
+from app.services.stating.loop_list import read, take, written
+from app.services.stating.shelving import shelf
 from app.storage.tables import audits, verdicts
 from app.storage.tables import loops as stored
 from tests.services.conftest import START_NS
@@ -28,7 +30,7 @@ LATER = datetime.now(UTC) + timedelta(days=9)
 def renamed(backend: Backend, add_loops: AddLoops) -> Backend:
     """FIC101 was audited, has settings, a work order and is shelved; FIC-101A is new."""
     add_loops("FIC101", "FIC102", n=150)
-    loops.patch_loop(backend, "FIC101", KNOWN)
+    properties.patch_loop(backend, "FIC101", KNOWN)
     notes.add_note(backend, "FIC101", "", work_order="WO-9")
     notes.add_note(backend, "FIC101", "in the shutdown", shelved_until=LATER)
     run = start_audit(backend)
@@ -39,7 +41,7 @@ def renamed(backend: Backend, add_loops: AddLoops) -> Backend:
         connection.execute(update(audits).values(created_at=past))
         connection.execute(update(stored).values(newest_ns=START_NS - 1, created_at=past))
     add_loops("FIC-101A", n=150)
-    loops.patch_loop(backend, "FIC-101A", {"op_low": 10.0, "op_high": 90.0})
+    properties.patch_loop(backend, "FIC-101A", {"op_low": 10.0, "op_high": 90.0})
     run = start_audit(backend)
     audit_chunk(backend, int(run.id), "test")
     return backend
@@ -47,7 +49,7 @@ def renamed(backend: Backend, add_loops: AddLoops) -> Backend:
 
 def test_it_takes_what_nobody_said_of_it_and_the_other_is_retired(renamed: Backend) -> None:
     assert maybe_before(renamed, "FIC-101A") == "FIC101"
-    it = loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    it = properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
     assert (it.unit, it.type, it.importance, it.continues) == ("U1", "flow", 3.0, "FIC101")
     assert (it.op_low, it.op_high) == (10.0, 90.0), "what was said of it stays"
     assert loops.get_loop(renamed, "FIC101").retired
@@ -56,14 +58,14 @@ def test_it_takes_what_nobody_said_of_it_and_the_other_is_retired(renamed: Backe
 
 
 def test_notes_orders_and_shelving_go_along_and_come_back(renamed: Backend) -> None:
-    loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
     told = notes.list_notes(renamed, "FIC-101A")
     assert [(note.work_order, note.written_of) for note in told] == [("", "FIC101"), ("WO-9", "FIC101")]
     (row,) = [row for row in reliability.table(renamed, 10).rows if row["loop"] == "FIC-101A"]
     assert (row["work_order"], row["shelved_until"] is None) == ("WO-9", False)
     assert shelf(renamed).of("FIC-101A") is not None
     notes.add_note(renamed, "FIC-101A", "seen")
-    loops.patch_loop(renamed, "FIC-101A", {"continues": None})
+    properties.patch_loop(renamed, "FIC-101A", {"continues": None})
     assert [note.text for note in notes.list_notes(renamed, "FIC-101A")] == ["seen"]
     assert [note.written_of for note in notes.list_notes(renamed, "FIC101")] == [None, None]
     assert not loops.get_loop(renamed, "FIC101").retired
@@ -71,11 +73,11 @@ def test_notes_orders_and_shelving_go_along_and_come_back(renamed: Backend) -> N
 
 def test_its_history_is_that_of_both(renamed: Backend) -> None:
     assert len(nights(renamed, ["FIC-101A"])["FIC-101A"]) == 1
-    loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
     assert nights(renamed, ["FIC-101A"])["FIC-101A"][0].date == "2026-03-01"
-    told = [row["loop"] for row in loops.chained_history(renamed, "FIC-101A", 10)]
+    told = [row["loop"] for row in loop_verdicts.chained_history(renamed, "FIC-101A", 10)]
     assert told == ["FIC-101A", "FIC101", "FIC101"]
-    assert loops.chained_history(renamed, "FIC-101A", 2)[-1]["loop"] == "FIC101"
+    assert loop_verdicts.chained_history(renamed, "FIC-101A", 2)[-1]["loop"] == "FIC101"
 
 
 def test_it_is_said_in_the_loop_list(renamed: Backend) -> None:
@@ -90,23 +92,23 @@ def test_it_is_said_in_the_loop_list(renamed: Backend) -> None:
 @pytest.mark.parametrize("earlier", ["FIC-101A", "NOWHERE", "half \ud83d"])
 def test_a_loop_that_there_is_not_is_not_continued(renamed: Backend, earlier: str) -> None:
     with pytest.raises(FieldError) as refused:
-        loops.patch_loop(renamed, "FIC-101A", {"continues": earlier})
+        properties.patch_loop(renamed, "FIC-101A", {"continues": earlier})
     assert (refused.value.code, refused.value.field) == ("bad_continues", "continues")
 
 
 def test_neither_a_circle_nor_two_that_continue_one(renamed: Backend) -> None:
-    loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
     for tag, earlier in (("FIC101", "FIC-101A"), ("FIC102", "FIC101")):
         with pytest.raises(FieldError):
-            loops.patch_loop(renamed, tag, {"continues": earlier})
-    loops.patch_loop(renamed, "FIC102", {"continues": "FIC-101A"})
+            properties.patch_loop(renamed, tag, {"continues": earlier})
+    properties.patch_loop(renamed, "FIC102", {"continues": "FIC-101A"})
     assert [note.written_of for note in notes.list_notes(renamed, "FIC102")] == ["FIC101", "FIC101"]
     assert len(nights(renamed, ["FIC102"])["FIC102"]) == 2
 
 
 def test_what_goes_on_under_another_tag_is_not_taken_back_by_an_older_list(renamed: Backend) -> None:
     before = "".join(written(renamed)).encode()
-    loops.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
     done = take(renamed, read(before))
     assert [(one.loop, one.code) for one in done.refused] == [("FIC101", "bad_continues")]
     assert loops.get_loop(renamed, "FIC101").retired

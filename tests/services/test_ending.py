@@ -19,7 +19,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.backend import Backend
-from app.services.plant.loops import loop_health, verdict_detail
+from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
 from app.services.upkeep.sweep import sweep
 from app.storage import audits, items, loops, series

@@ -12,7 +12,7 @@ from app.services.explaining import explanations
 from app.services.explaining import traces as explanation_traces
 from app.services.explaining import working as explaining
 from app.services.explaining.explanations import Wanted
-from app.services.plant import notes
+from app.services.stating import notes
 from app.storage.tables import explanations as explanations_table
 from app.storage.tables import verdicts as verdicts_table
 from tests.engine.wandering import STICKY, recorded

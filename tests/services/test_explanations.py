@@ -22,7 +22,7 @@ from app.services.explaining import traces as explanation_traces
 from app.services.explaining import working as explaining
 from app.services.explaining.explanations import Wanted
 from app.services.explaining.simulations import GivenSimulation, GivenTrace
-from app.services.plant import loops as loops_service
+from app.services.plant import loop_verdicts
 from app.services.upkeep.sweep import sweep
 from app.settings import Settings
 from app.storage import explanations as stored
@@ -386,7 +386,7 @@ def test_a_night_explains_its_worst_loops_once(backend: Backend, add_loops: Call
     tags = ("FIC1", "FIC2", "FIC3")
     asked = [row for tag in tags for row in explanations.list_explanations(backend, tag).rows]
     assert [(row["state"], row["audit_id"]) for row in asked] == [("open", run.id)] * 2
-    found = loops_service.loop_health(backend, asked[0]["loop"])
+    found = loop_verdicts.loop_health(backend, asked[0]["loop"])
     assert (asked[0]["window_start"], asked[0]["window_end"]) == (found["window_start"], found["window_end"])
     assert len(compared_samples(backend)) == 300
 

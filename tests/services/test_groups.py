@@ -7,12 +7,13 @@ from collections.abc import Callable
 import pytest
 
 from app.services.backend import Backend
+from app.services.loops import find
 from app.services.plant import groups, loop_sheet, plant_sheet
 from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups
-from app.services.plant.loops import find, patch_loop
-from app.services.plant.shelving import shelf
 from app.services.reports.documents import loop_report, plant_report
+from app.services.stating.properties import patch_loop
+from app.services.stating.shelving import shelf
 
 
 def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

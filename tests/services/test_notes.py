@@ -6,9 +6,10 @@ import pytest
 
 from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
-from app.services.plant import notes, reliability
+from app.services.plant import before_after, reliability
 from app.services.plant.before_after import compared
-from app.services.plant.loops import verdict_history
+from app.services.plant.loop_verdicts import verdict_history
+from app.services.stating import notes
 from tests.services.audited_plant import rewrite
 
 
@@ -17,9 +18,9 @@ def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str,
     early, late = datetime(2026, 1, 1, tzinfo=UTC), datetime(2026, 1, 3, tzinfo=UTC)
     rewrite(backend, first, ids["A"], window_start=early, window_end=early, verdict="stiction")
     rewrite(backend, first + 1, ids["A"], window_start=late, window_end=late, verdict="no_stiction")
-    assert notes.newest_repair(backend, "A") is None
+    assert before_after.newest_repair(backend, "A") is None
     notes.add_note(backend, "A", "packing renewed", "WO-1", datetime(2026, 1, 2, tzinfo=UTC), "somebody")
-    repair = notes.newest_repair(backend, "A")
+    repair = before_after.newest_repair(backend, "A")
     assert repair is not None
     assert repair.before is not None
     assert repair.after is not None
@@ -30,8 +31,8 @@ def test_a_repair_parts_the_verdicts(backend: Backend, two_runs: tuple[dict[str,
     assert "Control error SP - PV, standard deviation, bar" in told
     assert all(float(value) > 0.0 for value in told["Travel of OP an hour, units of OP"])
     assert not any("band" in label for label in told)
-    assert compared(backend, "A", notes.Repair(repair.repaired_at, None, repair.after), None)[0][1] == "–"
-    assert compared(backend, "A", notes.Repair(repair.repaired_at, repair.before, None), None) == []
+    assert compared(backend, "A", before_after.Repair(repair.repaired_at, None, repair.after), None)[0][1] == "–"
+    assert compared(backend, "A", before_after.Repair(repair.repaired_at, repair.before, None), None) == []
     (note,) = notes.list_notes(backend, "A")
     assert (note.text, note.work_order, note.written_by) == ("packing renewed", "WO-1", "somebody")
     assert abs(datetime.fromisoformat(note.written_at) - datetime.now(UTC)) < timedelta(minutes=1)
@@ -47,7 +48,7 @@ def test_a_window_that_begins_within_the_second_of_a_repair_is_after_it(
     rewrite(backend, first, ids["A"], window_start=early, window_end=early, verdict="stiction")
     rewrite(backend, first + 1, ids["A"], window_start=late, window_end=late, verdict="no_stiction")
     notes.add_note(backend, "A", "packing renewed", repaired_at=noon)
-    repair = notes.newest_repair(backend, "A")
+    repair = before_after.newest_repair(backend, "A")
     assert repair is not None
     assert (repair.before or {}).get("verdict") == "stiction"
     assert (repair.after or {}).get("verdict") == "no_stiction"
@@ -68,7 +69,7 @@ def test_a_wrong_time_of_a_repair_is_mended_by_a_further_note(
     for day in (20, 2):
         notes.add_note(backend, "C", "packing renewed", repaired_at=datetime(2026, 1, day, tzinfo=UTC))
     notes.add_note(backend, "C", "runs well")
-    repair = notes.newest_repair(backend, "C")
+    repair = before_after.newest_repair(backend, "C")
     assert repair is not None
     assert repair.repaired_at == "2026-01-02T00:00:00Z"
 
@@ -81,11 +82,11 @@ def test_a_withdrawn_repair_counts_no_longer_and_its_note_stays(
     done = notes.withdraw_repair(backend, "D", wrong.id, "me")
     assert done.withdrawn_at is not None
     assert notes.withdraw_repair(backend, "D", wrong.id, "somebody else") == done
-    repair = notes.newest_repair(backend, "D")
+    repair = before_after.newest_repair(backend, "D")
     assert repair is not None
     assert repair.repaired_at == "2026-01-02T00:00:00Z"
     notes.withdraw_repair(backend, "D", real.id, "me")
-    assert notes.newest_repair(backend, "D") is None
+    assert before_after.newest_repair(backend, "D") is None
     assert [(n.text, n.withdrawn_by) for n in notes.list_notes(backend, "D")] == [
         ("another loop was meant", "me"),
         ("packing", "me"),
@@ -110,7 +111,7 @@ def test_only_a_repair_of_that_loop_can_be_withdrawn(backend: Backend, two_runs:
     for tag, note_id in (("B", repair.id), ("A", plain.id), ("A", "nonsense"), ("A", "77777"), ("NOWHERE", repair.id)):
         with pytest.raises(NotFoundError):
             notes.withdraw_repair(backend, tag, note_id)
-    assert notes.newest_repair(backend, "A") is not None
+    assert before_after.newest_repair(backend, "A") is not None
 
 
 def test_notes_come_page_by_page(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

@@ -7,7 +7,7 @@ from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.plant import glossary, reliability, worst
 from app.services.plant import overview as plant
-from app.services.plant.loops import loop_health, newest_failure
+from app.services.plant.loop_verdicts import loop_health, newest_failure
 from app.storage import items, loops
 from app.storage.items import Failure
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest

@@ -13,15 +13,17 @@ from sqlalchemy import Connection, select, update
 
 from app.api.models import HealthOut
 from app.errors import DataError, NotFoundError, RequestError
+from app.services import loops
 from app.services.audit_json.models import ReliabilityRow, TableRow
 from app.services.audit_json.rows import COLUMNS
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.cursors import encode
-from app.services.plant import loops, overview, reliability
+from app.services.plant import loop_verdicts, overview, reliability
 from app.services.plant import trend as trends
 from app.services.plant.reliability import RowFilter
 from app.services.plant.trend import trend
+from app.services.stating import properties
 from app.services.upkeep.readiness import readiness
 from app.storage import figures, row_texts, series
 from app.storage import loops as stored_loops
@@ -183,7 +185,7 @@ def test_a_cursor_that_the_table_never_gave_is_refused(plant: Backend, sort: str
 @pytest.mark.parametrize("number", [2**63, True, 1.5])
 def test_a_cursor_that_no_list_gave_is_refused(plant: Backend, number: object) -> None:
     with pytest.raises(RequestError) as refused:
-        loops.verdict_history(plant, "FIC0", cursor=encode(number))
+        loop_verdicts.verdict_history(plant, "FIC0", cursor=encode(number))
     assert refused.value.code == "bad_cursor"
 
 
@@ -197,7 +199,7 @@ def test_the_table_as_json_is_the_table(untouched: Backend, sort: str, filters: 
 
 
 def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Backend) -> None:
-    loops.patch_loop(untouched, "FIC1", {"unit": 'the "new" unit'})
+    properties.patch_loop(untouched, "FIC1", {"unit": 'the "new" unit'})
     with untouched.database.write() as connection:
         connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 3).values(form="older"))
     sent = json.loads(reliability.reliability_json(untouched).write())["rows"]
@@ -261,22 +263,22 @@ def test_after_a_restore_the_same_number_of_a_run_is_another_run(untouched: Back
 
 
 def test_health_is_sent_as_the_model_says(untouched: Backend) -> None:
-    loops.patch_loop(untouched, "FIC1", {"unit": "U7"})
-    told = loops.loop_health(untouched, "FIC1")
-    assert json.loads(loops.loop_health_json(untouched, "FIC1")) == told
+    properties.patch_loop(untouched, "FIC1", {"unit": "U7"})
+    told = loop_verdicts.loop_health(untouched, "FIC1")
+    assert json.loads(loop_verdicts.loop_health_json(untouched, "FIC1")) == told
     assert HealthOut.model_validate(told).model_dump(mode="json") == told
     with untouched.database.write() as connection:
         connection.execute(update(newest_rows).values(form="older"))
-    assert json.loads(loops.loop_health_json(untouched, "FIC1")) == told
+    assert json.loads(loop_verdicts.loop_health_json(untouched, "FIC1")) == told
     with pytest.raises(NotFoundError):
-        loops.loop_health_json(untouched, "NEW1")
+        loop_verdicts.loop_health_json(untouched, "NEW1")
 
 
 def test_key_figures_of_verdicts_that_older_versions_wrote_come_from_their_detail(untouched: Backend) -> None:
-    now = loops.loop_health(untouched, "FIC1")
+    now = loop_verdicts.loop_health(untouched, "FIC1")
     with untouched.database.write() as connection:
         connection.execute(update(verdicts).values(extra_json="{}"))
-    before = loops.loop_health(untouched, "FIC1")
+    before = loop_verdicts.loop_health(untouched, "FIC1")
     assert before["good_share_pct"] == now["good_share_pct"] == 100.0
     assert before["op_travel_per_h"] == now["op_travel_per_h"] > 0
 
@@ -284,8 +286,8 @@ def test_key_figures_of_verdicts_that_older_versions_wrote_come_from_their_detai
 def test_the_table_has_each_loops_newest_verdict(plant: Backend) -> None:
     second = _audit(plant)
     assert {row["audit_id"] for row in reliability.reliability_page(plant).rows} == {second}
-    history = loops.verdict_history(plant, "FIC0", limit=1)
-    older = loops.verdict_history(plant, "FIC0", limit=1, cursor=history.next_cursor)
+    history = loop_verdicts.verdict_history(plant, "FIC0", limit=1)
+    older = loop_verdicts.verdict_history(plant, "FIC0", limit=1, cursor=history.next_cursor)
     assert [row["audit_id"] for row in history.rows + older.rows] == [second, "1"]
     assert older.next_cursor is None
 
@@ -295,7 +297,7 @@ def test_a_late_verdict_of_an_older_run_does_not_hide_a_newer_one(backend: Backe
     older, newer = audits.start_audit(backend), audits.start_audit(backend)
     for run in (newer, older):
         chunks.audit_chunk(backend, int(run.id), "w")
-    assert loops.loop_health(backend, "FIC1")["audit_id"] == newer.id
+    assert loop_verdicts.loop_health(backend, "FIC1")["audit_id"] == newer.id
 
 
 def test_the_plant_in_numbers(plant: Backend) -> None:
@@ -312,29 +314,29 @@ def test_loops_are_listed_found_and_changed(plant: Backend) -> None:
     rest = loops.list_loops(plant, limit=4, cursor=first.next_cursor)
     assert [loop.tag for loop in first.rows + rest.rows] == TAGS
     assert [loop.tag for loop in loops.list_loops(plant, wanted=ListFilter(search="6")).rows] == ["FIC6"]
-    changed = loops.patch_loop(plant, "FIC1", {"unit": "U1", "pv_low": 0.0, "pv_high": 10.0, "importance": None})
+    changed = properties.patch_loop(plant, "FIC1", {"unit": "U1", "pv_low": 0.0, "pv_high": 10.0, "importance": None})
     assert (changed.unit, changed.pv_high, changed.importance) == ("U1", 10.0, 1.0)
-    assert loops.patch_loop(plant, "FIC1", {"pv_low": None}).pv_high == 10.0
+    assert properties.patch_loop(plant, "FIC1", {"pv_low": None}).pv_high == 10.0
     for bad in ({"pv_low": 10.0}, {"pv_low": float("nan")}, {"colour": "red"}):
         with pytest.raises(RequestError):
-            loops.patch_loop(plant, "FIC1", bad)
+            properties.patch_loop(plant, "FIC1", bad)
     with pytest.raises(NotFoundError):
         loops.get_loop(plant, "fic1")
 
 
 def test_two_who_change_a_loop_at_once_lose_nothing(untouched: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one comes while the first looks at what there is."""
-    look, others = loops._check_spans, []
+    look, others = properties._check_spans, []
 
     def second(wanted: dict[str, object]) -> None:
-        monkeypatch.setattr(loops, "_check_spans", look)
-        thread = threading.Thread(target=loops.patch_loop, args=(untouched, "FIC1", {"unit": "U2"}))
+        monkeypatch.setattr(properties, "_check_spans", look)
+        thread = threading.Thread(target=properties.patch_loop, args=(untouched, "FIC1", {"unit": "U2"}))
         thread.start()
         others.append(thread)
         thread.join(0.5)
 
-    monkeypatch.setattr(loops, "_check_spans", second)
-    loops.patch_loop(untouched, "FIC1", {"description": "feed"})
+    monkeypatch.setattr(properties, "_check_spans", second)
+    properties.patch_loop(untouched, "FIC1", {"description": "feed"})
     others[0].join()
     found = loops.get_loop(untouched, "FIC1")
     assert (found.unit, found.description) == ("U2", "feed")
@@ -342,7 +344,7 @@ def test_two_who_change_a_loop_at_once_lose_nothing(untouched: Backend, monkeypa
 
 def test_a_loop_without_verdict_says_so(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1")
-    for ask in (loops.loop_health, loops.verdict_detail):
+    for ask in (loop_verdicts.loop_health, loop_verdicts.verdict_detail):
         with pytest.raises(NotFoundError) as refused:
             ask(backend, "FIC1")
         assert refused.value.code == "not_audited"

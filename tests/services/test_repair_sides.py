@@ -6,7 +6,8 @@ import pytest
 from sqlalchemy import Connection, insert
 
 from app.services.backend import Backend
-from app.services.plant import notes
+from app.services.plant import before_after
+from app.services.stating import notes
 from app.services.telling.repair_sides import side_of
 from app.storage import loops, repaired, tables
 from app.storage import notes as stored_notes
@@ -63,7 +64,7 @@ def test_the_last_before_is_found_behind_a_thousand_nights_since(backend: Backen
     with backend.database.write() as connection:
         runs = said(connection, loop_id, [before, before, *[after] * 1001])
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
-    repair = notes.newest_repair(backend, "FIC1")
+    repair = before_after.newest_repair(backend, "FIC1")
     assert [side and side["audit_id"] for side in (repair.before, repair.after)] == [str(runs[1]), str(runs[-1])]
     with backend.database.read() as connection:
         (row,) = repaired.between(connection, REPAIRED - day, datetime.now(UTC), None, 10)

@@ -12,11 +12,12 @@ from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.digests import digest, telling
 from app.services.moments import ns_of
-from app.services.plant import loops, notes, reliability, repaired
+from app.services.plant import before_after, loop_verdicts, reliability, repaired
 from app.services.plant.before_after import compared
-from app.services.plant.shelving import shelf
 from app.services.plant.work_list import work_list
 from app.services.reports.documents import loop_report, plant_report
+from app.services.stating import notes
+from app.services.stating.shelving import shelf
 from app.services.telling.next_steps import Ask, Step, after_repair, step_for
 from app.services.telling.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
 from app.storage import loops as stored_loops
@@ -77,7 +78,7 @@ def night(backend: Backend) -> Night:
         run = audits.start_audit(backend)
         while chunks.audit_chunk(backend, int(run.id), "w"):
             pass
-        return loops.loop_health(backend, "FIC1")
+        return loop_verdicts.loop_health(backend, "FIC1")
 
     return audited
 
@@ -92,9 +93,9 @@ def test_from_a_repair_on_the_samples_after_it_are_judged(backend: Backend, arri
     assert found["verdict"] == "no_stiction"
     assert found["window_start"] >= "2026-03-01T08:00:00Z"
     assert "since_repair" in found["reasons"].split(";")
-    reasons = {reason["code"]: reason["text"] for reason in loops.verdict_detail(backend, "FIC1")["reasons"]}
+    reasons = {reason["code"]: reason["text"] for reason in loop_verdicts.verdict_detail(backend, "FIC1")["reasons"]}
     assert reasons["since_repair"].startswith("judged from the repair of 2026-03-01 08:00 UTC on")
-    repair = notes.newest_repair(backend, "FIC1")
+    repair = before_after.newest_repair(backend, "FIC1")
     assert (repair.before["verdict"], repair.after["verdict"]) == ("stiction", "no_stiction")
 
 
@@ -107,7 +108,7 @@ def test_until_there_are_enough_the_verdict_says_that_it_is_of_before(backend: B
     assert found["reasons"].split(";")[0] == "before_repair"
     assert (before["reliability"], found["reliability"]) == ("reliable", "not_reliable")
     assert found["health"] == before["health"]
-    reasons = loops.verdict_detail(backend, "FIC1")["reasons"]
+    reasons = loop_verdicts.verdict_detail(backend, "FIC1")["reasons"]
     assert reasons[0]["text"].startswith(
         "of before the repair of 2026-03-01 08:00 UTC: 60 samples since then are too few"
     )
@@ -117,7 +118,7 @@ def test_a_repair_after_the_newest_sample_is_told_too(backend: Backend, arrives,
     arrives(1000)
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
     night()
-    assert ": 0 samples since then" in loops.verdict_detail(backend, "FIC1")["reasons"][0]["text"]
+    assert ": 0 samples since then" in loop_verdicts.verdict_detail(backend, "FIC1")["reasons"][0]["text"]
 
 
 def test_a_withdrawn_repair_cuts_nothing(backend: Backend, arrives, night: Night) -> None:
@@ -139,7 +140,7 @@ def test_a_set_point_stated_before_the_repair_holds_after_it(backend: Backend, a
     arrives(2880)
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=REPAIRED)
     night()
-    assert loops.verdict_detail(backend, "FIC1")["held_since"] == {"sp": "2026-03-01T06:00:00Z"}
+    assert loop_verdicts.verdict_detail(backend, "FIC1")["held_since"] == {"sp": "2026-03-01T06:00:00Z"}
 
 
 def fortnight(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
@@ -188,13 +189,13 @@ def test_plant_and_loop_page_part_a_record_by_what_was_judged_of_it(
         connection.execute(update(verdicts).values(window_start=begins))  # what came before it was not judged
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=begins)
     assert fortnight(backend, monkeypatch) == [("FIC1", "sticks", None, "stiction", True)]
-    assert notes.newest_repair(backend, "FIC1").after["verdict"] == "stiction"
+    assert before_after.newest_repair(backend, "FIC1").after["verdict"] == "stiction"
     (row,) = reliability.table(backend, 1).rows
     assert (row["of_before_repair"], headline(row)) == (False, RELIABILITY_WORDS["reliable"])
     later = datetime.now(UTC)
     notes.add_note(backend, "FIC1", "it was later", repaired_at=later)
     assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", "stiction", None, False)]
-    assert notes.newest_repair(backend, "FIC1").after is None
+    assert before_after.newest_repair(backend, "FIC1").after is None
     (row,) = reliability.table(backend, 1).rows
     assert row["next_step"] == Ask.WAIT
     assert headline(row) == "judged from before the repair; wait for newer records"
@@ -214,8 +215,8 @@ def test_a_pv_that_died_after_its_repair_is_looked_at_today(
     monkeypatch.setattr(repaired, "LOOKED_BACK", timedelta(days=4000))
     (row,) = repaired.repairs(backend).listed
     assert row.verdicts == "since: cannot tell (look today)"
-    assert rely(row.said) == rely(loops.loop_health(backend, "FIC1")) == "look today"
-    told = compared(backend, "FIC1", notes.newest_repair(backend, "FIC1"), None)
+    assert rely(row.said) == rely(loop_verdicts.loop_health(backend, "FIC1")) == "look today"
+    told = compared(backend, "FIC1", before_after.newest_repair(backend, "FIC1"), None)
     assert ("Rely on it?", "–", "look today") in told
 
 
@@ -245,7 +246,7 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
         connection.execute(update(verdicts).values(**sticks, reasons="", window_start=START + timedelta(minutes=30)))
         connection.execute(update(newest_rows).values(**sticks, form="of the columns"))
     again = "Repaired 2026-03-01 (WO-63), did not help: reopen the order."
-    assert loops.loop_health(backend, "FIC1")["next_step"] == again
+    assert loop_verdicts.loop_health(backend, "FIC1")["next_step"] == again
     first = work_list(backend, shelf(backend))[0]
     assert (first.loop, first.step.text) == ("FIC1", again)
     assert [one.loop for one in work_list(backend, shelf(backend))] == ["FIC1"]
@@ -257,7 +258,7 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
     assert "Repairs of the last fortnight" in report
     assert again in loop_report(backend, "FIC1")
     notes.withdraw_repair(backend, "FIC1", notes.list_notes(backend, "FIC1")[0].id, "me")
-    assert loops.loop_health(backend, "FIC1")["next_step"] == Ask.STICKS
+    assert loop_verdicts.loop_health(backend, "FIC1")["next_step"] == Ask.STICKS
 
 
 def test_what_may_not_have_helped_is_looked_at_first() -> None:

@@ -14,7 +14,7 @@ from app.services.access import trail
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.intake.reading import read_upload
-from app.services.plant.loops import loop_health, verdict_history
+from app.services.plant.loop_verdicts import loop_health, verdict_history
 from app.services.results import Receipt
 from app.services.upkeep import retention
 from app.services.upkeep.metrics import Sample, metrics

@@ -14,17 +14,19 @@ from app.services.auditing.nightly import announce_explanations, nightly, refuse
 from app.services.backend import Backend
 from app.services.digests.digest import digest_of, newest_run
 from app.services.digests.telling import as_text
+from app.services.loops import get_loop, list_loops
 from app.services.moments import ns_of
 from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups
-from app.services.plant.loops import get_loop, list_loops, loop_health, patch_loop, verdict_history
-from app.services.plant.notes import add_note, list_notes
+from app.services.plant.loop_verdicts import loop_health, verdict_history
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
 from app.services.plant.repaired import repairs
 from app.services.plant.trend import trend
 from app.services.reports.documents import loop_report, plant_report
+from app.services.stating.notes import add_note, list_notes
+from app.services.stating.properties import patch_loop
 from app.services.upkeep import doctor
 from app.services.upkeep.metrics import metrics
 from app.storage import loops as stored_loops

@@ -17,12 +17,14 @@ from app.cli.main import cli
 from app.engine.audit import Audit, audit
 from app.engine.recording import Recording
 from app.errors import DataError, NotFoundError, RequestError
+from app.services import loops
 from app.services.access.trail import list_trail
 from app.services.audit_json.models import ReliabilityRow
 from app.services.auditing import audits, chunks, nightly
 from app.services.auditing.audits import LoopFilter
 from app.services.backend import Backend
-from app.services.plant import loops
+from app.services.plant import loop_verdicts
+from app.services.stating import properties
 from app.services.upkeep.readiness import readiness
 from app.services.upkeep.sweep import sweep
 from app.settings import Settings
@@ -47,26 +49,26 @@ def test_every_loop_gets_its_verdict(backend: Backend, add_loops: AddLoops) -> N
     work_off(backend, run.id)
     run = audits.get_audit(backend, run.id)
     assert (run.state, run.open, run.done, run.failed) == ("done", 0, 3, 0)
-    row = ReliabilityRow.model_validate(loops.loop_health(backend, "FIC2"))
+    row = ReliabilityRow.model_validate(loop_verdicts.loop_health(backend, "FIC2"))
     assert (row.loop, row.samples, row.sampling_interval_s, row.audit_id) == ("FIC2", 300, 60.0, run.id)
     assert (row.window_start, row.window_end) == ("2025-06-15T15:06:40Z", "2025-06-15T20:05:40Z")
-    detail = loops.verdict_detail(backend, "FIC2")
+    detail = loop_verdicts.verdict_detail(backend, "FIC2")
     assert detail["rungs"]
     assert [reason["code"] for reason in detail["reasons"]] == row.reasons.split(";")
 
 
 def test_a_stored_verdict_is_that_of_the_engine_and_can_be_made_again(backend: Backend, add_loops: AddLoops) -> None:
     ids = add_loops("FIC1")
-    loops.patch_loop(backend, "FIC1", {"op_low": 0.0, "op_high": 100.0, "integrating": False})
+    properties.patch_loop(backend, "FIC1", {"op_low": 0.0, "op_high": 100.0, "integrating": False})
     run = audits.start_audit(backend)
     work_off(backend, run.id)
-    stored = loops.loop_health(backend, "FIC1")
+    stored = loop_verdicts.loop_health(backend, "FIC1")
     with backend.database.read() as connection:
         given = connection.execute(select(verdicts.c.input_start_ns, verdicts.c.input_end_ns)).one()
         samples = stored_series.between(connection, ids["FIC1"], given.input_start_ns, given.input_end_ns)
-    loops.patch_loop(backend, "FIC1", {"op_low": 20.0, "op_high": 60.0, "integrating": True})
+    properties.patch_loop(backend, "FIC1", {"op_low": 20.0, "op_high": 60.0, "integrating": True})
     now = chunks.recording_of(loops.find(backend, "FIC1"), samples)
-    stated = loops.verdict_detail(backend, "FIC1")["stated"]
+    stated = loop_verdicts.verdict_detail(backend, "FIC1")["stated"]
     assert stated == {"op_range": [0.0, 100.0], "pv_range": None, "integrating": False}
     recording = replace(now, **stated)
     again = audit(recording)
@@ -167,7 +169,7 @@ def test_a_late_worker_cannot_overwrite(backend: Backend, add_loops: AddLoops, m
     monkeypatch.setattr(chunks, "audit", slow)
     chunks.audit_chunk(backend, int(run.id), "slow")
     assert _count(backend, verdicts) == 1
-    assert loops.loop_health(backend, "FIC1")["sampling_interval_s"] == 60.0
+    assert loop_verdicts.loop_health(backend, "FIC1")["sampling_interval_s"] == 60.0
 
 
 def test_work_of_a_lost_worker_is_given_to_another(backend: Backend, add_loops: AddLoops) -> None:
@@ -237,7 +239,7 @@ def test_a_chunk_under_way_ends_with_its_run_and_what_it_found_stays(
     assert chunks.audit_chunk(Backend(writes_each, backend.database, backend.queue), int(run.id), "w") == 2
     ended = audits.get_audit(backend, run.id)
     assert (len(begun), ended.state, ended.done, ended.failed) == (2, "cancelled", 1, 5)
-    assert loops.loop_health(backend, begun[0])["audit_id"] == run.id
+    assert loop_verdicts.loop_health(backend, begun[0])["audit_id"] == run.id
     assert _count(backend, verdicts) == 1
 
 

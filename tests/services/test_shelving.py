@@ -13,13 +13,15 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.moments import UTC_CLOCK
-from app.services.plant import changes, notes, reliability, worst
+from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant
-from app.services.plant.loops import loop_health, patch_loop
-from app.services.plant.shelving import LONGEST, Shelf, shelf
+from app.services.plant.loop_verdicts import loop_health
 from app.services.plant.work_list import work_list
 from app.services.plant.written import Written
 from app.services.reports.documents import loop_report, plant_report
+from app.services.stating import notes
+from app.services.stating.properties import patch_loop
+from app.services.stating.shelving import LONGEST, Shelf, shelf
 from app.services.telling.next_steps import BY_CAUSE, Ask, next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts

@@ -17,16 +17,18 @@ from app.services.auditing.unanswered import of_lines, of_plant
 from app.services.backend import Backend
 from app.services.digests.digest import Digest, digest_of
 from app.services.digests.telling import as_html, as_json, as_text
-from app.services.plant import notes
+from app.services.loops import find
 from app.services.plant.changes import changes
 from app.services.plant.loop_sheet import loop_sheet
-from app.services.plant.loops import find, loop_health, patch_loop, verdict_detail
+from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.reliability import reliability_json, reliability_page
-from app.services.plant.shelving import shelf
 from app.services.plant.stood_together import as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.plant.worst import listed_first, look_today, worst_tags
 from app.services.reports.documents import loop_report, plant_report
+from app.services.stating import notes
+from app.services.stating.properties import patch_loop
+from app.services.stating.shelving import shelf
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter

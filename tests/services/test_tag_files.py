@@ -6,7 +6,7 @@ import pytest
 from app.engine.recording import Recording
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.plant import loops
+from app.services.plant import loop_verdicts
 from app.services.plant.trend import trend
 from app.storage import loops as stored_loops
 from app.storage import series
@@ -31,7 +31,7 @@ def test_a_mode_in_a_file_of_its_own_counts_in_the_audit(
         assert (done.loops, done.samples_added) == (["FIC204"], len(signals[name]))
     run = audits.start_audit(backend)
     chunks.audit_chunk(backend, int(run.id), "w")
-    line = loops.loop_health(backend, "FIC204")
+    line = loop_verdicts.loop_health(backend, "FIC204")
     assert (line["verdict"], line["automatic_share"]) == ("not_auditable", 0.0)
     assert line["reasons"] == "not_in_automatic"
 
@@ -62,7 +62,7 @@ def test_a_mode_that_changed_long_before_the_window_is_known(backend: Backend, w
     read(backend, send(backend, of_one_tag((40 + np.cos(steps / 6)).astype(str)), name="FIC8.OP.csv"))
     run = audits.start_audit(backend)
     chunks.audit_chunk(backend, int(run.id), "w")
-    line = loops.loop_health(backend, "FIC8")
+    line = loop_verdicts.loop_health(backend, "FIC8")
     assert (line["verdict"], line["reasons"], line["automatic_share"]) == ("not_auditable", "not_in_automatic", 0.0)
 
 
@@ -89,8 +89,8 @@ def audited_with_set_point(backend: Backend, days_before: int) -> tuple[dict[str
     read(backend, send(backend, of_one_tag(["52"], -86_400 * days_before), name="FIC10.SP.csv"))
     run = audits.start_audit(backend)
     chunks.audit_chunk(backend, int(run.id), "w")
-    error = loops.loop_health(backend, "FIC10")["error_mean"]
-    return loops.verdict_detail(backend, "FIC10")["held_since"], error
+    error = loop_verdicts.loop_health(backend, "FIC10")["error_mean"]
+    return loop_verdicts.verdict_detail(backend, "FIC10")["held_since"], error
 
 
 def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backend) -> None:
@@ -98,4 +98,4 @@ def test_a_loop_of_which_only_the_mode_was_sent_is_not_auditable(backend: Backen
     run = audits.start_audit(backend)
     chunks.audit_chunk(backend, int(run.id), "w")
     assert audits.get_audit(backend, run.id).failed == 0
-    assert loops.loop_health(backend, "FIC204")["verdict"] == "not_auditable"
+    assert loop_verdicts.loop_health(backend, "FIC204")["verdict"] == "not_auditable"

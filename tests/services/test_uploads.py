@@ -12,10 +12,11 @@ from sqlalchemy import Engine, event, func, select, update
 
 from app.errors import LoopauditError, NotFoundError
 from app.ingest import TagMapping
+from app.services import loops
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
-from app.services.plant import loops
+from app.services.stating import properties
 from app.services.upkeep.sweep import sweep
 from app.storage import samples
 from app.storage import uploads as stored
@@ -246,7 +247,7 @@ def test_an_upload_tells_which_of_its_loops_are_retired(backend: Backend) -> Non
     first = read(backend, send(backend, export()))
     tag = first.loops[0]
     assert not any("retired" in note for note in first.notes)
-    loops.patch_loop(backend, tag, {"retired": True})
+    properties.patch_loop(backend, tag, {"retired": True})
     later = read(backend, send(backend, export(start=1_750_100_000)))
     assert later.samples_added == first.samples_added
     assert f"not audited with the plant ({tag})." in later.notes[-1]

@@ -11,8 +11,9 @@ from sqlalchemy import Engine, event
 from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.plant import loops, notes, reliability
+from app.services.plant import loop_verdicts, reliability
 from app.services.plant.reliability import RowFilter
+from app.services.stating import notes
 from app.services.telling.next_steps import Ask
 
 AddLoops = Callable[..., dict[str, int]]
@@ -48,7 +49,7 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
         assert {row["loop"]: {name: row[name] for name in names} for row in rows} == on_page
         assert all(set(row) == set(TableRow.model_fields) for row in rows)
     for tag in TAGS:
-        health = json.loads(loops.loop_health_json(plant, tag))
+        health = json.loads(loop_verdicts.loop_health_json(plant, tag))
         assert {name: health[name] for name in names} == on_page[tag]
     assert on_page["FIC0"]["next_step"]
     assert (on_page["FIC1"]["work_order"], on_page["FIC1"]["of_before_repair"]) == ("WO-17", False)

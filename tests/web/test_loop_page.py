@@ -11,11 +11,11 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 from app.services.moments import UTC_CLOCK
-from app.services.plant import loops
-from app.services.plant.loops import loop_health, verdict_detail
+from app.services.plant import loop_verdicts
+from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.periods import periods
-from app.services.plant.shelving import shelf
 from app.services.plant.worst import worst as worst_rows
+from app.services.stating.shelving import shelf
 from app.services.telling.next_steps import next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops as stored_loops
@@ -184,9 +184,9 @@ def test_a_loop_is_retired_on_its_page_and_says_so(client):
 
 
 def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):
-    detail = loops.verdict_detail
+    detail = loop_verdicts.verdict_detail
     wired = {"moves_set_point_of": [HOSTILE, "FIC3"], "set_point_moved_by": ["AIC1"]}
-    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | wired)
+    monkeypatch.setattr(loop_verdicts, "verdict_detail", lambda *asked: detail(*asked) | wired)
     page = seen(client, "/loops/FIC101")
     told = " ".join(" ".join(page.texts).split())
     assert f"its OP is the set point of {HOSTILE} and of FIC3 ." in told
@@ -195,7 +195,7 @@ def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):
 
 
 def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
-    detail, health = loops.verdict_detail, loops.loop_health
+    detail, health = loop_verdicts.verdict_detail, loop_verdicts.loop_health
 
     def told(*asked):
         rivals = [
@@ -204,18 +204,18 @@ def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
         ]
         return detail(*asked) | {"rivals": rivals}
 
-    monkeypatch.setattr(loops, "verdict_detail", told)
-    monkeypatch.setattr(loops, "loop_health", lambda *asked: health(*asked) | {"rival_winner": "saturated_op"})
+    monkeypatch.setattr(loop_verdicts, "verdict_detail", told)
+    monkeypatch.setattr(loop_verdicts, "loop_health", lambda *asked: health(*asked) | {"rival_winner": "saturated_op"})
     assert "wins although “shaken from outside” scored higher" in client.get("/loops/FIC101").text
     assert "wins although" in client.get("/v1/loops/FIC101/report").text
 
 
 def test_a_health_that_could_not_be_had_is_called_so_with_the_reason(client, monkeypatch):
-    detail, health = loops.verdict_detail, loops.loop_health
+    detail, health = loop_verdicts.verdict_detail, loop_verdicts.loop_health
     because = "not evaluated, because too little was measured: 3 samples, at least 100 are needed"
     parts = [{"code": "stiction", "weight": 40.0, "lost": 0.0, "text": because}]
-    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | {"health": parts})
-    monkeypatch.setattr(loops, "loop_health", lambda *asked: health(*asked) | {"health": None})
+    monkeypatch.setattr(loop_verdicts, "verdict_detail", lambda *asked: detail(*asked) | {"health": parts})
+    monkeypatch.setattr(loop_verdicts, "loop_health", lambda *asked: health(*asked) | {"health": None})
     page = client.get("/loops/FIC101").text
     assert '<h2 id="health-head">Health <span class="weak">not evaluated</span></h2>' in page
     assert f'<td class="number">–</td><td>{because}</td>' in page
@@ -225,14 +225,14 @@ def test_a_health_that_could_not_be_had_is_called_so_with_the_reason(client, mon
 
 
 def test_explanations_that_nothing_speaks_for_are_folded_away(client, monkeypatch):
-    detail = loops.verdict_detail
+    detail = loop_verdicts.verdict_detail
     rivals = [
         {"code": "stiction", "score": 0.05, "applies": True, "text": "first in any case"},
         {"code": "saturated_op", "score": 0.1, "applies": True, "text": "seen a little"},
         {"code": "backlash", "score": 0.09, "applies": True, "text": "hardly seen"},
         {"code": "disturbance", "score": 0.9, "applies": False, "text": "not looked at"},
     ]
-    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | {"rivals": rivals})
+    monkeypatch.setattr(loop_verdicts, "verdict_detail", lambda *asked: detail(*asked) | {"rivals": rivals})
     html = client.get("/loops/FIC101").text
     table, folded = html[html.index('id="rivals-head"') :].split("<summary>2 more that nothing speaks for", 1)
     assert "first in any case" in table
@@ -242,10 +242,10 @@ def test_explanations_that_nothing_speaks_for_are_folded_away(client, monkeypatc
 
 
 def test_a_set_point_from_before_the_record_is_said_to_be_held(client, monkeypatch):
-    detail = loops.verdict_detail
+    detail = loop_verdicts.verdict_detail
     assert "held since" not in client.get("/loops/FIC101").text
     held = {"held_since": {"sp": "2026-01-25T00:00:00Z", "automatic": "2026-01-26T00:00:00Z"}}
-    monkeypatch.setattr(loops, "verdict_detail", lambda *asked: detail(*asked) | held)
+    monkeypatch.setattr(loop_verdicts, "verdict_detail", lambda *asked: detail(*asked) | held)
     page = client.get("/loops/FIC101").text
     assert "Set point held since 2026-01-25 00:00" in page
     assert "Mode held since 2026-01-26 00:00" in page
@@ -312,7 +312,7 @@ def test_what_is_not_shown_of_a_loop_has_its_address(client, monkeypatch):
     assert "older-nights" not in before
     assert "older-notes" not in before
     monkeypatch.setattr("app.services.plant.loop_sheet.NIGHTS", 1)
-    monkeypatch.setattr("app.services.plant.notes.SHOWN", 1)
+    monkeypatch.setattr("app.services.stating.notes.SHOWN", 1)
     written = [client.post("/v1/loops/LIC7/notes", json={"text": text}) for text in ("one", "two")]
     assert [answer.status_code for answer in written] == [201, 201]
     page = client.get("/loops/LIC7").text

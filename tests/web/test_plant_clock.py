@@ -9,8 +9,8 @@ from playwright.sync_api import Browser, expect
 from app.main import create_app
 from app.services.digests.digest import digest_of, newest_run
 from app.services.digests.telling import as_html, as_text, subject
-from app.services.plant.notes import list_notes
 from app.services.reports.documents import loop_report
+from app.services.stating.notes import list_notes
 from tests.web.conftest import TAGS
 
 ZONE = "Asia/Manila"

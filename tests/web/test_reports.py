@@ -17,11 +17,12 @@ from app.services.explaining.wording import SIMULATION_WORDS
 from app.services.moments import UTC_CLOCK
 from app.services.plant import loop_sheet
 from app.services.plant.groups import plant_groups
-from app.services.plant.loops import loop_health, patch_loop
-from app.services.plant.notes import add_note, end_shelving
+from app.services.plant.loop_verdicts import loop_health
 from app.services.reports import documents as reports
 from app.services.reports.svg import Ends, Line, chart, ticks
 from app.services.results import GroupView
+from app.services.stating.notes import add_note, end_shelving
+from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import next_step
 from app.storage import loops
 

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 from app.services.auditing.audits import list_audits
 from app.services.digests.digest import digest_of
 from app.services.digests.telling import as_html
-from app.services.plant.notes import add_note
+from app.services.stating.notes import add_note
 from tests.web.test_browser import NARROW, narrow, opened, settled, width
 
 __all__ = ["narrow", "opened"]

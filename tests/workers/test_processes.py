@@ -10,7 +10,7 @@ from app.queue import Queue
 from app.services.auditing import audits
 from app.services.backend import Backend
 from app.services.intake import uploads
-from app.services.plant import loops, reliability
+from app.services.plant import loop_verdicts, reliability
 from app.storage.tables import audit_items, verdicts
 from app.storage.tables import loops as loops_table
 
@@ -81,7 +81,7 @@ def test_a_killed_worker_and_a_deadly_loop_leave_a_run_that_ends(plant: Any, sma
     assert [(failure.loop, failure.code) for failure in found.failures] == [("FIC7", "worker_lost")]
     assert (found.state, found.done, found.failed) == ("partial", LOOPS - 1, 1)
     assert verdicts_of(plant, run.id) == LOOPS - 1
-    assert loops.loop_health(plant.backend, "FIC6")["audit_id"] == run.id
+    assert loop_verdicts.loop_health(plant.backend, "FIC6")["audit_id"] == run.id
 
 
 def test_a_worker_that_is_told_to_stop_finishes_what_it_holds(plant: Any, small_export: bytes) -> None:

@@ -20,11 +20,11 @@ from app.services.plant.changes import change_of, for_all, kind_of, second_night
 from app.services.plant.judged import Judged, ToManual, judged, to_manual
 from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import Repairs, RepairView, repairs
-from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.results import AuditView, ChangeView
+from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before

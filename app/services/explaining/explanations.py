@@ -17,8 +17,8 @@ from app.services.cursors import decode, identifier, page_of
 from app.services.damage import damage_in_words
 from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
+from app.services.loops import find
 from app.services.moments import iso_utc, moment_of, ns_of
-from app.services.plant.loops import find
 from app.services.results import Page
 from app.services.telling.wording import codes_in
 from app.storage import explanations, notes, series, verdicts

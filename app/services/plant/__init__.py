@@ -1,1 +1,1 @@
-"""What people look at: the plant, its table, its loops, their trends, charts and groups."""
+"""What people look at: the plant, its table, its loops' verdicts, their trends, charts and groups."""

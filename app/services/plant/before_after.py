@@ -1,22 +1,50 @@
 """What a repair changed, in words and units: the last verdict before it beside the newest one after it."""
 
+from dataclasses import dataclass
 from typing import Any
 
 from app.errors import NotFoundError
-from app.services.audit_json.rows import KEY_FIGURES
+from app.services.audit_json.rows import KEY_FIGURES, as_row
 from app.services.backend import Backend
-from app.services.moments import PlantClock
-from app.services.plant.loops import OneLoop, verdict_detail
-from app.services.plant.notes import Repair
+from app.services.loops import OneLoop, find
+from app.services.moments import PlantClock, iso_utc
+from app.services.plant.loop_verdicts import verdict_detail
 from app.services.rendering import figure
 from app.services.telling.size_wording import equal_digits
 from app.services.telling.wording import VERDICT_WORDS, health, probability, rely
+from app.storage import notes, verdicts
+from app.storage.repaired import sides
 
 NONE = "–"
 NOT_TOLD = "the record does not tell"
 
 Told = dict[str, Any]
 Line = tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """A loop before and after it was repaired: the last verdict before, the newest one after (None: none yet)."""
+
+    repaired_at: str
+    before: dict[str, Any] | None
+    after: dict[str, Any] | None
+
+
+def newest_repair(backend: Backend, loop: OneLoop) -> Repair | None:
+    """The repair that was stated last with the verdicts on both sides of it, by the end of the audited window.
+
+    A wrong time is mended by a further note with the right one; a repair that never was is withdrawn.
+    """
+    row = find(backend, loop)
+    with backend.database.read() as connection:
+        at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
+        if at is None:
+            return None
+        runs = sides(connection, row.id, at)
+        found = verdicts.of_runs(connection, row.id, [run for run in (runs.before, runs.after) if run is not None])
+    before, after = (as_row(found[run]) if run in found else None for run in (runs.before, runs.after))
+    return Repair(iso_utc(at) or "", before, after)
 
 
 def compared(backend: Backend, loop: OneLoop, repair: Repair | None, pv_unit: str | None) -> list[Line]:

@@ -22,8 +22,9 @@ from app.services.audit_json.numbers import listed
 from app.services.audit_json.spectra import spectra
 from app.services.backend import Backend
 from app.services.damage import damage_in_words
+from app.services.loops import find
 from app.services.moments import iso_utc, moment_of, ns_of
-from app.services.plant.loops import find, verdict_detail
+from app.services.plant.loop_verdicts import verdict_detail
 from app.services.plant.standing import judged_part, where_pv_stands
 from app.storage import series, verdicts
 from app.storage.samples import FloatArray, Samples

@@ -3,16 +3,17 @@
 from collections.abc import Mapping
 from typing import Any
 
+from app.services import loops
 from app.services.backend import Backend
-from app.services.plant import glossary, loops, notes
+from app.services.plant import glossary, loop_verdicts
 from app.services.plant.arrivals import newest_in_words
-from app.services.plant.before_after import compared
-from app.services.plant.continuing import goes_on_as
+from app.services.plant.before_after import compared, newest_repair
 from app.services.plant.groups import groups_of, soon
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
-from app.services.plant.shelving import Shelf
 from app.services.plant.stood_together import as_one
+from app.services.stating.continuing import goes_on_as
+from app.services.stating.shelving import Shelf
 from app.services.telling.rival_wording import why_first
 from app.services.telling.size_wording import size_in_words
 from app.services.telling.why_rely import contradiction, derivative, points
@@ -29,7 +30,7 @@ def loop_head(backend: Backend, found: LoopRow, shelved: Shelf) -> dict[str, Any
         "newest": newest_in_words(it.samples_to, backend.clock),
         "shelved": shelved.of(it.tag),
         "goes_on_as": goes_on_as(backend, it.tag),
-        "failure": loops.newest_failure(backend, found),
+        "failure": loop_verdicts.newest_failure(backend, found),
     }
 
 
@@ -40,9 +41,9 @@ def loop_sheet(
     NotFoundError where it was never audited.
     """
     it = loops.view_of(found)
-    row = loops.loop_health(backend, it.tag, shelved)
-    detail = loops.verdict_detail(backend, found, row["audit_id"])
-    repair = notes.newest_repair(backend, found)
+    row = loop_verdicts.loop_health(backend, it.tag, shelved)
+    detail = loop_verdicts.verdict_detail(backend, found, row["audit_id"])
+    repair = newest_repair(backend, found)
     together = soon(backend)
     return {
         "it": it,
@@ -58,7 +59,7 @@ def loop_sheet(
         "groups_known": together is not None,
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
         "most_nights": NIGHTS,
-        "history": loops.chained_history(backend, found, NIGHTS),
+        "history": loop_verdicts.chained_history(backend, found, NIGHTS),
         "groups": groups_of(together, it.tag),
         "stood_with": _stood_with(backend, row),
         "repair": repair,

@@ -6,9 +6,9 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from app.services.backend import Backend
+from app.services.loops import OneLoop, find
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.charts import judged_stretch
-from app.services.plant.loops import OneLoop, find
 from app.services.rendering import figure
 from app.storage import verdicts
 from app.storage.loops import LoopRow

@@ -9,9 +9,9 @@ from app.services.plant.changes import changes
 from app.services.plant.newest_run import newest_run as newest_run_of
 from app.services.plant.overview import overview
 from app.services.plant.repaired import repairs
-from app.services.plant.shelving import shelf
 from app.services.plant.silent import of_now
 from app.services.plant.stood_together import as_one
+from app.services.stating.shelving import shelf
 
 
 def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:

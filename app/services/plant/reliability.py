@@ -12,9 +12,9 @@ from app.services.audit_json.rows import FORM, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of, refused
 from app.services.moments import iso_utc, moment_of
-from app.services.plant.shelving import Shelf
 from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
+from app.services.stating.shelving import Shelf
 from app.storage import verdicts
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
 

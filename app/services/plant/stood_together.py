@@ -7,7 +7,7 @@ from typing import Any
 from app.engine.plant_wide.stood_together import SHUT_DOWN_S, Stand, StoodTogether
 from app.services.backend import Backend
 from app.services.moments import seconds_of
-from app.services.plant.shelving import Shelf
+from app.services.stating.shelving import Shelf
 from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import look, of_all
 from app.services.telling.wording import STOOD_TOGETHER

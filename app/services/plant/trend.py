@@ -13,8 +13,8 @@ from app.ingest import carried
 from app.nanoseconds import NS_PER_S
 from app.services.audit_json.numbers import listed
 from app.services.backend import Backend
+from app.services.loops import find
 from app.services.moments import iso_utc, moment_of, ns_of
-from app.services.plant.loops import find
 from app.services.results import TrendView
 from app.storage import series
 from app.storage.samples import DamagedStretchError, Samples, merged

@@ -13,9 +13,9 @@ from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
 from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
 from app.services.plant.repaired import repairs
-from app.services.plant.shelving import Shelf, Shelved
 from app.services.plant.stood_together import Together, as_one
 from app.services.plant.worst import asked_today, not_shelved
+from app.services.stating.shelving import Shelf, Shelved
 from app.services.telling.naming import named
 from app.services.telling.next_steps import Step
 from app.services.telling.reasons import SINCE

@@ -16,8 +16,8 @@ from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.services.backend import Backend
 from app.services.plant.changes import Changes
 from app.services.plant.reliability import table
-from app.services.plant.shelving import Shelf, shelf
 from app.services.plant.stood_together import ALONE, AsOne, as_one
+from app.services.stating.shelving import Shelf, shelf
 from app.storage import plant, verdicts
 from app.storage.verdicts import RowFilter
 

@@ -10,7 +10,7 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant.contradicted import contradicted
 from app.services.plant.repaired import Outcome, asked_after, in_vain
-from app.services.plant.shelving import Shelf, Shelved, shelf
+from app.services.stating.shelving import Shelf, Shelved, shelf
 from app.services.telling.naming import one_line
 from app.services.telling.next_steps import Ask, Step, after_repair, step_for, step_of
 from app.services.telling.repair_sides import of_before

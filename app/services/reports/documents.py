@@ -7,12 +7,12 @@ from typing import Any
 from markupsafe import Markup
 
 from app.errors import NotFoundError
+from app.services import loops
 from app.services.addresses import loop_address
 from app.services.backend import Backend
 from app.services.explaining import explanations
 from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc, seconds_of
-from app.services.plant import loops, notes
 from app.services.plant.arrivals import arrivals
 from app.services.plant.charts import charts
 from app.services.plant.groups import plant_groups, told_apart
@@ -20,11 +20,12 @@ from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import table
-from app.services.plant.shelving import shelf
 from app.services.plant.work_list import work_list
 from app.services.plant.worst import complaints_of_old, complaints_of_units, nothing_worst
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
+from app.services.stating import notes
+from app.services.stating.shelving import shelf
 from app.services.telling.wording import measured_probability
 from app.storage.verdicts import RowFilter
 

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from app.services.plant.loop_list import MOST_LOOPS
 from app.services.spreadsheet import plain_cell, safe_cell
+from app.services.stating.loop_list import MOST_LOOPS
 from app.storage import loops
 from tests.api.routes.exports import HOSTILE
 

@@ -14,9 +14,9 @@ from app.services.digests import deliveries, mailing
 from app.services.digests.digest import Digest, digest_of, newest_run
 from app.services.digests.doings import Doing, doings
 from app.services.digests.telling import as_html, as_json, as_text, subject
-from app.services.plant.notes import add_note, withdraw_repair
 from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
+from app.services.stating.notes import add_note, withdraw_repair
 from app.services.telling.next_steps import Step
 from app.storage.tables import audits, newest_rows, notes, verdicts
 from tests.services.digests.conftest import HOSTILE, AddLoops

@@ -1,35 +1,22 @@
-"""Notes and work orders on a loop, and what a repair changed."""
+"""Notes, work orders and repairs, as they are stated of a loop and taken back."""
 
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from app.errors import NotFoundError, RequestError
-from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
+from app.services.loops import OneLoop, find
 from app.services.moments import iso_utc
-from app.services.plant.loops import OneLoop, find
-from app.services.plant.shelving import check_shelving, kind_at, withdraw_shelving
 from app.services.results import NoteView, Page
-from app.storage import notes, verdicts
+from app.services.stating.shelving import check_shelving, kind_at, withdraw_shelving
+from app.storage import notes
 from app.storage.notes import NoteRow
-from app.storage.repaired import sides
 
 LONGEST_TEXT = 4000
 LONGEST_WORK_ORDER = 100
 SHOWN = 50
 CLOCKS_DIFFER = timedelta(minutes=5)
 """A repair may be ahead of our clock by so much: the clock of who writes it may be fast."""
-
-
-@dataclass(frozen=True)
-class Repair:
-    """A loop before and after it was repaired: the last verdict before, the newest one after (None: none yet)."""
-
-    repaired_at: str
-    before: dict[str, Any] | None
-    after: dict[str, Any] | None
 
 
 def add_note(
@@ -102,22 +89,6 @@ def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | N
     with backend.database.read() as connection:
         found = notes.of_loop(connection, row.id, limit + 1, before[0] if before else None)
     return page_of(found, limit, _view, lambda note: (note.id,))
-
-
-def newest_repair(backend: Backend, loop: OneLoop) -> Repair | None:
-    """The repair that was stated last with the verdicts on both sides of it, by the end of the audited window.
-
-    A wrong time is mended by a further note with the right one; a repair that never was is withdrawn.
-    """
-    row = find(backend, loop)
-    with backend.database.read() as connection:
-        at = notes.repairs_stated_last(connection, [row.id]).get(row.id)
-        if at is None:
-            return None
-        runs = sides(connection, row.id, at)
-        found = verdicts.of_runs(connection, row.id, [run for run in (runs.before, runs.after) if run is not None])
-    before, after = (as_row(found[run]) if run in found else None for run in (runs.before, runs.after))
-    return Repair(iso_utc(at) or "", before, after)
 
 
 def _in_utc(moment: datetime) -> datetime:

@@ -8,9 +8,10 @@ from typing import Any
 from app.errors import DataError, FieldError, RequestError
 from app.ingest import BEYOND, list_rows, list_text
 from app.services.backend import Backend
-from app.services.plant.loops import WORDS, change_loops, list_loops, refusal
+from app.services.loops import list_loops
 from app.services.results import FailureView, LoopsChanged
 from app.services.spreadsheet import csv_lines, plain_cell
+from app.services.stating.properties import WORDS, change_loops, refusal
 from app.storage.loops import SETTABLE, ListFilter
 
 COLUMNS = ("tag", *SETTABLE)

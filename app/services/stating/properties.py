@@ -1,4 +1,4 @@
-"""The plant's loops, each with its newest verdict and its history."""
+"""What people state of loops, of one or many at once: unit, type, spans, importance, and which loop one continues."""
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -7,63 +7,20 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from app.errors import FieldError, LoopauditError, NotFoundError, RequestError
-from app.services.audit_json.rows import FORM, KEY_FIGURES, as_row, compact, sent
+from app.errors import FieldError, LoopauditError, RequestError
 from app.services.backend import Backend
-from app.services.cursors import decode, identifier, page_of
-from app.services.moments import iso_utc, moment_of
-from app.services.plant.continuing import CONTINUES, check, check_retired, follow, taken_over
-from app.services.plant.shelving import Shelf
-from app.services.plant.written import marks_of, written_of
-from app.services.results import FailureView, LoopsChanged, LoopView, Page
-from app.storage import continuing, items, loops, verdicts
-from app.storage.loops import SETTABLE, SPANS, ListFilter, LoopRow
+from app.services.loops import unknown, view_of
+from app.services.results import FailureView, LoopsChanged, LoopView
+from app.services.stating.continuing import CONTINUES, check, check_retired, follow, taken_over
+from app.storage import loops
+from app.storage.loops import SETTABLE, SPANS, LoopRow
 from app.storage.types import storable
-
-__all__ = [
-    "RETIRED",
-    "ListFilter",
-    "change_loops",
-    "find",
-    "get_loop",
-    "list_loops",
-    "loop_health",
-    "loop_health_json",
-    "newest_failure",
-    "patch_loop",
-    "refusal",
-    "unknown",
-    "verdict_detail",
-    "verdict_history",
-    "view_of",
-]
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
 WORDS = ("unit", "type", "description", "pv_unit", "continues")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
-RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
-"""Which loops are asked for: those that are retired, those that are not, or both."""
-OneLoop = str | LoopRow
-"""A loop by its tag, or as it was found: a page asks the data base for it once."""
 USUAL = {"importance": 1.0, "retired": False}
 """What a loop is where nobody says otherwise, of what it cannot be without."""
-
-
-def list_loops(
-    backend: Backend,
-    limit: int = 100,
-    cursor: str | None = None,
-    wanted: ListFilter | None = None,
-) -> Page[LoopView]:
-    """Loops in the order of their tags; `search` of the filter is a part of the tag."""
-    after = decode(cursor, (str,))
-    with backend.database.read() as connection:
-        rows = loops.page(connection, limit + 1, after[0] if after else None, wanted)
-    return page_of(rows, limit, view_of, lambda row: (row.tag,))
-
-
-def get_loop(backend: Backend, tag: str) -> LoopView:
-    return view_of(find(backend, tag))
 
 
 def patch_loop(
@@ -162,90 +119,6 @@ def _wanted(row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Co
     return wanted
 
 
-def loop_health(backend: Backend, tag: str, shelved: Shelf | None = None) -> dict[str, Any]:
-    """The newest verdict and the key figures, flat; shelved: None: as of now. Raises NotFoundError where the loop was
-    never audited."""
-    with backend.database.read() as connection:
-        found = verdicts.newest(connection, tag)
-    if found is None:
-        raise unknown(tag)
-    loop_id, newest = found
-    if newest is None:
-        raise NotFoundError("not_audited", f"loop {tag!r} has not been audited yet")
-    figures = newest.get(KEY_FIGURES)
-    if figures is None:  # a verdict that an older version wrote
-        with backend.database.read() as connection:
-            figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
-    row = as_row(newest)
-    return written_of(backend, [row], shelved).beside(row) | figures
-
-
-def loop_health_json(backend: Backend, tag: str) -> str:
-    """`loop_health` as JSON, in most cases as it was written with the verdict."""
-    with backend.database.read() as connection:
-        written = verdicts.sent_health(connection, tag, FORM)
-    if written is None or marks_of(backend, [tag]).tags:
-        return compact(loop_health(backend, tag))
-    row, figures, unit = written
-    return sent(row, unit, figures)
-
-
-def verdict_history(
-    backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | None = None
-) -> Page[dict[str, Any]]:
-    """A loop's verdicts, the newest first."""
-    row = find(backend, loop)
-    before = decode(cursor, (int,))
-    with backend.database.read() as connection:
-        found = verdicts.history(connection, row.id, limit + 1, before[0] if before else None)
-    return page_of(found, limit, as_row, lambda verdict: (verdict["audit_id"],))
-
-
-def chained_history(backend: Backend, loop: OneLoop, limit: int) -> list[dict[str, Any]]:
-    """The same with the verdicts of the loops that it continues behind its own, `loop` of each the tag that it had."""
-    row = find(backend, loop)
-    with backend.database.read() as connection:
-        before = continuing.earlier_of(connection, [row.tag]).get(row.tag, [])
-    told: list[dict[str, Any]] = []
-    chain: tuple[OneLoop, ...] = (row, *before)
-    for one in chain:
-        told += verdict_history(backend, one, limit - len(told)).rows if len(told) < limit else []
-    return told
-
-
-def newest_failure(backend: Backend, loop: OneLoop) -> tuple[int, str] | None:
-    """Run and reason where the audit of a loop has failed since its newest verdict."""
-    row = find(backend, loop)
-    with backend.database.read() as connection:
-        return items.newest_failure(connection, row.id, row.newest_audit_id or 0)
-
-
-def verdict_detail(backend: Backend, loop: OneLoop, audit_id: str | None = None) -> dict[str, Any]:
-    """What a verdict rests on: findings, rungs with their curves, spectra. Without `audit_id`: the newest verdict."""
-    row = find(backend, loop)
-    run = row.newest_audit_id if audit_id is None else identifier(audit_id)
-    with backend.database.read() as connection:
-        found = verdicts.detail(connection, row.id, run or 0)
-    if found is None:
-        raise NotFoundError("not_audited", f"loop {row.tag!r} has no verdict from this run")
-    return found
-
-
-def find(backend: Backend, loop: OneLoop) -> LoopRow:
-    """Raises NotFoundError for a tag that no loop has."""
-    if isinstance(loop, LoopRow):
-        return loop
-    with backend.database.read() as connection:
-        row = loops.by_tag(connection, loop)
-    if row is None:
-        raise unknown(loop)
-    return row
-
-
-def unknown(tag: str) -> NotFoundError:
-    return NotFoundError("unknown_loop", f"there is no loop {tag!r}")
-
-
 def _stripped(words: str | None) -> str | None:
     return (words or "").replace("\x00", "").strip() or None
 
@@ -275,8 +148,3 @@ def _check_spans(wanted: Mapping[str, Any]) -> None:
             raise FieldError("bad_span", f"{low} and {high} must be finite numbers", low)
         if None not in ends and ends[0] >= ends[1]:
             raise FieldError("bad_span", f"{low} must be below {high}, got {ends[0]} and {ends[1]}", low)
-
-
-def view_of(row: LoopRow) -> LoopView:
-    own = {name: getattr(row, name) for name in ("tag", *SETTABLE)}
-    return LoopView(**own, samples_to=None if row.newest_ns is None else iso_utc(moment_of(row.newest_ns)))
