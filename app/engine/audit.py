@@ -12,7 +12,7 @@ from app.engine.evidence import Reason, reason_of
 from app.engine.fitness import Fitness
 from app.engine.health import Health
 from app.engine.health import health as health_of
-from app.engine.judged import Judged, judge
+from app.engine.judged import judge
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.key_figures import compute as key_figures_of
@@ -92,42 +92,35 @@ class Audit:
         return 100.0 * float(self.reference.last.one.d_best) / self.op_span
 
 
-def audit(recording: Recording, config: AuditConfig | None = None) -> Audit:
+def audit(recording: Recording, config: AuditConfig | None = None, *, with_reference: bool = True) -> Audit:
     """Audits one recording: the same recording, configuration and engine version give the same answer.
 
     recording: one loop's record, of any unit and sampling. A recording that cannot be audited is an answer, verdict
     "not_auditable" with the reasons, never an exception. Changing sign, scale or offset of PV or OP does not change the
-    verdict.
+    verdict. with_reference: whether the published rule is run beside the verdict, which is half of the work.
     """
     config = config or _AS_CONFIGURED
     found = judge(recording, config)
-    if found.of_record is None or found.oscillation is None:
-        return _result(recording, config, found.fitness, found.judgement, oscillation=found.oscillation)
-    return _identified(recording, config, found, found.of_record, found.oscillation)
-
-
-def _identified(
-    recording: Recording, config: AuditConfig, found: Judged, of_record: Judgement, oscillation: Oscillation
-) -> Audit:
-    fitness, judgement = found.fitness, found.judgement
+    fitness, oscillation = found.fitness, found.oscillation
+    if found.of_record is None or oscillation is None:
+        return _result(recording, config, fitness, found.judgement, oscillation=oscillation)
     record = newest_moving(fitness.audited, config.max_samples)
     try:
-        reference = climb(record, ladder_for(judgement, config), config.hammerstein)
+        reference = climb(record, ladder_for(found.judgement, config), config.hammerstein) if with_reference else None
     except DataError as error:
         refusal = _unidentifiable(error, record)
         return _result(recording, config, fitness, refusal, oscillation=oscillation, record=record)
-    judgement = _with_reference(judgement, reference, fitness, config)
     result = _result(
         recording,
         config,
         fitness,
-        judgement,
+        _with_reference(found.judgement, reference, fitness, config),
         oscillation=oscillation,
         record=record,
         reference=reference,
         episodes=found.episodes,
     )
-    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, of_record, config))
+    return replace(result, stiction_size=_stiction_size(record, fitness, oscillation, found.of_record, config))
 
 
 def _stiction_size(
@@ -146,9 +139,13 @@ def ladder_for(judgement: Judgement, config: AuditConfig) -> LadderConfig:
     return replace(config.ladder, widen=False, two_parameter=False)
 
 
-def _with_reference(judgement: Judgement, reference: Reference, fitness: Fitness, config: AuditConfig) -> Judgement:
+def _with_reference(
+    judgement: Judgement, reference: Reference | None, fitness: Fitness, config: AuditConfig
+) -> Judgement:
     """The published rule's reading beside the verdict, which it does not move, and what speaks against the data."""
-    published = reference_reason(reference, judgement.verdict) + _published_reasons(reference, config)
+    published: tuple[Reason, ...] = ()
+    if reference is not None:
+        published = reference_reason(reference, judgement.verdict) + _published_reasons(reference, config)
     given = {reason.code for reason in judgement.reasons}
     doubts = tuple(reason_of(f) for f in fitness.findings if f.outcome == "fail" and f.code not in given)
     return replace(judgement, reasons=judgement.reasons + published + doubts)

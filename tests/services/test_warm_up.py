@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from app import kernel_cache
+from app.engine import compiling
 from app.services.auditing import warming
 
 
@@ -16,8 +17,8 @@ def test_the_warm_up_goes_the_longest_way_through_the_engine(
     monkeypatch: pytest.MonkeyPatch, warm_kernels: None
 ) -> None:
     """Both searches of the reference, its widening and the size of stiction: each has kernels of its own."""
-    audit, found = warming.audit, []
-    monkeypatch.setattr(warming, "audit", lambda recording: found.append(audit(recording)))
+    audit, found = compiling.audit, []
+    monkeypatch.setattr(compiling, "audit", lambda recording: found.append(audit(recording)))
     warming.warm_up()
     assert any(one.reference is not None and one.reference.last.two is not None for one in found)
     assert any(one.stiction_size is not None for one in found)
