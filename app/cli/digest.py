@@ -60,13 +60,13 @@ def digest(
 
       loopaudit digest --send --again
     """
-    from app.services.digests.digest import digest_of, newest_run
+    from app.services.digests.digest import digest_of, run_to_tell
     from app.services.digests.telling import as_html, as_json, as_text
 
     if again and send is False:
         raise RequestError("dry_run_sends", "--again sends the digest, and --dry-run only prints it: give one of them")
     with opened() as backend:
-        run = audit or newest_run(backend)
+        run = audit or run_to_tell(backend)
         if send or again:
             raise typer.Exit(sent(backend, run, again=again))
         found = digest_of(backend, run)

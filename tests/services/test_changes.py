@@ -9,7 +9,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of, newest_run
+from app.services.digests.digest import digest_of, run_to_tell
 from app.services.digests.telling import as_text
 from app.services.plant import changes, worst
 from app.services.plant.loop_verdicts import loop_health
@@ -192,7 +192,7 @@ def test_what_came_since_the_first_run_is_news(backend: Backend, add_loops: AddL
     first = int(nightly(backend).id)
     audit_chunk(backend, first, "test")
     assert not changes.changes(backend).compared
-    assert newest_run(backend) == str(first)
+    assert run_to_tell(backend) == str(first)
     now = loop_health(backend, "B")["verdict"]
     other = "no_stiction" if now == "stiction" else "stiction"
     rewrite(backend, first, ids["B"], verdict=other)
@@ -202,7 +202,7 @@ def test_what_came_since_the_first_run_is_news(backend: Backend, add_loops: AddL
     told = changes.changes(backend)
     assert (told.run_id, told.first, told.compared) == (str(first), True, True)
     assert [(change.loop, change.before, change.now) for change in told.rows] == [("B", other, now)]
-    assert newest_run(backend) == again.id
+    assert run_to_tell(backend) == again.id
     assert f"run {again.id}, " in as_text(digest_of(backend, again.id)).splitlines()[0]
 
 

@@ -12,7 +12,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import announce_explanations, nightly, refuse_empty
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of, newest_run
+from app.services.digests.digest import digest_of, run_to_tell
 from app.services.digests.telling import as_text
 from app.services.loops import get_loop, list_loops
 from app.services.moments import ns_of
@@ -82,7 +82,7 @@ def kept(backend: Backend, ask: Callable[..., list[object]]) -> int:
 
 
 def digest(backend: Backend):
-    return digest_of(backend, newest_run(backend))
+    return digest_of(backend, run_to_tell(backend))
 
 
 ASKED: dict[str, Callable[[Backend], float]] = {
@@ -102,7 +102,7 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "what swings": lambda b: kept(b, stored_verdicts.swings),
     "what moves": lambda b: kept(b, stored_verdicts.excerpts),
     "loops behind": lambda b: arrivals(b).behind,
-    "loops behind of a run": lambda b: arrivals(b, int(newest_run(b))).behind,
+    "loops behind of a run": lambda b: arrivals(b, int(run_to_tell(b))).behind,
     "metric of loops": lambda b: metric(b, "loopaudit_loops"),
     "metric of loops behind": lambda b: metric(b, "loopaudit_loops_behind"),
     "metric of verdicts": lambda b: metric(b, "loopaudit_verdicts"),

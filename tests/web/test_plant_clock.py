@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from app.main import create_app
-from app.services.digests.digest import digest_of, newest_run
+from app.services.digests.digest import digest_of, run_to_tell
 from app.services.digests.telling import as_html, as_text, subject
 from app.services.reports.documents import loop_report
 from app.services.stating.notes import list_notes
@@ -72,7 +72,7 @@ def test_a_repair_that_is_still_to_come_is_refused_by_the_plant_s_clock(client):
 
 
 def test_digest_and_report_tell_them_too(manila):
-    digest = digest_of(manila, newest_run(manila))
+    digest = digest_of(manila, run_to_tell(manila))
     begun = datetime.fromisoformat(digest.run.created_at)
     there = manila.clock.told(digest.run.created_at)
     assert there.endswith(" UTC+08:00")

@@ -209,7 +209,7 @@ class Digest:
         return f"newest sample {self.clock.recorded(loop.recorded_to)}" if loop.recorded_to else ""
 
 
-def newest_run(backend: Backend) -> str:
+def run_to_tell(backend: Backend) -> str:
     """The newest night that has ended, though it was the second of its date, or a run of the plant that was asked for
     where no night began within the day before it. Raises RequestError("no_run")."""
     with backend.database.read() as connection:
@@ -394,13 +394,13 @@ def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
 
 
 def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:
-    counted, listed = Counter[str](), Counter(_kind(one.verdict, one.reliability) for one in work)
+    counted, listed = Counter[str](), Counter(_counted_as(one.verdict, one.reliability) for one in work)
     for row in to_be_done:
-        counted[_kind(row.verdict, row.reliability)] += row.loops
+        counted[_counted_as(row.verdict, row.reliability)] += row.loops
     return Unlisted(**(counted - listed))
 
 
-def _kind(verdict: str, reliability: str) -> str:
+def _counted_as(verdict: str, reliability: str) -> str:
     """Of what there is something to do about: where the valve is not said to stick, PV does not answer OP."""
     if verdict != "stiction":
         return "unanswered"

@@ -19,7 +19,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries
-from app.services.digests.digest import Digest, digest_of, newest_run
+from app.services.digests.digest import Digest, digest_of, run_to_tell
 from app.services.upkeep import doctor
 from app.services.upkeep.sweep import sweep
 from app.storage.tables import audits
@@ -162,7 +162,7 @@ def test_without_a_night_the_digest_is_that_of_a_run_of_the_plant(backend: Backe
     add_loops("A", "B")
     run = start_audit(backend)
     audit_chunk(backend, int(run.id), "test")
-    assert newest_run(backend) == run.id
+    assert run_to_tell(backend) == run.id
     (said,) = [option.help for option in get_command(cli).commands["digest"].params if option.name == "audit"]
     assert "if no night began in the 24 hours before" in said
 
@@ -173,6 +173,6 @@ def test_a_night_within_the_day_before_is_told_of_by_when_it_began(backend: Back
     with backend.database.write() as connection:
         began = update(audits).where(audits.c.id == int(night))
         connection.execute(began.values(created_at=datetime.now(UTC) - timedelta(hours=23)))
-        assert newest_run(backend) == night
+        assert run_to_tell(backend) == night
         connection.execute(began.values(created_at=datetime.now(UTC) - timedelta(hours=25)))
-    assert newest_run(backend) == asked_for  # the night has ended just now
+    assert run_to_tell(backend) == asked_for  # the night has ended just now

@@ -11,7 +11,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries, mailing
-from app.services.digests.digest import Digest, digest_of, newest_run
+from app.services.digests.digest import Digest, digest_of, run_to_tell
 from app.services.digests.doings import Doing, doings
 from app.services.digests.telling import as_html, as_json, as_text, subject
 from app.services.plant.work_list import Work
@@ -107,9 +107,9 @@ def test_the_digest_of_an_older_run_reads_as_of_that_run(backend: Backend, night
         connection.execute(update(audits).values(created_at=older, ended_at=older))
         connection.execute(update(notes).values(written_at=older - timedelta(hours=1)))
         connection.execute(update(newest_rows).values(verdict="stiction", reliability="reliable"))
-    assert newest_run(backend) == night
+    assert run_to_tell(backend) == night
     audit_chunk(backend, int(start_audit(backend).id), "test")
-    assert newest_run(backend) != night
+    assert run_to_tell(backend) != night
     known = digest_of(backend, night)
     assert {one.loop: one.of_before_repair for area in known.areas for one in area.loops}["A1"]
     withdraw_repair(backend, "A1", note.id, "me")
@@ -289,7 +289,7 @@ def test_a_later_run_changes_nothing_of_it(backend: Backend, night: str) -> None
     before = digest_of(backend, night)
     audit_chunk(backend, int(start_audit(backend).id), "test")
     assert digest_of(backend, night) == before
-    assert newest_run(backend) == night
+    assert run_to_tell(backend) == night
 
 
 def test_what_a_plant_is_called_stays_text(backend: Backend, night: str) -> None:
@@ -306,7 +306,7 @@ def test_what_a_plant_is_called_stays_text(backend: Backend, night: str) -> None
 
 def test_a_run_that_goes_on_has_none(backend: Backend, add_loops: AddLoops) -> None:
     with pytest.raises(RequestError, match="no audit has ended"):
-        newest_run(backend)
+        run_to_tell(backend)
     add_loops("A")
     with pytest.raises(RequestError, match="has not ended"):
         digest_of(backend, start_audit(backend).id)
