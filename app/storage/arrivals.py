@@ -1,13 +1,21 @@
 """How far records reach: of the plant as it is now, or of what one run was given."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Subquery, and_, func, or_, select
 
 from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, verdicts
+
+
+class EndRow(NamedTuple):
+    """A loop and the time of its newest sample."""
+
+    id: int
+    tag: str
+    end_ns: int
 
 
 def newest(connection: Connection, since_ns: int, until_ns: int, audit_id: int | None = None) -> int | None:
@@ -44,12 +52,13 @@ def middle(connection: Connection, since_ns: int, until_ns: int, audit_id: int |
 
 def those_ending(
     connection: Connection, since_ns: int, before_ns: int, limit: int, audit_id: int | None = None
-) -> list[Any]:
-    """Id, tag and newest sample (end_ns) of the loops whose newest sample is between the two, as in `ending`."""
+) -> list[EndRow]:
+    """The loops whose newest sample is between the two, as in `ending`."""
     ends = _ends(audit_id)
     such = and_(ends.c.end_ns >= since_ns, ends.c.end_ns < before_ns)
     query = select(ends.c.id, ends.c.tag, ends.c.end_ns).where(such)
-    return list(connection.execute(query.order_by(ends.c.importance.desc(), ends.c.tag).limit(limit)))
+    found = connection.execute(query.order_by(ends.c.importance.desc(), ends.c.tag).limit(limit))
+    return [EndRow._make(row) for row in found]
 
 
 def earlier(

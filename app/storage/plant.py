@@ -1,7 +1,7 @@
 """The plant as a whole: what its units come to, and whose verdict is another one than in the run before."""
 
 from collections.abc import Collection, Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -69,14 +69,46 @@ class SecondNight(NamedTuple):
     probability_between: float | None
 
 
+class UnitCount(NamedTuple):
+    """How many loops of a unit have one kind of verdict. importance: their sum; weight: that of those with a health;
+    weighted_health: the sum of importance x health, None where none has one."""
+
+    unit: str | None
+    verdict: str
+    reliability: str
+    likely_cause: str | None
+    loops: int
+    importance: float
+    weight: float
+    weighted_health: float | None
+
+
+class TileRow(NamedTuple):
+    """A loop as the map of the plant has it."""
+
+    tag: str
+    unit: str | None
+    importance: float
+    verdict: str
+    health: float | None
+
+
+class WholeRun(NamedTuple):
+    """A run of the plant that has ended."""
+
+    id: int
+    created_at: datetime
+    trigger: str
+    total: int
+
+
 def complains(said: FromClause) -> ColumnElement[bool]:
     """Of loops that stick or may, or in which PV does not answer OP, whether that is a verdict or keeps from one."""
     return or_(said.c.verdict.in_(COMPLAINTS), unanswered(said))
 
 
-def counts(connection: Connection) -> list[Any]:
-    """Loops, sum of importances, of those of loops with a health (weight) and of importance x health, by unit, verdict,
-    reliability and likely cause."""
+def counts(connection: Connection) -> list[UnitCount]:
+    """By unit, verdict, reliability and likely cause."""
     by = [loops.c.unit, rows.c.verdict, rows.c.reliability, rows.c.likely_cause]
     figures = [
         func.count().label("loops"),
@@ -84,7 +116,8 @@ def counts(connection: Connection) -> list[Any]:
         func.sum(case((rows.c.health.is_not(None), loops.c.importance), else_=0.0)).label("weight"),
         func.sum(loops.c.importance * rows.c.health).label("weighted_health"),
     ]
-    return list(connection.execute(select(*by, *figures).select_from(_NEWEST).group_by(*by)))
+    query = select(*by, *figures).select_from(_NEWEST).group_by(*by)
+    return [UnitCount._make(row) for row in connection.execute(query)]
 
 
 def worst_of_units(
@@ -94,26 +127,26 @@ def worst_of_units(
     complaints: bool = False,
     since_ns: int | None = None,
     left_out: Sequence[int] = (),
-) -> list[Any]:
-    """Of each unit the loops at the head of its list by what is missing to full health x importance: tag, unit,
-    importance, verdict, health. `complaints`: only those that `complains` tells of; since_ns: only
-    those with a sample as new as that; `left_out`: not these loops, by id."""
+) -> list[TileRow]:
+    """Of each unit the loops at the head of its list by what is missing to full health x importance. `complaints`: only
+    those that `complains` tells of; since_ns: only those with a sample as new as that; `left_out`: not these loops, by
+    id."""
     tiles = _tiles().where(complains(rows)) if complaints else _tiles()
     tiles = tiles if since_ns is None else tiles.where(loops.c.newest_ns >= since_ns)
     tiles = tiles.where(loops.c.id.not_in(left_out)) if left_out else tiles
-    return heads_of_units(connection, tiles, rows, each)
+    return [TileRow._make(row) for row in heads_of_units(connection, tiles, rows, each)]
 
 
-def worst_of_old(connection: Connection, most: int, before_ns: int, left_out: Sequence[int] = ()) -> list[Any]:
+def worst_of_old(connection: Connection, most: int, before_ns: int, left_out: Sequence[int] = ()) -> list[TileRow]:
     """The same of the loops of all units that `complains` tells of and whose newest sample is older than that."""
     old = _tiles().where(complains(rows), loops.c.newest_ns < before_ns, loops.c.id.not_in(left_out))
-    return heads(connection, old, rows, most)
+    return [TileRow._make(row) for row in heads(connection, old, rows, most)]
 
 
-def worst_of_unit(connection: Connection, unit: str | None, limit: int) -> list[Any]:
+def worst_of_unit(connection: Connection, unit: str | None, limit: int) -> list[TileRow]:
     """The same of one unit (None: of the loops that name none)."""
     mine = loops.c.unit.is_(None) if unit is None else loops.c.unit == unit
-    return heads(connection, _tiles().where(mine), rows, limit)
+    return [TileRow._make(row) for row in heads(connection, _tiles().where(mine), rows, limit)]
 
 
 def _tiles() -> Select[Any]:
@@ -121,7 +154,7 @@ def _tiles() -> Select[Any]:
     return select(*shown).select_from(_NEWEST)
 
 
-def last_whole_run(connection: Connection) -> Any:
+def last_whole_run(connection: Connection) -> WholeRun | None:
     """The newest ended run of the plant: a nightly one, or one of half as many loops as the largest has, or more; as
     the plant has, where it was larger once.
 
@@ -135,9 +168,11 @@ def last_whole_run(connection: Connection) -> Any:
     largest = connection.scalar(select(func.max(audits.c.total)).where(ended)) or 0
     today = connection.scalar(select(func.count()).where(IN_SERVICE, loops.c.newest_ns.is_not(None))) or 0
     asked_for = connection.execute(query.where(~nightly, 2 * audits.c.total >= min(largest, today))).one_or_none()
-    if night is None or asked_for is None:
-        return night or asked_for
-    return asked_for if asked_for.created_at - night.created_at > A_DAY else night
+    if night is None or (asked_for is not None and asked_for.created_at - night.created_at > A_DAY):
+        found = asked_for
+    else:
+        found = night
+    return None if found is None else WholeRun._make(found)
 
 
 def any_run_since(connection: Connection, audit_id: int) -> bool:
@@ -249,25 +284,6 @@ def told_of_both(now: FromClause, earlier: FromClause) -> tuple[ColumnElement[An
         now.c.extra_json,
         earlier.c.extra_json.label("extra_json_before"),
     )
-
-
-def durations(connection: Connection, audit_id: int) -> Any:
-    """How long the loops of a run took, in seconds: count, sum, mean, greatest."""
-    took = verdicts.c.elapsed_s
-    figures = [func.count().label("loops"), func.sum(took).label("total"), func.avg(took).label("mean")]
-    query = select(*figures, func.max(took).label("longest")).where(verdicts.c.audit_id == audit_id)
-    return connection.execute(query).one()
-
-
-def slowest(connection: Connection, audit_id: int, limit: int) -> list[Any]:
-    query = select(loops.c.tag, verdicts.c.elapsed_s).join(loops, loops.c.id == verdicts.c.loop_id)
-    query = query.where(verdicts.c.audit_id == audit_id).order_by(verdicts.c.elapsed_s.desc()).limit(limit)
-    return list(connection.execute(query))
-
-
-def verdict_counts(connection: Connection, audit_id: int) -> dict[str, int]:
-    query = select(verdicts.c.verdict, func.count()).where(verdicts.c.audit_id == audit_id).group_by(verdicts.c.verdict)
-    return {verdict: count for verdict, count in connection.execute(query)}
 
 
 def units(connection: Connection) -> list[str]:

@@ -1,7 +1,7 @@
 """Loops whose PV does not answer OP, as their verdicts tell of it; of a plant in which all answer nothing is read."""
 
 from collections.abc import Collection
-from typing import Any
+from typing import NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
@@ -16,7 +16,42 @@ NIGHTS_BACK = 14
 that began later has judged the loop by then."""
 
 
-def unanswered(connection: Connection) -> list[Any]:
+class UnansweredRow(NamedTuple):
+    """A loop whose PV does not answer OP by its newest verdict: the record that this is of, and what it tells."""
+
+    tag: str
+    unit: str | None
+    loop_id: int
+    reasons: str
+    extra_json: str
+    sampling_interval_s: float | None
+    input_start_ns: int | None
+    input_end_ns: int | None
+
+
+class SaidBefore(NamedTuple):
+    """The same of an earlier verdict of a loop."""
+
+    loop_id: int
+    extra_json: str
+    input_start_ns: int | None
+    input_end_ns: int | None
+
+
+class StoodRow(NamedTuple):
+    """A loop whose PV came to stand with others, by one of its verdicts, which is said where the sampling interval is
+    known; end_ns: its newest sample."""
+
+    id: int
+    tag: str
+    unit: str | None
+    end_ns: int | None
+    audit_id: int
+    sampling_interval_s: float
+    extra_json: str
+
+
+def unanswered(connection: Connection) -> list[UnansweredRow]:
     """Of all loops in service by their newest verdict: of which record it is, and what it tells of when that began."""
     told = (
         *(loops.c.tag, loops.c.unit, verdicts.c.loop_id, verdicts.c.reasons, verdicts.c.extra_json),
@@ -24,10 +59,10 @@ def unanswered(connection: Connection) -> list[Any]:
     )
     query = select(*told).select_from(NEWEST_ROWS.join(verdicts, is_newest(verdicts)))
     query = query.where(IN_SERVICE, newest_rows.c.likely_cause == UNANSWERED)
-    return list(connection.execute(query.order_by(loops.c.tag)))
+    return [UnansweredRow._make(row) for row in connection.execute(query.order_by(loops.c.tag))]
 
 
-def unanswered_before(connection: Connection, loop_ids: Collection[int]) -> list[Any]:
+def unanswered_before(connection: Connection, loop_ids: Collection[int]) -> list[SaidBefore]:
     """Of these loops the newest NIGHTS_BACK verdicts before their newest that said the same, the newest first."""
     if not loop_ids:
         return []
@@ -39,10 +74,10 @@ def unanswered_before(connection: Connection, loop_ids: Collection[int]) -> list
     found = said.where(*mine, verdicts.c.audit_id < loops.c.newest_audit_id).subquery()
     shown = (found.c.loop_id, found.c.extra_json, found.c.input_start_ns, found.c.input_end_ns)
     query = select(*shown).where(found.c.place <= NIGHTS_BACK).order_by(found.c.loop_id, found.c.place)
-    return list(connection.execute(query))
+    return [SaidBefore._make(row) for row in connection.execute(query)]
 
 
-def stood_together(connection: Connection, reason: str, audit_id: int | None = None) -> list[Any]:
+def stood_together(connection: Connection, reason: str, audit_id: int | None = None) -> list[StoodRow]:
     """Those of which the newest verdict, or that of a run, gives this reason first; the weightiest first."""
     end = loops.c.newest_ns if audit_id is None else verdicts.c.input_end_ns
     told = (
@@ -56,4 +91,4 @@ def stood_together(connection: Connection, reason: str, audit_id: int | None = N
         source = loops.join(verdicts, verdicts.c.loop_id == loops.c.id)
         mine = and_(verdicts.c.audit_id == audit_id, verdicts.c.likely_cause == UNANSWERED)
     query = select(*told).select_from(source).where(IN_SERVICE, mine, verdicts.c.reasons.startswith(reason))
-    return list(connection.execute(query.order_by(*worst_first(verdicts))))
+    return [StoodRow._make(row) for row in connection.execute(query.order_by(*worst_first(verdicts)))]

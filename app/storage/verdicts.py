@@ -1,4 +1,4 @@
-"""Verdicts: written once a loop and run, read as the plant's table and as a loop's history."""
+"""Verdicts as they are read: as the plant's table, as a loop's history, and as what other loops have heard of them."""
 
 import hashlib
 import json
@@ -14,17 +14,13 @@ from sqlalchemy import (
     ColumnElement,
     Connection,
     Select,
-    Table,
     and_,
-    bindparam,
-    case,
     func,
     or_,
     select,
-    update,
 )
 
-from app.storage.bulk import among, among_many, insert_for, insert_new
+from app.storage.bulk import among, among_many
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
@@ -116,23 +112,14 @@ class After:
     tag: str
 
 
-@dataclass(frozen=True)
-class NewVerdict:
-    """A verdict to be stored: the row's columns, its packed detail, and the row as it will be sent, in the form `form`.
+class InputRow(NamedTuple):
+    """What was given to the engine for a verdict, from and to, and the window of it that was judged; None where it was
+    not kept, or nothing was judged."""
 
-    The whole table is 14,000 rows of fifty fields: writing each as JSON once, where it is made, is what lets it be
-    answered at once.
-    """
-
-    loop_id: int
-    audit_id: int
-    columns: dict[str, Any]
-    detail: bytes
-    row_json: str
-    figures_json: str
-    form: str
-    swing_json: str | None = None
-    excerpts_json: str | None = None
+    input_start_ns: int | None
+    input_end_ns: int | None
+    window_start: datetime | None
+    window_end: datetime | None
 
 
 class Settled(NamedTuple):
@@ -150,87 +137,6 @@ class SentRow(NamedTuple):
     tag: str
     unit: str | None
     value: Any
-
-
-def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
-    """Stores verdicts and points their loops at them; to be called in the transaction that ends the items."""
-    if not new:
-        return
-    rows = [{"loop_id": v.loop_id, "audit_id": v.audit_id, **v.columns} for v in new]
-    connection.execute(insert_new(connection, verdicts), rows)
-    details = [{"loop_id": v.loop_id, "audit_id": v.audit_id, "packed": v.detail} for v in new]
-    connection.execute(insert_new(connection, verdict_details), details)
-    newest = max(v.audit_id for v in new)
-    older = or_(loops.c.newest_audit_id.is_(None), loops.c.newest_audit_id < newest)
-    ids = sorted(v.loop_id for v in new)
-    # In one order, as uploads lock loops too: two writers that each wait for the other would both be thrown back.
-    connection.execute(
-        select(loops.c.id).where(loops.c.id.in_(ids)).order_by(loops.c.id).with_for_update(key_share=True)
-    )
-    connection.execute(update(loops).where(loops.c.id.in_(ids), older).values(newest_audit_id=newest))
-    _keep_rows(connection, new)
-
-
-def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
-    """One row a loop, that of its newest run."""
-    keeping = insert_for(connection, newest_rows)
-    written = {column.name: keeping.excluded[column.name] for column in newest_rows.columns if column.name != "loop_id"}
-    newer = keeping.excluded.audit_id > newest_rows.c.audit_id
-    before = {
-        "before_audit_id": case((newer, newest_rows.c.audit_id), else_=newest_rows.c.before_audit_id),
-        "verdict_before": case((newer, newest_rows.c.verdict), else_=newest_rows.c.verdict_before),
-    }
-    keeping = keeping.on_conflict_do_update(
-        index_elements=["loop_id"],
-        set_=written | before,
-        where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
-    )
-    rows = [
-        {"loop_id": v.loop_id, "audit_id": v.audit_id}
-        | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json}
-        | {"swing_json": v.swing_json, "excerpts_json": v.excerpts_json}
-        | {name: v.columns[name] for name in KEPT}
-        for v in new
-    ]
-    connection.execute(keeping, sorted(rows, key=lambda row: row["loop_id"]))
-
-
-@dataclass(frozen=True)
-class Reworded:
-    """A verdict that is stored, and what of it is to be other than it was."""
-
-    loop_id: int
-    audit_id: int
-    columns: dict[str, Any]
-    detail: bytes
-    row_json: str
-
-
-def reword(connection: Connection, changed: Sequence[Reworded]) -> None:
-    """Rewrites what these verdicts say, the same columns of all; to be called in the transaction that ends their run,
-    because what has been read of a row is kept until then."""
-    for table, values in (
-        (verdicts, [one.columns for one in changed]),
-        (verdict_details, [{"packed": one.detail} for one in changed]),
-        (newest_rows, [{"row_json": one.row_json} | _kept(one.columns) for one in changed]),
-    ):
-        _rewrite(connection, table, changed, values)
-
-
-def _kept(columns: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in columns.items() if name in KEPT}
-
-
-def _rewrite(
-    connection: Connection, table: Table, changed: Sequence[Reworded], values: Sequence[Mapping[str, Any]]
-) -> None:
-    if not changed:
-        return
-    mine = (table.c.loop_id == bindparam("of_loop"), table.c.audit_id == bindparam("of_run"))
-    statement = update(table).where(*mine).values({table.c[name]: bindparam(f"new_{name}") for name in values[0]})
-    keys = [{"of_loop": one.loop_id, "of_run": one.audit_id} for one in changed]
-    new = [{f"new_{name}": value for name, value in row.items()} for row in values]
-    connection.execute(statement, [{**key, **row} for key, row in zip(keys, new, strict=True)])
 
 
 def said(connection: Connection) -> list[SaidRow]:
@@ -387,11 +293,12 @@ def of_runs(connection: Connection, loop_id: int, audit_ids: Collection[int]) ->
     return {row["audit_id"]: _dict(row) for row in connection.execute(query.where(*mine)).mappings()}
 
 
-def input_of(connection: Connection, loop_id: int, audit_id: int) -> Any:
+def input_of(connection: Connection, loop_id: int, audit_id: int) -> InputRow | None:
     """What was given to the engine and what it used of it; None without such a verdict."""
-    columns = [verdicts.c[name] for name in ("input_start_ns", "input_end_ns", "window_start", "window_end")]
+    columns = [verdicts.c[name] for name in InputRow._fields]
     mine = (verdicts.c.loop_id == loop_id, verdicts.c.audit_id == audit_id)
-    return connection.execute(select(*columns).where(*mine)).one_or_none()
+    row = connection.execute(select(*columns).where(*mine)).one_or_none()
+    return None if row is None else InputRow._make(row)
 
 
 def swings(connection: Connection) -> list[SwingRow]:

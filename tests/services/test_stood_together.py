@@ -4,7 +4,6 @@ one thing to look at, and a transmitter that died by itself is another."""
 import json
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -350,9 +349,7 @@ def test_loops_without_a_date_are_not_compared(plant: Backend) -> None:
     with plant.database.read() as connection:
         rows = unanswered(connection)
     assert {tag for tag, one in of_plant(rows).items() if one.text} == set(DOWN)
-    undated = [SimpleNamespace(**row._mapping) for row in rows]
-    for row in undated:
-        row.extra_json = row.extra_json.replace("2025-06-1", "1970-01-1")
+    undated = [row._replace(extra_json=row.extra_json.replace("2025-06-1", "1970-01-1")) for row in rows]
     assert of_plant(undated) == {}
 
 

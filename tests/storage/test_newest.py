@@ -7,12 +7,13 @@ from typing import Any
 import pytest
 from sqlalchemy import insert, update
 
-from app.storage import Database, digests, judged, loops, plant, shelvings, verdicts
+from app.storage import Database, digests, judged, loops, plant, shelvings, verdict_writing, verdicts
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
 from app.storage.tables import verdicts as verdicts_table
 from app.storage.types import now
-from app.storage.verdicts import NewVerdict, RowFilter
+from app.storage.verdict_writing import NewVerdict
+from app.storage.verdicts import RowFilter
 
 RUN = {
     "trigger": "request",
@@ -59,8 +60,8 @@ def runs(database: Database) -> tuple[int, int]:
         for tag, (unit, importance, newest_ns, *_) in LOOPS.items():
             told = {"unit": unit, "importance": importance, "newest_ns": newest_ns, "retired": tag == "R1"}
             connection.execute(update(loops_table).where(loops_table.c.id == ids[tag]).values(**told))
-        verdicts.add(connection, [said(ids[t], first, v, h, end) for t, (_, _, end, v, h) in LOOPS.items()])
-        verdicts.add(connection, [said(ids["A1"], second, "no_stiction", 95.0, NEW_NS)])
+        verdict_writing.add(connection, [said(ids[t], first, v, h, end) for t, (_, _, end, v, h) in LOOPS.items()])
+        verdict_writing.add(connection, [said(ids["A1"], second, "no_stiction", 95.0, NEW_NS)])
     assert first is not None
     assert second is not None
     return first, second

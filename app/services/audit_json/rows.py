@@ -21,7 +21,8 @@ from app.services.telling.repair_sides import of_before
 from app.services.telling.stored_evidence import MEASURED
 from app.storage.json_texts import check_finite, short_json, stored_json
 from app.storage.tables import verdicts
-from app.storage.verdicts import NewVerdict, pack_detail
+from app.storage.verdict_writing import NewVerdict
+from app.storage.verdicts import pack_detail
 
 FIELDS = tuple(ReliabilityRow.model_fields)
 TIMES = ("window_start", "window_end", "audited_at")

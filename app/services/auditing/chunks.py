@@ -19,14 +19,14 @@ from app.services.auditing.repairs import Window, windows_since_repair
 from app.services.backend import DATABASE_AWAY, Backend, commit_lost
 from app.services.moments import PlantClock, moment_of
 from app.services.patience import patiently
-from app.storage import audits, items, loops, series, verdicts
+from app.storage import audits, items, loops, series, verdict_writing
 from app.storage.audits import AuditRow
 from app.storage.items import Claim, Failure
 from app.storage.leases import Reopened
 from app.storage.loops import LoopRow
 from app.storage.tables import UNFINISHED
 from app.storage.types import now
-from app.storage.verdicts import NewVerdict
+from app.storage.verdict_writing import NewVerdict
 
 log = logging.getLogger("loopaudit.audit")
 
@@ -210,7 +210,7 @@ def _write(backend: Backend, results: Sequence[Result], waiting: Sequence[Claim]
     def write() -> bool:
         with backend.database.write() as connection:
             held = items.finish(connection, [result.claim for result in results if result.verdict is not None])
-            verdicts.add(connection, [verdict for verdict in new if verdict.loop_id in held])
+            verdict_writing.add(connection, [verdict for verdict in new if verdict.loop_id in held])
             items.fail(connection, [result.failure for result in results if result.failure is not None])
             if hands_back:
                 kept = items.hand_back(connection, waiting)

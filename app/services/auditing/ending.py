@@ -20,7 +20,8 @@ from app.services.patience import patiently
 from app.storage import audits, verdicts
 from app.storage.json_texts import stored_json
 from app.storage.unanswered import unanswered, unanswered_before
-from app.storage.verdicts import Reworded, pack_detail
+from app.storage.verdict_writing import Reworded, reword
+from app.storage.verdicts import pack_detail
 
 AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
 
@@ -63,7 +64,7 @@ def _write(backend: Backend, audit_id: int, heard: list[Reworded]) -> bool:
     with backend.database.write() as connection:
         ended = audits.end_if_complete(connection, audit_id)
         if ended:  # who comes second, or after a cancellation, would reword what readers keep as the run's last word
-            verdicts.reword(connection, heard)
+            reword(connection, heard)
     return ended
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.results import AuditView
-from app.storage import plant
+from app.storage import run_figures as stored
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class RunFigures:
 def run_figures(backend: Backend, audit_id: str) -> RunFigures:
     run = get_audit(backend, audit_id)
     with backend.database.read() as connection:
-        took = plant.durations(connection, int(run.id))
-        slowest = [(row.tag, row.elapsed_s) for row in plant.slowest(connection, int(run.id), 5)]
-        counted = plant.verdict_counts(connection, int(run.id))
+        took = stored.durations(connection, int(run.id))
+        slowest = [(row.tag, row.elapsed_s) for row in stored.slowest(connection, int(run.id), 5)]
+        counted = stored.verdict_counts(connection, int(run.id))
     return RunFigures(run, counted, took.loops, took.mean, took.longest, took.total, slowest)

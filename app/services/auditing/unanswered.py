@@ -12,6 +12,7 @@ from app.services.moments import EPOCH, PlantClock, iso_utc, seconds_of
 from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import with_others
 from app.services.telling.wording import codes_in, codes_of
+from app.storage.unanswered import SaidBefore, UnansweredRow
 
 INTERVALS_APART = 3.0
 """Sampling intervals that may lie between two records that touch."""
@@ -27,17 +28,17 @@ class Standing:
     chance_probability: float | None = None
 
 
-def unknown_since(rows: Iterable[Any]) -> list[int]:
+def unknown_since(rows: Iterable[UnansweredRow]) -> list[int]:
     """Of `storage.unanswered.unanswered` the loops, by id, whose PV stood when the record began."""
     return [row.loop_id for row in rows if _since(row) is None]
 
 
-def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Standing]:
+def of_plant(rows: Sequence[UnansweredRow], before: Iterable[SaidBefore] = ()) -> dict[str, Standing]:
     """By tag. rows: `storage.unanswered.unanswered`, before: `unanswered_before` of those that are `unknown_since`.
     Where PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of
     it."""
     known = {row.tag: _since(row) for row in rows}
-    earlier: dict[int, list[Any]] = {}
+    earlier: dict[int, list[SaidBefore]] = {}
     for one in before:
         earlier.setdefault(one.loop_id, []).append(one)
     found = {row.tag: _carried(row, earlier.get(row.loop_id, ())) for row in rows if known[row.tag] is None}
@@ -49,24 +50,25 @@ def of_plant(rows: Sequence[Any], before: Iterable[Any] = ()) -> dict[str, Stand
         and PlantClock.dated(since)  # else each counts from a start of its own
         and (interval_s := row.sampling_interval_s) is not None
         and row.input_start_ns is not None
+        and row.input_end_ns is not None
         and _stands(codes_in(row.reasons))
     ]
     return {tag: Standing({SINCE: since}) for tag, since in carried.items()} | _together(stands, carried)
 
 
-def _carried(row: Any, earlier: Iterable[Any]) -> str | None:
+def _carried(row: UnansweredRow, earlier: Iterable[SaidBefore]) -> str | None:
     """earlier: the newest first. In all their records PV stood up to the end."""
     start_ns, apart_ns = row.input_start_ns, INTERVALS_APART * NS_PER_S * (row.sampling_interval_s or 0.0)
     for one in earlier:
-        if None in (start_ns, one.input_end_ns) or one.input_end_ns < start_ns - apart_ns:
+        if start_ns is None or one.input_end_ns is None or one.input_end_ns < start_ns - apart_ns:
             return None
         if (since := _since(one)) is not None:
             return since
-        start_ns = min(start_ns, one.input_start_ns)
+        start_ns = one.input_start_ns and min(start_ns, one.input_start_ns)
     return None
 
 
-def _since(row: Any) -> str | None:
+def _since(row: UnansweredRow | SaidBefore) -> str | None:
     since: str | None = extra_in(row.extra_json).get(SINCE)
     return since
 

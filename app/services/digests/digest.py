@@ -339,7 +339,7 @@ def _made(read: _Read, clock: PlantClock) -> Digest:
     told, all_the_same = tally(read.counted), read.shelf.by_tag()
     refused_loops: dict[str, list[str]] = {}
     for row in read.not_auditable:
-        refused_loops.setdefault(cause_of_refusal(row), []).append(row.tag)
+        refused_loops.setdefault(cause_of_refusal(row.likely_cause), []).append(row.tag)
 
     def loop_of(row: ComplaintRow) -> DigestLoop:
         found = (read.of_time.get(row.tag), all_the_same.get(row.tag))

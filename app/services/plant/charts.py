@@ -98,18 +98,20 @@ def _drawn(backend: Backend, tag: str, audit_id: str | None, detail: dict[str, A
     row = find(backend, tag)
     with backend.database.read() as connection:
         given = verdicts.input_of(connection, row.id, int(audit_id) if audit_id else row.newest_audit_id or 0)
-        if given is None or given.input_start_ns is None:
+        if given is None or given.input_start_ns is None or given.input_end_ns is None:
             return _Drawn(None, None)
         margin = int(MARGIN * (given.input_end_ns - given.input_start_ns))
         start_ns, end_ns = given.input_start_ns - margin, given.input_end_ns + margin
         found = series.readable(connection, row.id, start_ns, end_ns, backend.settings.hold_days)
     samples, damage = found.samples, damage_in_words(found.damaged, backend.clock) or None
     window: list[str] | None = None
-    if given.window_start is not None:
+    window_ns = given.input_start_ns, given.input_end_ns
+    if given.window_start is not None and given.window_end is not None:
         window = [iso_utc(given.window_start) or "", iso_utc(given.window_end) or ""]
+        window_ns = ns_of(given.window_start), ns_of(given.window_end)
     if samples is None or len(samples) < 2:
         return _Drawn(None, window, damage)
-    return _Drawn(_together(samples, given, detail, judged_stretch(window, detail)), window, damage)
+    return _Drawn(_together(samples, window_ns, detail, judged_stretch(window, detail)), window, damage)
 
 
 def judged_stretch(window: list[str] | None, detail: Mapping[str, Any]) -> list[str] | None:
@@ -130,7 +132,9 @@ def _size(detail: dict[str, Any]) -> dict[str, float] | None:
     return {"S": size["S"], "low": widest["low"], "high": widest["high"]}
 
 
-def _together(samples: Samples, given: Any, detail: dict[str, Any], stretch: list[str] | None) -> _Record:
+def _together(
+    samples: Samples, window_ns: tuple[int, int], detail: dict[str, Any], stretch: list[str] | None
+) -> _Record:
     """The samples with PV and OP side by side, also where they came at times of their own."""
     pv, op, sp = (_usable(samples.signals.get(name)) for name in ("pv", "op", "sp"))
     missing = np.full(len(samples), np.nan)
@@ -141,26 +145,20 @@ def _together(samples: Samples, given: Any, detail: dict[str, Any], stretch: lis
     shown = joined.both if joined.interpolated else np.full(len(samples), True)
     times = samples.part(shown)
     sp = None if sp is None else sp[shown]
-    pv, op, inside = joined.pv[shown], joined.op[shown], _inside(times, given)
-    judged = inside if stretch is None else inside & _between(times.time_ns, stretch)
+    pv, op, inside = joined.pv[shown], joined.op[shown], _between(times.time_ns, *window_ns)
+    judged = inside
+    if stretch is not None:
+        judged = inside & _between(times.time_ns, *(ns_of(datetime.fromisoformat(end)) for end in stretch))
     return _Record(times, pv, op, sp, inside, judged, where_pv_stands(times.time_ns, pv, op, judged, detail))
 
 
-def _between(time_ns: np.ndarray, stretch: list[str]) -> np.ndarray:
-    first, last = (ns_of(datetime.fromisoformat(moment)) for moment in stretch)
-    return (time_ns >= first) & (time_ns <= last)
+def _between(time_ns: np.ndarray, first_ns: int, last_ns: int) -> np.ndarray:
+    return (time_ns >= first_ns) & (time_ns <= last_ns)
 
 
 def _usable(signal: FloatArray | None) -> FloatArray | None:
     """What the audit takes for missing is missing in its charts: one bad-value marker would be all they show."""
     return None if signal is None else np.where(usable_values(signal), signal, np.nan)
-
-
-def _inside(samples: Samples, given: Any) -> np.ndarray:
-    start_ns, end_ns = given.input_start_ns, given.input_end_ns
-    if given.window_start is not None:
-        start_ns, end_ns = ns_of(given.window_start), ns_of(given.window_end)
-    return (samples.time_ns >= start_ns) & (samples.time_ns <= end_ns)
 
 
 def _valve(detail: dict[str, Any]) -> dict[str, float] | None:

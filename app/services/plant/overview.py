@@ -1,15 +1,17 @@
 """The plant as it stands: counts over all its loops, its units, and the tiles of its map."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from app.services.backend import Backend
 from app.services.results import UnitView
 from app.storage import plant
+from app.storage.digests import CountRow
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired
+from app.storage.plant import UnitCount
 
 MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
@@ -40,19 +42,18 @@ class Tally:
     refused: dict[str, int]
 
 
-def tally(counted: Iterable[Any]) -> Tally:
-    """counted: rows with verdict, reliability, likely_cause and how many loops."""
+def tally(counted: Iterable[UnitCount | CountRow]) -> Tally:
     verdicts, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
     for row in counted:
         verdicts[row.verdict] += row.loops
         reliable[row.verdict] += row.loops * (row.reliability == "reliable")
         if row.verdict == "not_auditable":
-            refused[cause_of_refusal(row)] += row.loops
+            refused[cause_of_refusal(row.likely_cause)] += row.loops
     return Tally(dict(verdicts), dict(reliable), dict(refused.most_common()))
 
 
-def cause_of_refusal(row: Any) -> str:
-    return row.likely_cause or "data"
+def cause_of_refusal(likely_cause: str | None) -> str:
+    return likely_cause or "data"
 
 
 def overview(backend: Backend) -> Overview:
@@ -96,22 +97,22 @@ def unit_names(backend: Backend) -> list[str]:
         return plant.units(connection)
 
 
-def _units(counted: list[Any]) -> list[UnitView]:
-    units: dict[str | None, list[Any]] = {}
+def _units(counted: Iterable[UnitCount]) -> list[UnitView]:
+    units: dict[str | None, list[UnitCount]] = {}
     for row in counted:
         units.setdefault(row.unit, []).append(row)
     return [_unit(unit, units[unit]) for unit in sorted(units, key=lambda unit: unit or "")]
 
 
-def _unit(unit: str | None, rows: list[Any]) -> UnitView:
+def _unit(unit: str | None, rows: Sequence[UnitCount]) -> UnitView:
     counted: Counter[str] = Counter()
     for row in rows:
         counted[row.verdict] += row.loops
     return UnitView(unit, counted.total(), dict(counted), _mean_health(rows), sum(row.importance for row in rows))
 
 
-def _mean_health(rows: list[Any]) -> float | None:
+def _mean_health(rows: Sequence[UnitCount]) -> float | None:
     """Weighted by importance; loops whose verdict has no health are left out."""
-    told = [row for row in rows if row.weighted_health is not None]
-    weight = sum(row.weight for row in told)
-    return sum(row.weighted_health for row in told) / weight if weight else None
+    told = [(row.weight, row.weighted_health) for row in rows if row.weighted_health is not None]
+    weight = sum(of_unit for of_unit, _ in told)
+    return sum(health for _, health in told) / weight if weight else None

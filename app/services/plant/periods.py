@@ -74,7 +74,7 @@ def _ends(backend: Backend, loop: LoopRow, audit_id: int) -> tuple[str, str] | N
     """The first and the last sample of the record that was given to this run."""
     with backend.database.read() as connection:
         given = verdicts.input_of(connection, loop.id, audit_id)
-    if given is None or given.input_start_ns is None:
+    if given is None or given.input_start_ns is None or given.input_end_ns is None:
         return None
     return iso_utc(moment_of(given.input_start_ns)) or "", iso_utc(moment_of(given.input_end_ns)) or ""
 

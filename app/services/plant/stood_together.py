@@ -2,7 +2,6 @@
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from app.engine.plant_wide.stood_together import SHUT_DOWN_S, Stand, StoodTogether
 from app.services.backend import Backend
@@ -12,6 +11,7 @@ from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import look, of_all
 from app.services.telling.wording import STOOD_TOGETHER
 from app.storage import unanswered as stored
+from app.storage.unanswered import StoodRow
 
 
 @dataclass(frozen=True)
@@ -77,13 +77,13 @@ def as_one(
     return AsOne({group[0].tag: _told(group) for group in groups}, ids)
 
 
-def _listed_alike(rows: Sequence[Any], since_ns: int | None) -> list[list[Any]]:
+def _listed_alike(rows: Sequence[StoodRow], since_ns: int | None) -> list[list[StoodRow]]:
     """Those of one group that are listed in one place, in the order of the rows."""
-    parts: dict[tuple[bool, float], list[Any]] = {}
+    parts: dict[tuple[bool, float], list[StoodRow]] = {}
     for row in rows:
         old = since_ns is not None and (row.end_ns is None or row.end_ns < since_ns)
         parts.setdefault((old, seconds_of(_field(row, TOGETHER_SINCE))), []).append(row)
-    groups: list[list[Any]] = []
+    groups: list[list[StoodRow]] = []
     of_old = None
     for (old, since_s), part in sorted(parts.items(), key=lambda item: item[0]):
         if old == of_old and _goes_on(groups[-1], part, since_s):
@@ -96,7 +96,7 @@ def _listed_alike(rows: Sequence[Any], since_ns: int | None) -> list[list[Any]]:
     return sorted(ordered, key=lambda group: place[group[0].id])
 
 
-def _goes_on(group: Sequence[Any], part: Sequence[Any], since_s: float) -> bool:
+def _goes_on(group: Sequence[StoodRow], part: Sequence[StoodRow], since_s: float) -> bool:
     """Whether a later part is of the group. What runs told of one group may differ in when it began: the loop that came
     to stand first may have been audited later, or be at work by then. What one run told apart stays apart."""
     began_s = min(seconds_of(_field(row, TOGETHER_SINCE)) for row in group)
@@ -105,17 +105,17 @@ def _goes_on(group: Sequence[Any], part: Sequence[Any], since_s: float) -> bool:
     return not apart and since_s <= max(began_s + SHUT_DOWN_S, last_s)
 
 
-def _told(rows: Sequence[Any]) -> Together:
+def _told(rows: Sequence[StoodRow]) -> Together:
     in_time = sorted((_stand(row) for row in rows), key=lambda stand: (stand.since_s, stand.tag))
     group = StoodTogether(tuple(in_time))
     since = min((_field(row, TOGETHER_SINCE) for row in rows), key=seconds_of)
     return Together(tuple(row.tag for row in rows), group.unit, since, of_all(group), look(group))
 
 
-def _stand(row: Any) -> Stand:
+def _stand(row: StoodRow) -> Stand:
     return Stand(row.tag, seconds_of(_field(row, SINCE)), 0.0, row.sampling_interval_s, row.unit)
 
 
-def _field(row: Any, name: str) -> str:
+def _field(row: StoodRow, name: str) -> str:
     value: str = extra_in(row.extra_json)[name]
     return value
