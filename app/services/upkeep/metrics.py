@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Literal
 
 from app.services.backend import Backend
-from app.services.plant.arrivals import arrivals
+from app.services.plant.arrivals import Arrivals, arrivals
 from app.storage import figures, standstill
 from app.storage.figures import EndedRun, Figures
 
@@ -31,8 +31,12 @@ class Metric:
 def metrics(backend: Backend) -> tuple[Metric, ...]:
     with backend.database.read() as connection:
         found = figures.collect(connection)
-    reach = arrivals(backend)
-    newest_s = None if reach.recorded_to is None else datetime.fromisoformat(reach.recorded_to).timestamp()
+    free_bytes = shutil.disk_usage(backend.settings.data_dir).free
+    return (*_states(found), *_work(found), *_reach(arrivals(backend)), *_kept(found, free_bytes))
+
+
+def _states(found: Figures) -> tuple[Metric, ...]:
+    """How many loops, uploads and items of runs there are, by what became of them."""
     return (
         _gauge("loopaudit_loops", "Loops of the plant, without those that are retired.", (Sample(found.loops),)),
         _gauge(
@@ -55,6 +59,12 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
             _by("code", found.failures_day),
         ),
         _gauge("loopaudit_verdicts", "Loops by their newest verdict.", _by("verdict", found.verdicts)),
+    )
+
+
+def _work(found: Figures) -> tuple[Metric, ...]:
+    """What waits, for how long, and how long an audit takes."""
+    return (
         _gauge(
             "loopaudit_oldest_open_run_age_seconds",
             "Age of the oldest run that has not ended; 0: none. Old while no worker claims is an alarm.",
@@ -71,6 +81,13 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
             "Age of the oldest upload that has not been read; 0: none.",
             (Sample(found.waiting.oldest_unread_s),),
         ),
+    )
+
+
+def _reach(found: Arrivals) -> tuple[Metric, ...]:
+    """How far the records reach."""
+    newest_s = None if found.recorded_to is None else datetime.fromisoformat(found.recorded_to).timestamp()
+    return (
         _gauge(
             "loopaudit_newest_sample_timestamp_seconds",
             "When the newest sample was recorded. Old while uploads go on is an alarm: the export stands still.",
@@ -79,8 +96,14 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
         _gauge(
             "loopaudit_loops_behind",
             "Loops that got no sample for two days or more before the newest one.",
-            (Sample(reach.behind),),
+            (Sample(found.behind),),
         ),
+    )
+
+
+def _kept(found: Figures, free_bytes: int) -> tuple[Metric, ...]:
+    """What is kept and what there is room for, what has been done, and who may ask."""
+    return (
         Metric(
             "loopaudit_upload_bytes_total",
             "counter",
@@ -91,7 +114,7 @@ def metrics(backend: Backend) -> tuple[Metric, ...]:
         _gauge(
             "loopaudit_data_folder_free_bytes",
             "Room left on the volume of the data folder: exports, and the data base where it is SQLite.",
-            (Sample(shutil.disk_usage(backend.settings.data_dir).free),),
+            (Sample(free_bytes),),
         ),
         *_ended("run", "the newest ended run of any kind", found.last_run),
         *_ended("night", "the newest ended nightly run", found.last_night),
