@@ -7,8 +7,9 @@ import pytest
 
 from app.engine.mismatch import Comparison, explain
 from app.engine.mismatch.judge.result import Verdict
+from app.services.axes import ticks
 from app.services.explaining.plot import COLOURS, as_many, explanation_html
-from app.services.explaining.svg import DIFFERS, UNSEEN, explanation_svg, legend, panel, ticks
+from app.services.explaining.svg import DIFFERS, UNSEEN, explanation_svg, legend, panel
 from tests.engine.plain_loop import GIVEN, TS, moves, recorded
 
 

@@ -12,6 +12,7 @@ from app.errors import NotFoundError, RequestError
 from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
+from app.services.axes import ticks
 from app.services.backend import Backend
 from app.services.explaining.wording import SIMULATION_WORDS
 from app.services.moments import UTC_CLOCK
@@ -19,7 +20,7 @@ from app.services.plant import loop_sheet
 from app.services.plant.groups import plant_groups
 from app.services.plant.loop_verdicts import loop_health
 from app.services.reports import documents as reports
-from app.services.reports.svg import Ends, Line, chart, ticks
+from app.services.reports.svg import Ends, Line, chart
 from app.services.results import GroupView
 from app.services.stating.notes import add_note, end_shelving
 from app.services.stating.properties import patch_loop

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.mismatch import Explanation
 from app.engine.recording import FloatArray
+from app.services.axes import ticks
 from app.services.explaining.plot import COLOURS, as_many
 from app.services.explaining.wording import VERDICT_WORDS
 
@@ -75,22 +76,13 @@ def panel(
         clipped = np.clip(signal[::stride], low, high)
         points = " ".join(place(float(t), float(v)) for t, v in zip(time_s[::stride], clipped, strict=True))
         said.append(f'<polyline fill="none" stroke="{COLOURS[name]}" stroke-width="1" points="{points}"/>')
-    for tick in ticks(0.0, last):
+    for tick in ticks(0.0, last, TICKS):
         x = at[0] + size[0] * tick / last
         said.append(
             f'<line x1="{x:.1f}" y1="{at[1] + size[1]}" x2="{x:.1f}" y2="{at[1] + size[1] + 4}" stroke="#999"/>'
         )
         said.append(text(x - 8, at[1] + size[1] + 15, f"{tick:g}", 10))
     return said
-
-
-def ticks(low: float, high: float) -> list[float]:
-    """Some round numbers from low to high."""
-    rough = (high - low) / TICKS
-    step = 10.0 ** np.floor(np.log10(rough))
-    step *= next((times for times in (1.0, 2.0, 5.0) if times * step >= rough), 10.0)
-    first = int(np.ceil(low / step - 1e-9))
-    return [round(k * step, 12) for k in range(first, int(np.floor(high / step + 1e-9)) + 1)]
 
 
 def scatter(
@@ -112,7 +104,7 @@ def scatter(
 
 def frame(at: tuple[float, float], size: tuple[float, float], low: float, high: float, label: str) -> list[str]:
     box = f'<rect x="{at[0]}" y="{at[1]}" width="{size[0]}" height="{size[1]}" fill="none" stroke="#999"/>'
-    marked = [(tick, at[1] + size[1] * (1.0 - (tick - low) / (high - low))) for tick in ticks(low, high)]
+    marked = [(tick, at[1] + size[1] * (1.0 - (tick - low) / (high - low))) for tick in ticks(low, high, TICKS)]
     said = [text(at[0] - 42, y + 3, f"{tick:g}", 10) for tick, y in marked]
     lines = [f'<line x1="{at[0]}" y1="{y:.1f}" x2="{at[0] + size[0]}" y2="{y:.1f}" stroke="#ddd"/>' for _, y in marked]
     return [*lines, box, *said, text(at[0] + 4, at[1] - 4, label, 11)]

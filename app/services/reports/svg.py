@@ -1,15 +1,15 @@
 """Charts of a report: small SVG of our own, so that a report is one file, prints well and runs no script."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
 from markupsafe import Markup, escape
 
+from app.services.axes import ticks
+
 WIDTH, HEIGHT = 900, 220
 LEFT, RIGHT, TOP, BOTTOM = 64, 14, 22, 34
-TICKS = 4
 Values = Sequence[float | None]
 
 
@@ -112,11 +112,3 @@ def _legend(lines: Sequence[Line]) -> str:
 
 def _text(x: float, y: float, words: str, anchor: str) -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>' if words else ""
-
-
-def ticks(low: float, high: float) -> list[float]:
-    """Round values inside of [low, high], 1, 2 or 5 times a power of ten apart."""
-    wanted = (high - low) / TICKS
-    power = 10.0 ** math.floor(math.log10(wanted))
-    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= wanted)
-    return [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
