@@ -1,0 +1,171 @@
+"""What this engine says of a few made-up recordings, kept with its version: other answers are another version.
+
+`python -m tests.golden.answers` works them out anew; where one is another than is kept, it raises the last part of
+ENGINE_VERSION and keeps the new ones. The recordings are made by sums and products alone, the same on any machine.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import app.engine as engine
+from app.engine.audit import audit
+from app.engine.mismatch import explain
+from app.engine.mismatch.compare.even_grid import comparison_of
+from app.engine.recording import Recording
+
+KEPT = Path(__file__).with_name("answers.json")
+SAMPLES, INTERVAL_S = 720, 5.0
+Answer = dict[str, str | float | None]
+
+
+def noise(samples: int) -> list[float]:
+    """Between -1 and 1, most of it small; the same each time."""
+    made, state = [], 1
+    for _ in range(samples):
+        drawn = []
+        for _ in range(4):
+            state = (1_664_525 * state + 1_013_904_223) % (1 << 32)
+            drawn.append(state / (1 << 31) - 1.0)
+        made.append(sum(drawn) / 4.0)
+    return made
+
+
+def loop(
+    S: float = 0.0, J: float = 0.0, shaken: float = 0.0, samples: int = SAMPLES, sticks_from: int = 0, **known: Any
+) -> Recording:
+    """A PI loop around a lag with its set point at 50. S, J: of its valve, He's, of OP; shaken: size of what goes up
+    and down every 30 samples in a load, of PV; known: what else a recording has.
+    """
+    pv, op, stem, pushed, integral = [50.0], [50.0], 50.0, 0.0, 50.0
+    for t, drawn in enumerate(noise(samples)[1:], 1):
+        band, jump = (S, J) if t >= sticks_from else (0.0, 0.0)
+        pushed += op[-1] - op[-2] if t > 1 else 0.0
+        if abs(pushed) > 0.5 * (band + jump):
+            left = 0.5 * (band - jump) if pushed > 0.0 else -0.5 * (band - jump)
+            stem, pushed = stem + pushed - left, left
+        load = (0.7 if t < 60 else -0.7) + shaken * (abs(t % 30 - 15) / 7.5 - 1.0)
+        pv.append(pv[-1] + 0.2 * (stem + load - pv[-1]) + 0.05 * drawn)
+        integral += 0.1 * (50.0 - pv[-1])
+        op.append(min(max(integral + 0.8 * (50.0 - pv[-1]), 0.0), 100.0))
+    time_s = INTERVAL_S * np.arange(samples)
+    parts = {"time_s": time_s, "pv": np.array(pv), "op": np.array(op), "sp": np.full(samples, 50.0)}
+    return Recording("made up", **(parts | known))
+
+
+def stands() -> Recording:
+    """PV stands from the middle on, while OP goes on."""
+    moving = loop(shaken=4.0)
+    pv = np.where(np.arange(SAMPLES) < SAMPLES // 2, moving.pv, moving.pv[SAMPLES // 2])
+    return loop(pv=pv, op=moving.op)
+
+
+def irregular() -> Recording:
+    """Every seventh sample late, every eleventh without a PV."""
+    k, whole = np.arange(SAMPLES), loop(S=6.0, J=2.0)
+    pv = np.where(k % 11 == 0, np.nan, whole.pv)
+    return loop(time_s=INTERVAL_S * (k + 0.4 * (k % 7 == 0)), pv=pv, op=whole.op)
+
+
+RECORDINGS: Mapping[str, Callable[[], Recording]] = {
+    "sticks": lambda: loop(S=6.0, J=2.0),
+    "sticks and jumps": lambda: loop(S=3.0, J=3.0),
+    "shaken": lambda: loop(shaken=4.0),
+    "shaken and sticks": lambda: loop(S=3.0, J=1.0, shaken=4.0),
+    "quiet": loop,
+    "PV stands": stands,
+    "irregular": irregular,
+    "in manual": lambda: loop(S=6.0, J=2.0, automatic=np.zeros(SAMPLES, np.bool_)),
+    "sticks at its end": lambda: loop(S=6.0, J=2.0, shaken=0.3, samples=6000, sticks_from=4500),
+}
+
+
+def audited(recording: Recording) -> Answer:
+    found = audit(recording)
+    said, size, reference = found.judgement, found.stiction_size, found.reference
+    return {
+        "verdict": said.verdict,
+        "reliability": said.reliability,
+        "likely_cause": said.likely_cause,
+        "reasons": " ".join(reason.code for reason in said.reasons),
+        "checks": " ".join(f"{one.code}:{one.outcome}" for one in found.fitness.findings),
+        "stiction_probability": said.stiction_probability,
+        "period_s": None if found.oscillation is None else found.oscillation.period_s,
+        "health": found.health.value,
+        "S": None if size is None else size.S,
+        "d": None if reference is None else float(reference.last.one.d_best),
+        "rmse": None if reference is None else float(np.min(reference.last.one.rmse)),
+    }
+
+
+def explained(recording: Recording) -> Answer:
+    found = explain(comparison_of(recording))
+    return {
+        "verdict": found.verdict,
+        "effects": " ".join(effect.code for effect in found.effects),
+        "evidence": " ".join(reason.code for reason in found.evidence),
+        "rmse_refitted": found.fit.refitted.rmse,
+        "rmse_explained": found.fit.explained.rmse,
+    }
+
+
+EXPLAINED = ("sticks", "shaken")
+
+
+def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
+    for name, made in RECORDINGS.items():
+        yield f"audit: {name}", lambda made=made: audited(made())
+    for name in EXPLAINED:
+        yield f"explain: {name}", lambda made=RECORDINGS[name]: explained(made())
+
+
+QUESTIONS = dict(asked())
+
+
+def kept() -> dict[str, Any]:
+    """`engine_version`, and the `answers` that it gave, by question."""
+    return json.loads(KEPT.read_text(encoding="utf-8"))
+
+
+def same(given: Answer, before: Answer | None) -> bool:
+    """As far as machines agree."""
+    if before is None or given.keys() != before.keys():
+        return False
+    return all(_close(given[name], before[name]) for name in given)
+
+
+def _close(one: str | float | None, other: str | float | None) -> bool:
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=5e-3, abs_tol=1e-6)
+    return one == other
+
+
+def main() -> None:
+    before = kept() if KEPT.exists() else {"engine_version": engine.ENGINE_VERSION, "answers": {}}
+    given = {question: answer() for question, answer in QUESTIONS.items()}
+    others = [question for question in given if not same(given[question], before["answers"].get(question))]
+    version = engine.ENGINE_VERSION
+    if before["answers"] and others and version == before["engine_version"]:
+        version = raised()
+    text = json.dumps({"engine_version": version, "answers": given}, indent=1, ensure_ascii=False)
+    KEPT.write_text(text + "\n", encoding="utf-8")
+    print(f"engine {version}, other answers: {', '.join(others) or 'none'}")
+
+
+def raised() -> str:
+    """The version with its last part one higher, as it then stands in the engine."""
+    home = Path(engine.__file__)
+    first, last = engine.ENGINE_VERSION.rsplit(".", 1)
+    version = f"{first}.{int(last) + 1}"
+    text = home.read_text(encoding="utf-8")
+    home.write_text(re.sub(r'ENGINE_VERSION = ".*"', f'ENGINE_VERSION = "{version}"', text), encoding="utf-8")
+    return version
+
+
+if __name__ == "__main__":
+    main()
