@@ -16,7 +16,8 @@ FEW_INTERVALS = 0.3
 """Regularity where two intervals between crossings are all there is: not regular, and yet an oscillation."""
 
 _TREND_SHARES = (0.0, 0.25, 0.08, 0.025)
-_MIN_PERIOD_SAMPLES = 3.0
+# Of a regular oscillation, and of one that is not: three to five samples a turn are what noise makes, not a shape.
+_LEAST_PERIOD, _LEAST_IRREGULAR = 3.0, 5.0
 _HYSTERESIS = 0.05
 _CROSSINGS = 11
 _LONGEST_SEARCHED = 16384
@@ -169,15 +170,20 @@ def _swing(acf: FloatArray) -> _Swing | None:
     intervals = np.diff(crossings).tolist()
     mean = sum(intervals) / len(intervals)
     period = 2.0 * mean
-    if period < _MIN_PERIOD_SAMPLES:
+    if period < _LEAST_PERIOD:
         return None
     # The first swing: it starts at the second crossing (from below to above) and ends at the third.
     # An estimate over fewer pairs at each lag may pass 1 by a little.
     strength = min(float(np.max(acf[int(crossings[1]) : int(crossings[2]) + 2])), 1.0)
+    regularity = _regularity(intervals, mean)
+    return _Swing(period, regularity, strength) if period >= _LEAST_IRREGULAR or regularity > REGULAR_ABOVE else None
+
+
+def _regularity(intervals: list[float], mean: float) -> float:
     if len(intervals) < 3:
-        return _Swing(period, FEW_INTERVALS, strength)
+        return FEW_INTERVALS
     spread = math.sqrt(sum((interval - mean) ** 2 for interval in intervals) / (len(intervals) - 1))
-    return _Swing(period, min(mean / (3.0 * spread + 1e-12), 100.0), strength)
+    return min(mean / (3.0 * spread + 1e-12), 100.0)
 
 
 @njit(cache=True, nogil=True)

@@ -87,9 +87,9 @@ def test_not_in_automatic():
 @pytest.mark.parametrize(
     ("manual", "judged", "said"),
     [
-        (slice(120, 130), (130, 400), "270 of them in a row; at least 100 in a row are needed"),
-        (slice(230, 240), (240, 400), "160 of them in a row; at least 100 in a row are needed"),  # as it is now
-        (slice(280, 290), (0, 280), "needed; the 120 samples after them are not looked at"),  # too few since
+        (slice(105, 130), (130, 400), "270 of them in a row; at least 100 in a row are needed"),
+        (slice(215, 240), (240, 400), "160 of them in a row; at least 100 in a row are needed"),  # as it is now
+        (slice(265, 290), (0, 265), "needed; the 135 samples after them are not looked at"),  # too few since
         (slice(300, 400), (0, 300), "needed; the 100 samples after them are not looked at"),
     ],
 )

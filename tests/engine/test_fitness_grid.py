@@ -95,6 +95,41 @@ def test_late_scans_are_taken_as_they_are():
     assert fitness.record.sampling_interval_s == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        np.floor(3.3 * np.arange(N)),  # of a scan each 3.3 s, in whole seconds
+        np.arange(N) + np.random.default_rng(2).uniform(-0.4, 0.4, N),
+        np.arange(N) + 0.4 * (np.arange(N) == 200),
+    ],
+)
+def test_one_stamp_a_tick_is_a_regular_scan_however_inexact(stamps):
+    recording = cycling(time_s=stamps)
+    fitness = assess(recording)
+    assert outcomes(fitness)["irregular_sampling"] == "pass"
+    assert fitness.filled_share == 0.0
+    np.testing.assert_array_equal(fitness.record.pv, recording.pv)
+
+
+@pytest.mark.parametrize("stamps", [np.arange(N) + (np.arange(N) >= 200), 1.0 * np.delete(np.arange(N + 1), 399)])
+def test_a_stamp_that_is_missing_is_none(stamps):
+    fitness = assess(cycling(time_s=stamps))
+    assert outcomes(fitness)["irregular_sampling"] == "fail"
+    assert int(np.sum(fitness.record.filled)) == 1
+
+
+@pytest.mark.parametrize(
+    ("samples", "hole", "gaps"),
+    [(400, 19, 0), (400, 22, 1), (100, 10, 0), (100, 11, 1), (2000, 39, 0), (2000, 42, 1)],
+)
+def test_a_hole_is_filled_that_is_short_beside_the_record(samples, hole, gaps):
+    keep = np.ones(samples, dtype=bool)
+    keep[samples // 2 : samples // 2 + hole - 1] = False
+    fitness = assess(cycling(samples).part(keep), FitnessConfig(min_samples=20))
+    assert fitness.gaps == gaps
+    assert gaps or fitness.audited.samples == samples
+
+
 def test_signals_stamped_at_different_times_are_brought_together():
     good, rows = cycling(), np.arange(N)
     pv = np.where(rows % 2 == 0, good.pv, np.nan)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from app.engine.oscillation import FEW_INTERVALS, autocorrelation, detect
 from app.engine.recording import UniformRecord
@@ -48,6 +49,21 @@ def test_a_cycle_that_only_the_control_error_shows_is_found():
 def test_noise_is_no_strong_oscillation():
     noise = np.random.default_rng(2).normal(size=(2, N))
     assert detect(record(noise[0], noise[1])).strength < 0.3
+
+
+@pytest.mark.parametrize("period", [3.4, 4.0, 4.6])
+def test_a_regular_turn_of_a_few_samples_is_found(period):
+    even = cycle(period) + 0.1 * np.random.default_rng(5).normal(size=N)
+    assert detect(record(even, even)).samples_per_cycle == pytest.approx(period, rel=0.03)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 5])
+def test_noise_that_turns_each_four_samples_hides_no_slower_cycle(seed):
+    rng = np.random.default_rng(seed)
+    noise = lfilter([1.0], [1.0, 0.0, 0.81], rng.normal(size=N))
+    slow = 0.6 * np.std(noise) * np.sin(2 * np.pi * np.arange(N) / 30 + np.cumsum(0.12 * rng.normal(size=N)))
+    found = detect(record(noise + slow, noise + slow))
+    assert found.samples_per_cycle is None or found.samples_per_cycle >= 5.0
 
 
 def test_nothing_moving_is_no_oscillation():

@@ -37,6 +37,14 @@ def test_one_or_two_in_a_row_are_missing_and_told(signal, value, at):
     assert f"{len(at)} of {signal.upper()} ({value:.10g}" in finding.text
 
 
+@pytest.mark.parametrize("value", [35.0, 70.0, 90.0])  # 1.0, 1.5 and 3.5 times the range outside of it
+@pytest.mark.parametrize("at", [[100], [50, 51], [10, 200, 201]])
+def test_a_jump_there_and_back_is_missing_though_it_is_not_so_far(value, at):
+    fitness = put(value - 2.0 if value < 50.0 else value, at)
+    assert np.flatnonzero(fitness.record.filled).tolist() == at
+    assert told(fitness).statistic == len(at)
+
+
 @pytest.mark.parametrize("at", [[0], [N - 1], [0, N - 1]])
 def test_at_the_ends_of_a_record_they_are_left_out(at):
     fitness = put(LARGEST, at, "pv")
@@ -58,7 +66,9 @@ def test_a_short_record_has_them_too():
     ("values", "at"),
     [
         ([200.0] * 3, [100, 101, 102]),  # three in a row are an excursion
-        ([90.0], [100]),  # 4 times the range of 10 outside of that
+        ([90.0] * 3, [100, 101, 102]),
+        ([62.0], [100]),  # 0.7 of the range of 10 outside of that, as noise is now and then
+        ([58.0, 63.0, 68.0, 63.0, 58.0], [98, 99, 100, 101, 102]),  # there and back, but not at once
     ],
 )
 def test_what_lasts_or_does_not_go_so_far_stays(values, at):

@@ -10,7 +10,8 @@ from app.engine.fitness import checks
 from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
-from app.engine.fitness.resample import is_regular, to_uniform, typical_interval
+from app.engine.fitness.repeated import once_a_scan
+from app.engine.fitness.resample import is_regular, most_filled, to_uniform, typical_interval
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import (
     at_extremes,
@@ -62,7 +63,7 @@ class Fitness:
     missing_share: samples of the recording without PV or OP, 0 to 1.
     automatic_share: samples in automatic, 0 to 1; None where the mode was not recorded.
     filled_share: samples of `record` that were interpolated into holes, 0 to 1; None without a record.
-    gaps: holes that split the recording.
+    gaps: holes that split the recording. repeats: how many samples it has of each scan; one of them is judged.
     pv_dead_s: for how long PV has held one value up to the recording's end while OP moved, and never before, in s; else
     None.
     wound_up_s: for how long OP has stood at its limit up to the recording's end, as never before, while PV stayed away,
@@ -78,6 +79,7 @@ class Fitness:
     automatic_share: float | None
     filled_share: float | None
     gaps: int
+    repeats: int = 1
     pv_dead_s: float | None = None
     wound_up_s: float | None = None
     standstill: Standstill | None = None
@@ -118,21 +120,22 @@ class Fitness:
 def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness:
     """The fitness checks in their order; each narrows the recording to what can be audited, and says so.
 
-    Missing values are taken out, and those that lie alone and far from all others, then the newest long stretch in
-    automatic is kept, of it the newest long one without a hole, then the newest long one beside dead PV or OP, and that
-    stretch is put on a uniform time base. A recording is refused where a step leaves fewer than
-    `config.min_samples`, where OP is switched between two values or stands at a limit, or where too much had to be
-    filled.
+    Of a scan that was stored several times one sample is kept. Missing values are taken out, and those that lie alone
+    and far from all others, then the newest long stretch in automatic is kept, of it the newest long one without a
+    hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording is
+    refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands at a
+    limit, or where too much had to be filled.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts; but whether PV stands
     at its set point, and on which side of one that moves it is, is asked in one unit of both.
     """
     config = config or FitnessConfig()
-    aligned = align(recording, config)
-    samples, both = _samples(recording, aligned), aligned.both
+    scanned = once_a_scan(recording, config)
+    aligned = align(scanned.recording, config)
+    samples, both = _samples(scanned.recording, aligned), aligned.both
     automatic_share = None if samples.automatic is None or not len(samples) else float(np.mean(samples.automatic))
     missing_share = 1.0 - float(np.mean(both)) if len(both) else 0.0
-    fitness = Fitness((), None, missing_share, automatic_share, None, 0)
-    length = checks.check_length(recording.samples, config)
+    fitness = Fitness((), None, missing_share, automatic_share, None, 0, repeats=scanned.repeats)
+    length = checks.check_length(scanned.recording.samples, config)
     if length.outcome == "fail":
         return _stopped(fitness, (length,), ("missing_values", "wild_samples", *LATER_CHECKS))
     found = (
@@ -190,7 +193,7 @@ def _assess_stretches(recording: Recording, samples: Samples, fitness: Fitness, 
         return _stopped(fitness, found, LATER_CHECKS[1:])
     unbroken = newest_without_hole(in_automatic.time_s, config)
     whole, later = in_automatic.part(unbroken.samples), len(in_automatic) - unbroken.samples.stop
-    found = (*found, checks.check_gaps(unbroken.holes, len(whole), len(in_automatic), later, config))
+    found = (*found, checks.check_gaps(unbroken, len(whole), len(in_automatic), later, config))
     fitness = replace(fitness, gaps=unbroken.holes)
     if len(whole) and whole.time_s[-1] == samples.time_s[-1]:
         fitness = replace(fitness, pv_dead_s=_dead_s(whole, config), wound_up_s=_wound_up_s(whole, config))
@@ -214,7 +217,7 @@ def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, con
         *fitness.findings,
         two_values,
         checks.check_op_limits(samples.op, recording.op_range, two_values, config),
-        checks.check_sampling(is_regular(samples.time_s, config), record),
+        checks.check_sampling(is_regular(samples.time_s, config), record, fitness.repeats),
         checks.check_filled(record, config),
         checks.check_levels("pv", samples.pv, config),
         checks.check_levels("op", samples.op, config),
@@ -237,7 +240,8 @@ def _bridged(samples: Samples, config: FitnessConfig) -> BoolArray:
     automatic = np.asarray(samples.automatic)
     at = np.flatnonzero(automatic)
     time_s = samples.time_s[at]
-    brief = (np.diff(at) > 1) & (np.diff(time_s) <= config.max_gap_intervals * typical_interval(samples.time_s))
+    longest_s = most_filled(len(samples), config) * typical_interval(samples.time_s)
+    brief = (np.diff(at) > 1) & (np.diff(time_s) <= longest_s)
     bridged = automatic.copy()
     for k in np.flatnonzero(brief):
         bridged[at[k] : at[k + 1]] = True

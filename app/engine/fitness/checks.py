@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.codes import CheckCode
 from app.engine.evidence import Finding, Operator, Outcome
 from app.engine.fitness.config import FitnessConfig
+from app.engine.fitness.holes import Unbroken
 from app.engine.fitness.signals import (
     at_extremes,
     at_limits,
@@ -59,7 +60,7 @@ def check_wild(pv: FloatArray, op: FloatArray, config: FitnessConfig) -> Finding
     if found:
         text = f"samples that lie alone and far from all others are taken as missing: {' and '.join(found)}"
     else:
-        text = f"no value of PV or OP lies alone and more than {config.wild_ranges:g} times its range outside of that"
+        text = "no value of PV or OP lies alone and far outside of its range"
     return _finding("wild_samples", not found, text, len(pv) + len(op), 0.0, "samples", "<=")
 
 
@@ -82,13 +83,14 @@ def check_automatic(automatic: BoolArray | None, kept: int, later: int, config: 
     return _finding("not_in_automatic", kept >= config.min_samples, text, share, None, "share")
 
 
-def check_gaps(gaps: int, kept: int, samples: int, later: int, config: FitnessConfig) -> Finding:
-    """gaps: holes that split the record; kept: samples in the stretch that is judged; later: those that came after."""
+def check_gaps(unbroken: Unbroken, kept: int, samples: int, later: int, config: FitnessConfig) -> Finding:
+    """kept: samples in the stretch that is judged, of so many; later: those that came after."""
+    gaps, most = unbroken.holes, f"{unbroken.most_filled:.3g} sampling intervals"
     if gaps == 0:
-        text = f"no hole is longer than {config.max_gap_intervals:g} sampling intervals"
+        text = f"no hole is longer than {most}"
     else:
         text = (
-            f"{gaps} holes longer than {config.max_gap_intervals:g} sampling intervals split the record; of its long "
+            f"{gaps} holes longer than {most} split the record; of its long "
             f"stretches the newest has {kept} of {samples} samples, at least {config.min_samples} are needed"
         )
         text += f"; the {later} samples after it are not looked at" if later else ""
@@ -136,12 +138,13 @@ def check_op_limits(op: FloatArray, op_range: Span | None, two_values: Finding, 
     return _finding("op_at_limits", share < config.op_limit_share, text, share, config.op_limit_share, "share", "<")
 
 
-def check_sampling(regular: bool, record: UniformRecord) -> Finding:
+def check_sampling(regular: bool, record: UniformRecord, repeats: int = 1) -> Finding:
     """Irregular sampling does not refuse a record; how much had to be filled may."""
     if regular:
         text = f"samples every {record.sampling_interval_s:g} s, taken as they are"
     else:
         text = f"irregular sampling, interpolated linearly to one sample every {record.sampling_interval_s:g} s"
+    text += f"; each was stored {repeats} times" if repeats > 1 else ""
     return _finding("irregular_sampling", regular, text, float(regular), None, "")
 
 

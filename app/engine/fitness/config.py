@@ -23,10 +23,14 @@ class FitnessConfig:
     min_samples: fewest usable samples in one stretch; the smallest ladder rungs have some ten parameters to find.
     wild_ranges, most_wild, most_wild_spells: so many times the range of a signal (without its outermost values) outside
     of that, for so many samples in a row at most and so often, a value is no measurement: a dropout, or a code of a
-    system. What the loop does lasts longer, goes less far or comes again.
+    system. What the loop does lasts longer, goes less far or comes again. aside_ranges, jump_ranges: nor is it less far
+    outside, where it is so many ranges from what is around it.
     newest_share: the newest stretch that has this share of the samples of the longest is judged in its place.
-    max_gap_intervals: a hole longer than this many sampling intervals splits the record, a shorter one is filled.
-    jitter_tolerance: a stretch whose intervals all lie within this share of their median is taken as regular.
+    max_gap_intervals, max_gap_share, most_gap_intervals: a hole longer than this many sampling intervals splits the
+    record, a shorter one is filled; of long records one is filled up to that share of their samples, but not beyond so
+    many intervals.
+    jitter_tolerance, off_clock: a stretch is taken as regular where its intervals all lie within this share of their
+    median, or its stamps within that share of an interval of an even clock.
     max_filled_share: more filled samples than this, and the record says more about the filling than about the valve.
     flat_share: a signal that does not change for this share of the stretch is dead there.
     least_still, longer_still: PV that holds one value up to the end of the stretch, for so many samples and so many
@@ -47,11 +51,16 @@ class FitnessConfig:
 
     min_samples: int = 100
     wild_ranges: float = 5.0
+    aside_ranges: float = 1.0
+    jump_ranges: float = 1.0
     most_wild: int = 2
     most_wild_spells: int = 6
     newest_share: float = 0.5
     max_gap_intervals: float = 10.0
+    max_gap_share: float = 0.05
+    most_gap_intervals: float = 40.0
     jitter_tolerance: float = 0.25
+    off_clock: float = 0.45
     max_filled_share: float = 0.3
     flat_share: float = 0.5
     least_still: int = LEAST_STILL

@@ -5,24 +5,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.resample import to_uniform, typical_interval
+from app.engine.fitness.resample import most_filled, to_uniform, typical_interval
 from app.engine.fitness.signals import newest_long
 from app.engine.recording import FloatArray, UniformRecord
 
 
 @dataclass(frozen=True)
 class Unbroken:
-    """The samples of the newest long stretch without a hole, and how many holes the whole has."""
+    """The samples of the newest long stretch without a hole, how many holes the whole has, and from how many sampling
+    intervals on they are none that is filled.
+    """
 
     samples: slice
     holes: int
+    most_filled: float
 
 
 def newest_without_hole(time_s: FloatArray, config: FitnessConfig) -> Unbroken:
-    """Of samples at `time_s` (N,), N > 1, in s: a hole is longer than `config.max_gap_intervals` median intervals."""
-    holes = np.flatnonzero(np.diff(time_s) > config.max_gap_intervals * typical_interval(time_s))
+    """Of samples at `time_s` (N,), N > 1, in s: a hole is longer than what is filled."""
+    most = most_filled(len(time_s), config)
+    holes = np.flatnonzero(np.diff(time_s) > most * typical_interval(time_s))
     edges = np.concatenate(([0], holes + 1, [len(time_s)]))
-    return Unbroken(newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes))
+    return Unbroken(newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes), most)
 
 
 def newest_even(

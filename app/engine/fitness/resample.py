@@ -20,13 +20,29 @@ def typical_interval(time_s: FloatArray) -> float:
     return float(np.median(np.diff(time_s)))
 
 
-def is_regular(time_s: FloatArray, config: FitnessConfig) -> bool:
-    """Whether no interval of `time_s` (N,) in s strays from the median by more than `config.jitter_tolerance`.
+def most_filled(samples: int, config: FitnessConfig) -> float:
+    """How many sampling intervals a hole in a record of so many samples may last to be filled: a longer one splits it.
 
-    Stamps of a scan that is a little late are better taken as regular: interpolation would smooth the signals.
+    Of a long record more than of a short one: a straight line over a few cycles of many says less than half of the
+    record being left out.
     """
-    interval = typical_interval(time_s)
-    return bool(np.all(np.abs(np.diff(time_s) - interval) <= config.jitter_tolerance * interval))
+    return max(config.max_gap_intervals, min(config.most_gap_intervals, config.max_gap_share * samples))
+
+
+def is_regular(time_s: FloatArray, config: FitnessConfig) -> bool:
+    """Whether the stamps `time_s` (N,), N > 1, in s, are those of an even scan, one a tick: no interval strays from the
+    median by more than `config.jitter_tolerance`, or no stamp from an even clock by more than `config.off_clock`.
+
+    Stamps of a scan that is a little late, or that were rounded to seconds, are better taken as regular: interpolation
+    would smooth the signals.
+    """
+    intervals, interval = np.diff(time_s), typical_interval(time_s)
+    if np.all(np.abs(intervals - interval) <= config.jitter_tolerance * interval):
+        return True
+    clock = even_clock(time_s)
+    if np.max(intervals) > (1.0 + 2.0 * config.off_clock) * clock.interval_s:  # a sample is missing
+        return False
+    return bool(np.max(np.abs(time_s - clock.ticks(len(time_s)))) <= config.off_clock * clock.interval_s)
 
 
 def to_uniform(
@@ -55,6 +71,27 @@ def to_uniform(
         grid.filled,
         start_s,
     )
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Even ticks in s: the first one, and the interval between two."""
+
+    first_s: float
+    interval_s: float
+
+    def ticks(self, count: int) -> FloatArray:
+        """The first `count` of them, (count,)."""
+        ticks: FloatArray = self.first_s + self.interval_s * np.arange(count, dtype=np.float64)
+        return ticks
+
+
+def even_clock(time_s: FloatArray) -> Clock:
+    """The clock that strays least, by squares, from the stamps `time_s` (N,), N > 1, one a tick."""
+    from_middle = np.arange(len(time_s)) - 0.5 * (len(time_s) - 1)
+    since_s = time_s - time_s[0]
+    interval = float(from_middle @ since_s) / float(from_middle @ from_middle)
+    return Clock(float(time_s[0] + since_s.mean() + interval * from_middle[0]), interval)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from app.engine.fitness.config import LIMIT_BAND, FitnessConfig
 from app.engine.fitness.resample import typical_interval
@@ -16,6 +17,8 @@ SAME_SHARE_OF_SPAN = 1e-9
 OUTERMOST, LEVEL_BAND = 0.02, 0.01
 # Of a signal's values, on either side, but never fewer than so many: its range is asked between them.
 OUTER_SHARE, FEWEST_OUTER = 0.01, 4
+# Samples whose median is what a sample stands among.
+_AROUND = 5
 
 
 def usable_values(signal: FloatArray) -> BoolArray:
@@ -36,9 +39,10 @@ def resolution(signal: FloatArray) -> float:
 
 
 def wild(signal: FloatArray, time_s: FloatArray, config: FitnessConfig) -> BoolArray:
-    """(N,) True where `signal` (N,), finite, at times `time_s` (N,) in s, lies alone and far off: more than
-    `config.wild_ranges` times its range without its outermost values outside of that, for at most `config.most_wild`
-    samples in a row that could be filled if they were missing.
+    """(N,) True where `signal` (N,), finite, at times `time_s` (N,) in s, lies alone and far off, for at most
+    `config.most_wild` samples in a row that could be filled if they were missing: more than `config.wild_ranges` times
+    its range without its outermost values outside of that, or less far, more than `config.aside_ranges`, where it jumps
+    there and back at once, by `config.jump_ranges` from what is around (the median of five samples).
 
     Nowhere where that range is nothing: of a signal that mostly stands it is not known how far it goes; of one that
     goes by few steps of its quantisation hardly more. Nowhere either where that happens again and again: a valve that
@@ -51,21 +55,29 @@ def wild(signal: FloatArray, time_s: FloatArray, config: FitnessConfig) -> BoolA
     low, high = np.partition(signal, (outer, n - 1 - outer))[[outer, n - 1 - outer]]
     if high - low <= resolution(np.array([low, high])):
         return np.zeros(n, dtype=bool)
-    far = _beyond(signal, low, high, config.wild_ranges * (high - low))
-    if not far.any():
-        return far
+    aside = _beyond(signal, low, high, config.aside_ranges * (high - low))
+    if not aside.any():
+        return aside
     step = quantisation_step(signal[(signal >= low) & (signal <= high)]) or 0.0
-    far &= _beyond(signal, low, high, config.wild_ranges * config.min_levels * step)
-    longest_s, found = config.max_gap_intervals * typical_interval(time_s), np.zeros(n, dtype=bool)
+    reach = max(high - low, config.min_levels * step)
+    jumps = np.abs(signal - median_filter(signal, _AROUND, mode="mirror")) > config.jump_ranges * reach
+    far = _beyond(signal, low, high, config.wild_ranges * reach)
+    return _brief(far | (jumps & _beyond(signal, low, high, config.aside_ranges * reach)), time_s, config)
+
+
+def _beyond(signal: FloatArray, low: float, high: float, reach: float) -> BoolArray:
+    return (signal < low - reach) | (signal > high + reach)
+
+
+def _brief(far: BoolArray, time_s: FloatArray, config: FitnessConfig) -> BoolArray:
+    """The runs of `far` (N,) that are short enough to be filled; none of them where they are too many."""
+    n, longest_s = len(far), config.max_gap_intervals * typical_interval(time_s)
+    found = np.zeros(n, dtype=bool)
     for first, behind in zip(*runs_of(far), strict=True):
         around_s = time_s[min(behind, n - 1)] - time_s[max(first - 1, 0)]
         found[first:behind] = behind - first <= config.most_wild and around_s <= longest_s
     again = len(runs_of(found)[0]) > config.most_wild_spells
     return np.zeros(n, dtype=bool) if again else found
-
-
-def _beyond(signal: FloatArray, low: float, high: float, reach: float) -> BoolArray:
-    return (signal < low - reach) | (signal > high + reach)
 
 
 def at_extremes(signal: FloatArray) -> tuple[BoolArray, BoolArray]:
