@@ -72,11 +72,13 @@ def test_a_cross_beside_a_reliable_verdict_was_only_heard():
 def test_a_check_that_did_not_pass_and_does_not_count_stands_beside_what_counts():
     row, detail = told(reasons=[("pv_quantised", "PV moves in steps")])
     assert not any(point.text.startswith("checks") for point in points(row, detail))
-    outcomes = {"op_interpolated": "fail", "pv_quantised": "fail", "gaps": "pass"}
+    detail["reasons"].append({"code": "irregular_sampling", "text": "interpolated to even steps"})
+    outcomes = {"op_interpolated": "fail", "pv_quantised": "fail", "gaps": "pass", "irregular_sampling": "fail"}
     detail["findings"] = [{"code": code, "outcome": outcome} for code, outcome in outcomes.items()]
     (silent,) = (point for point in points(row, detail) if point.text.startswith("checks"))
     assert (silent.mark, silent.moves) == ("·", True)
     assert "op interpolated (an integrating controller" in silent.text
+    assert silent.text.endswith("; irregular sampling")
     assert "quantised" not in silent.text
 
 

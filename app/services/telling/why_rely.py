@@ -50,6 +50,7 @@ POOR: tuple[ReasonCode, ...] = (
 DOUBTED: tuple[ReasonCode, ...] = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour", "stood_together")
 OLDER: tuple[ReasonCode, ...] = ("before_repair",)
 """Codes of reasons, by what they speak against."""
+AGAINST = frozenset((*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED, *OLDER))
 
 WITHOUT_A_VOTE: dict[CheckCode, str] = {
     "op_interpolated": "an integrating controller draws such lines by itself while PV stands; but no size is told then",
@@ -184,10 +185,10 @@ def _whole(row: Mapping[str, Any]) -> str:
 
 
 def _not_passed(detail: Mapping[str, Any], reasons: Mapping[str, str]) -> Point | None:
-    """Of the checks of the record those that did not pass and are no reason against the verdict: shown beside what
-    counts, or the page would say of one record that it is whole and that it fails."""
+    """Of the checks of the record those that did not pass and do not count against the verdict: shown beside what does,
+    or the page would say of one record that it is whole and that it fails."""
     failed = [finding["code"] for finding in detail.get("findings", ()) if finding["outcome"] == "fail"]
-    silent = [code for code in failed if code not in reasons]
+    silent = [code for code in failed if code not in reasons or code not in AGAINST]
     if not silent:
         return None
     told = "; ".join(f"{code.replace('_', ' ')}{_because(code)}" for code in silent)
