@@ -10,10 +10,12 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
+LOCK, LOOK_S = ".compiling", 0.2
 KEPT_S = 30 * 86400.0  # since a source was last started
 ENGINE = Path(__file__).parent / "engine"
 READERS = tuple(
@@ -57,18 +59,61 @@ def loading_only() -> Iterator[None]:
         yield
 
 
+class StillCompiling(Exception):
+    """Another process compiles for this cache, and whoever waits for it has waited long enough."""
+
+
 @contextmanager
-def one_at_a_time() -> Iterator[None]:
+def one_at_a_time(deadline_s: float | None = None, waits: Callable[[], None] | None = None) -> Iterator[None]:
     """Of several processes that compile for this cache at once, also those of other plants, one does while the others
     wait, and then load. Not to be nested. Where the cache cannot be written everybody compiles.
+
+    deadline_s: by `time.monotonic`, until when to wait; then StillCompiling is raised. None: for ever. waits: called
+    once where there is something to wait for.
     """
     with ExitStack() as held:
         if folder := os.environ.get("NUMBA_CACHE_DIR"):
             with suppress(OSError):
                 Path(folder).mkdir(parents=True, exist_ok=True)
-                lock = held.enter_context((Path(folder) / ".compiling").open("w"))
-                fcntl.flock(lock, fcntl.LOCK_EX)
+                lock = held.enter_context((Path(folder) / LOCK).open("w"))
+                if not _taken(lock) and waits is not None:
+                    waits()
+                _wait_for(lock, deadline_s)
         yield
+
+
+def _wait_for(lock: IO[str], deadline_s: float | None) -> None:
+    if deadline_s is None:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        return
+    while not _taken(lock):
+        if time.monotonic() > deadline_s:
+            raise StillCompiling
+        time.sleep(LOOK_S)
+
+
+def _taken(lock: IO[str]) -> bool:
+    """Whether it is ours by now."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def compiling() -> bool:
+    """Whether some process compiles for this cache at the moment, or loads what it needs from there."""
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    if not folder:
+        return False
+    try:
+        with (Path(folder) / LOCK).open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def empty() -> None:

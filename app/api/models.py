@@ -263,7 +263,9 @@ class LoopsChangedOut(Read):
 
     changed: int = Field(description="How many loops were set otherwise.")
     unchanged: int = Field(description="How many were so already.")
-    refused: list[FailureOut] = Field(description="The loops that could not be set, and why.")
+    refused: list[FailureOut] = Field(
+        description="The loops, or single values of a CSV, that could not be set, and why."
+    )
     ignored: list[str] = Field(description="Columns of a CSV that say nothing of a loop here.")
 
 

@@ -24,6 +24,7 @@ from app.services.stating.loop_list import BYTE_ORDER_MARK
 
 COLUMNS = tuple(TableRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
+ALL = "all"
 ELSEWHERE = tuple(name for name in service.sortable() if name not in COLUMNS)
 SORTING = (
     f"One of {', '.join(service.sortable())}; `-` before it turns the order around. Of these {', '.join(ELSEWHERE)} "
@@ -56,7 +57,8 @@ class TableQuery(BaseModel):
         None,
         max_length=4000,
         description="Columns in the order wanted, with commas between: the fields of a row and "
-        f"{', '.join(service.OF_LOOP)}; none: all fields. As JSON, rows then have these alone.",
+        f"{', '.join(service.OF_LOOP)}; `{ALL}`: all of these; none: the fields of a row. As JSON, rows then have "
+        "these alone.",
     )
     byte_order_mark: bool = Field(
         False, description="As CSV: begins with the mark by which spreadsheets know UTF-8; programs want none."
@@ -89,6 +91,8 @@ class TableQuery(BaseModel):
         """Raises RequestError where a column is not there."""
         if self.columns is None:
             return None
+        if self.columns == ALL:
+            return CHOOSABLE
         names = tuple(dict.fromkeys(name.strip() for name in self.columns.split(",")))
         unknown = [name for name in names if name not in CHOOSABLE]
         if unknown:

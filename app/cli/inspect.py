@@ -86,7 +86,7 @@ def facts(report: "InspectReport") -> Iterator[str]:
     yield f"layout      {summary.layout}, {summary.encoding}{signs}"
     yield f"time        {summary.time_format}, zone {summary.time_zone}"
     yield f"rows        {summary.rows_read:,} read, {summary.rows_kept:,} kept, {summary.values_kept:,} values"
-    yield f"tags        {summary.tags:,} in {len(report.loops):,} loops"
+    yield f"tags        {summary.tags:,} in {len(report.loops):,} {'loop' if len(report.loops) == 1 else 'loops'}"
     for note in summary.notes:
         yield f"note        {note}"
 

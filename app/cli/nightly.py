@@ -81,21 +81,31 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
 
     deadline = time.monotonic() + timeout_s
     if backend.settings.embedded:
-        from app.services.auditing.warming import warm_up
-
-        warm_up()
+        _warm_up(run, deadline, timeout_s)
     with progress("auditing", run.total) as advance:
         while not run.ended:
             if time.monotonic() > deadline:
-                raise RequestError(
-                    "timeout", f"the run {run.id} has not ended after {timeout_s:.0f} s; is a worker running?"
-                )
+                raise _timeout(run, timeout_s, "is a worker running?")
             before = run.done + run.failed
             lend_a_hand(backend, run.id)
             run = get_audit(backend, run.id)
             advance(run.done + run.failed - before)
     say(f"loopaudit: {run.total} loops, {run.done} with a verdict, {run.failed} failed")
     return run
+
+
+def _warm_up(run: "AuditView", deadline: float, timeout_s: float) -> None:
+    from app.kernel_cache import StillCompiling
+    from app.services.auditing.warming import warm_up
+
+    try:
+        warm_up(deadline, lambda: say("loopaudit: waits for another process, which is compiling the engine"))
+    except StillCompiling as still:
+        raise _timeout(run, timeout_s, "another process is still compiling the engine") from still
+
+
+def _timeout(run: "AuditView", timeout_s: float, why: str) -> RequestError:
+    return RequestError("timeout", f"the run {run.id} has not ended after {timeout_s:.0f} s; {why}")
 
 
 def lend_a_hand(backend: "Backend", audit_id: str) -> None:

@@ -76,6 +76,7 @@ class Row(Answer):
     repaired_at: str | None
     shelved_until: str | None
     of_before_repair: bool | None
+    of_old_record: bool | None
 
 
 @dataclass(frozen=True, kw_only=True)

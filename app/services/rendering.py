@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from app.services.telling.reasons import first_reasons
 from app.services.telling.wording import (
     CHANGE_WORDS,
+    POSSIBLY,
     RELIABILITY_BRIEF,
     RELIABILITY_SHORT,
     RELIABILITY_WORDS,
@@ -23,6 +24,7 @@ from app.services.telling.wording import (
     rely,
     starter_words,
     unusual_importance,
+    weakly,
 )
 
 
@@ -38,6 +40,7 @@ def importance(value: float) -> str:
 
 FILTERS: dict[str, Callable[..., Any]] = {
     "brief": brief,
+    "weakly": weakly,
     "cause_words": cause_words,
     "figure": figure,
     "first_reasons": first_reasons,
@@ -51,6 +54,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "unusual_importance": unusual_importance,
 }
 GLOBALS = {
+    "possibly": POSSIBLY,
     "verdict_words": VERDICT_WORDS,
     "reliability_words": RELIABILITY_WORDS,
     "reliability_short": RELIABILITY_SHORT,

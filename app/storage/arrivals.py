@@ -1,6 +1,6 @@
 """How far records reach: of the plant as it is now, or of what one run was given."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Subquery, and_, func, or_, select
@@ -74,6 +74,12 @@ def earlier(
     for run, loop, end_ns in connection.execute(query.where(*given, verdicts.c.input_end_ns.is_not(None))):
         found.setdefault(run, {})[loop] = end_ns
     return found
+
+
+def among_ending(connection: Connection, tags: Collection[str], since_ns: int, before_ns: int) -> frozenset[str]:
+    """Those of these loops whose newest sample is between the two, whether they are in service or not."""
+    query = select(loops.c.tag).where(loops.c.newest_ns >= since_ns, loops.c.newest_ns < before_ns)
+    return frozenset(connection.scalars(query)) & frozenset(tags)
 
 
 def anything_new(connection: Connection, audit_id: int) -> bool:

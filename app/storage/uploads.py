@@ -9,8 +9,9 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func, insert, literal, or_, select, update
 
 from app.storage.bulk import insert_new, insert_new_rows
+from app.storage.loops import IN_SERVICE
 from app.storage.receipts import next_number
-from app.storage.tables import UNREAD, loops, rejects, upload_loops, uploads
+from app.storage.tables import UNREAD, audits, loops, rejects, upload_loops, uploads
 from app.storage.types import clock_s, long_ago, now, run_out
 
 OUR_FAULTS = ("reader_lost", "fault")
@@ -138,6 +139,17 @@ def retired_of(connection: Connection, upload_id: int) -> list[str]:
     query = select(loops.c.tag).join(upload_loops, upload_loops.c.loop_id == loops.c.id)
     mine = (upload_loops.c.upload_id == upload_id, loops.c.retired)
     return list(connection.scalars(query.where(*mine).order_by(loops.c.tag)))
+
+
+def audited_since(connection: Connection, upload_id: int) -> dict[int, int]:
+    """By run, of those that were begun after the upload was read: how many of its loops in service have their newest
+    verdict of it; the newest run first."""
+    query = select(audits.c.id, func.count()).select_from(upload_loops)
+    query = query.join(uploads, uploads.c.id == upload_loops.c.upload_id)
+    query = query.join(loops, loops.c.id == upload_loops.c.loop_id).join(audits, audits.c.id == loops.c.newest_audit_id)
+    mine = (uploads.c.id == upload_id, audits.c.created_at >= uploads.c.ended_at, IN_SERVICE)
+    found = connection.execute(query.where(*mine).group_by(audits.c.id).order_by(audits.c.id.desc()))
+    return {run: count for run, count in found}
 
 
 def count_loops(connection: Connection, upload_ids: Sequence[int]) -> dict[int, int]:

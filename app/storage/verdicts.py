@@ -361,7 +361,7 @@ def _rows_of(wanted: RowFilter) -> Any:
 
 def _select() -> Select[Any]:
     of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "recorded_to", "priority")]
-    return select(loops.c.tag, *of_loop, verdicts.c.extra_json, *ROW)
+    return select(loops.c.tag, loops.c.description, *of_loop, verdicts.c.extra_json, *ROW)
 
 
 def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[ColumnElement[bool]]:

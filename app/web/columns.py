@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 from urllib.parse import urlencode
 
-Kind = Literal["text", "number", "verdict", "reliability", "health", "cause", "time", "recorded", "reasons", "code"]
+Kind = Literal[
+    "text", "number", "verdict", "reliability", "health", "cause", "time", "recorded", "reasons", "code", "flag"
+]
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class Column:
 COLUMNS: Mapping[str, Column] = {
     "unit": Column("Unit", "text"),
     "type": Column("Type", "text"),
+    "description": Column("Description", "text", 1, None),
     "verdict": Column("Verdict", "verdict"),
     "reliability": Column("Rely on it?", "reliability"),
     "health": Column("Health", "health"),
@@ -40,6 +43,7 @@ COLUMNS: Mapping[str, Column] = {
     "table2_reading": Column("Table 2", "code"),
     "filled_share": Column("Filled share", "number", 2, "-filled_share"),
     "samples": Column("Samples", "number", 0),
+    "window_samples": Column("Samples judged", "number", 0, None),
     "sampling_interval_s": Column("Sampling interval, s", "number", 1),
     "recorded_to": Column("Recorded until", "recorded"),
     "audited_at": Column("Audited", "time", 0, "-audited_at"),
@@ -48,6 +52,7 @@ COLUMNS: Mapping[str, Column] = {
     "work_order": Column("Work order", "text", 1, None),
     "repaired_at": Column("Repaired", "time", 1, None),
     "shelved_until": Column("Shelved until", "time", 1, None),
+    "of_old_record": Column("Of an old record", "flag", 1, None),
 }
 
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")

@@ -234,10 +234,17 @@ def _numbers(typed: Mapping[str, str]) -> tuple[dict[str, float | None], dict[st
 
 def _as_set(it: LoopView) -> Settings:
     names = ("importance", *properties.WORDS, *SPANS)
-    told = {name: "" if (value := getattr(it, name)) is None else str(value) for name in names}
+    told = {name: _as_typed(getattr(it, name)) for name in names}
     answer = next(answer for answer, stated in ANSWERS.items() if stated is it.moves_valve)
     values = {**told, "moves_valve": answer, "retired": "yes" if it.retired else ""}
     return Settings(values, version=sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32])
+
+
+def _as_typed(value: str | float | None) -> str:
+    """As people type it: 1 and not 1.0, but all digits of 0.123456789."""
+    if value is None:
+        return ""
+    return str(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
 def back_to(tag: str, place: str) -> RedirectResponse:

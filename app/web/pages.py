@@ -22,6 +22,8 @@ from app.services.plant.nights import nights
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter
 from app.services.plant.worst import listed_first, worst_of_old
+from app.services.telling.next_steps import OF_NO_VERDICT
+from app.services.telling.wording import CAUSE_WORDS
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without
 from app.web.rendering import CHARTS, STATIC, page
@@ -115,10 +117,16 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         names=names,
         columns=COLUMNS,
         units=plants.unit_names(backend),
+        causes=sorted(map(cause_to_ask_for, CAUSE_WORDS), key=lambda cause: cause[1].casefold()),
         address=query_without(told),
         told=told,
         query_without=query_without,
     )
+
+
+def cause_to_ask_for(code: str) -> tuple[str, str]:
+    """With its words: some causes of a verdict, and of that there is none, have the same ones."""
+    return code, f"{CAUSE_WORDS[code]}{' (not auditable)' if code in OF_NO_VERDICT else ''}"
 
 
 @router.get("/groups")

@@ -8,6 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from app.kernel_cache import compiling
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
@@ -55,6 +56,7 @@ def environment() -> Environment:
         "as_tags": as_tags,
     }
     templates.globals |= GLOBALS | {"state_words": STATE_WORDS}
+    templates.globals |= {"compiling": compiling}
     templates.globals |= {"csrf_field": csrf_field, "csrf_token": csrf_token, "may": may, "logged_in": logged_in}
     return templates
 

@@ -64,7 +64,8 @@ def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
 def _upload_page(backend: Backend, upload_id: str, typed: Typed = NOTHING_TYPED) -> HTMLResponse:
     found = service.get_upload(backend, upload_id)
     in_service = service.loops_in_service(backend, found)
-    told = {"upload": found, "in_service": in_service, "typed": typed}
+    audited = service.audited_since(backend, found)
+    told = {"upload": found, "in_service": in_service, "audited": audited, "typed": typed}
     return page("upload.html", backend.clock, shown_tags=SHOWN_TAGS, shown_rejects=SHOWN_REJECTS, **told)
 
 

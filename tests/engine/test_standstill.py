@@ -54,6 +54,18 @@ def test_a_frozen_transmitter_is_looked_at_today_restarted_or_not(loop):
     assert "for the last 2.77 h" in judgement.reasons[0].text
 
 
+def test_how_much_of_the_stand_was_recorded_is_told_where_it_has_holes():
+    loop = wound_up()
+    later = replace(loop, time_s=loop.time_s + np.where(np.arange(N) >= SEAM, 60.0 * 3600.0, 0.0))
+    stands = assess(later).standstill
+    assert stands is not None
+    assert stands.for_s - stands.recorded_s == pytest.approx(60.0 * 3600.0 + TS)
+    assert "for the last 62.8 h, of which 2.77 h were recorded, up to the end" in stands.text
+    whole = assess(loop).standstill
+    assert whole is not None
+    assert "recorded" not in whole.text
+
+
 @pytest.mark.parametrize("before", [0, 20_000])
 def test_how_much_was_recorded_before_is_nothing_to_it(before):
     """Of 30,000 samples it stands for a thirtieth."""

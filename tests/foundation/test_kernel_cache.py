@@ -110,6 +110,18 @@ def test_one_process_compiles_at_a_time(tmp_path, monkeypatch, folder):
     assert entered.wait(10)
 
 
+def test_who_waits_says_so_and_not_for_longer_than_it_may(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    said = []
+    assert not kernel_cache.compiling()
+    with kernel_cache.one_at_a_time(waits=lambda: said.append("waits")):
+        assert (said, kernel_cache.compiling()) == ([], True)
+        wanted = kernel_cache.one_at_a_time(time.monotonic() + 0.3, lambda: said.append("waits"))
+        with pytest.raises(kernel_cache.StillCompiling), wanted:
+            pass
+    assert (said, kernel_cache.compiling()) == (["waits"], False)
+
+
 @pytest.mark.parametrize("folder", [None, "", "/proc/1/nowhere"])
 def test_without_a_cache_that_can_be_written_everybody_compiles(monkeypatch, tmp_path, folder):
     monkeypatch.chdir(tmp_path)

@@ -267,3 +267,13 @@ def test_why_a_data_base_cannot_be_used_is_told_in_its_own_words(tmp_path, postg
     assert "hunter2" not in found
     refused = of("data base", Settings(data_dir=tmp_path, database_url="postgresql://127.0.0.1:1/plant"))
     assert "refused" in refused.found
+
+
+def test_samples_ahead_of_the_clock_are_a_warning(plant):
+    ahead = time.time_ns() + 300 * 86_400 * 10**9
+    with plant.database.write() as connection:
+        connection.execute(update(tables.loops).values(newest_ns=time.time_ns()))
+        connection.execute(update(tables.loops).where(tables.loops.c.id == 1).values(newest_ns=ahead))
+    check = doctor.records(plant)
+    assert (check.state, "time zone" in (check.advice or "")) == ("warning", True)
+    assert "ahead of the clock" in check.found

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.services.explaining.wording import VERDICT_WORDS, outcome, verdict_in_words, windows_in_words
+from app.services.explaining.wording import VERDICT_WORDS, named, outcome, verdict_in_words, windows_in_words
 from app.services.moments import PlantClock
 
 NAMED, UNSURE = VERDICT_WORDS["missing_physics"], "which, the record hardly tells"
@@ -38,3 +38,7 @@ def test_windows_are_told_by_the_clock_of_the_chart_beside_them(start, told):
 def test_a_test_kept_without_figures_is_told_as_not_asked():
     assert outcome({"statistic": None, "limit": 31.4, "p": None, "lags": 20}) == outcome(None) == "–"
     assert outcome({"statistic": 12.0, "limit": 31.4, "p": 0.9, "lags": 20}) == "none seen (p 0.9)"
+
+
+def test_a_name_for_lack_of_a_better_one_is_no_alarm():
+    assert [named([{"probability": p}]) for p in (0.28, 0.5)] == [False, True]

@@ -68,3 +68,11 @@ def test_a_loop_that_does_not_swing_has_no_size(detail):
 def test_every_check_of_the_engine_has_its_words():
     source = Path(quantify.__file__).read_text(encoding="utf-8")
     assert set(re.findall(r'"(size_\w+)"', source)) == set(LACKING)
+
+
+def test_an_op_between_nought_and_one_may_be_a_fraction_of_its_span():
+    row = ROW | {"stiction_S": 0.0994, "stiction_S_low": 0.09, "stiction_S_high": 0.11}
+    (told,) = size_in_words(row, {"op_ends": [0.21, 0.87]}).lines[3:]
+    assert "S is 9.9 % of the span" in told
+    for ends, stated in (([0.21, 1.87], None), ([-0.1, 0.9], None), (None, None), ([0.21, 0.87], 9.94)):
+        assert len(size_in_words(row | {"stiction_S_pct_of_span": stated}, {"op_ends": ends}).lines) == 3

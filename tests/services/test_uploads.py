@@ -107,6 +107,15 @@ def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) ->
     assert (loop.type, loop.unit, loop.pv_unit, loop.pv_high, loop.op_low) == ("flow", "U9", "t/h", 120.0, 0.0)
 
 
+def test_a_unit_in_the_heading_holds_where_nobody_says_another(backend: Backend) -> None:
+    text = b"time,FIC900.PV (t/h),FIC900.OP (%),TIC7.PV,TIC7.OP\n0,1,2,3,4\n60,2,3,4,5\n"
+    read(backend, send(backend, text))
+    assert [loops.get_loop(backend, tag).pv_unit for tag in ("FIC900", "TIC7")] == ["t/h", None]
+    properties.patch_loop(backend, "FIC900", {"pv_unit": "kg/s"})
+    read(backend, send(backend, text.replace(b"60,", b"120,")))
+    assert loops.get_loop(backend, "FIC900").pv_unit == "kg/s"
+
+
 def test_a_mapping_is_gone_through_once_a_file(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     """It may have the tags of a plant, and a batch is written while other writers wait."""
     monkeypatch.setattr(reading, "BATCH_LOOPS", 1)

@@ -12,6 +12,7 @@ from app.services.telling.why_rely import (
     UNCLEAR,
     contradiction,
     derivative,
+    names_otherwise,
     points,
 )
 
@@ -68,6 +69,19 @@ def test_a_cross_beside_a_reliable_verdict_was_only_heard():
     assert (crossed.text, crossed.moves) == ("record: PV moves in steps", True)
 
 
+def test_a_check_that_did_not_pass_and_does_not_count_stands_beside_what_counts():
+    row, detail = told(reasons=[("pv_quantised", "PV moves in steps")])
+    assert not any(point.text.startswith("checks") for point in points(row, detail))
+    detail["reasons"].append({"code": "irregular_sampling", "text": "interpolated to even steps"})
+    outcomes = {"op_interpolated": "fail", "pv_quantised": "fail", "gaps": "pass", "irregular_sampling": "fail"}
+    detail["findings"] = [{"code": code, "outcome": outcome} for code, outcome in outcomes.items()]
+    (silent,) = (point for point in points(row, detail) if point.text.startswith("checks"))
+    assert (silent.mark, silent.moves) == ("·", True)
+    assert "op interpolated (an integrating controller" in silent.text
+    assert silent.text.endswith("; irregular sampling")
+    assert "quantised" not in silent.text
+
+
 @pytest.mark.parametrize(
     ("verdict", "laws", "said"),
     [
@@ -105,3 +119,16 @@ def test_an_explanation_that_names_stiction_contradicts_a_cleared_valve():
     assert contradiction(row, {"state": "done", "effects": []}) is None
     other = {"effect": "process.resonance", "probability": 0.9}
     assert contradiction(row, {"state": "done", "effects": [*found["effects"], other]}) is None
+
+
+@pytest.mark.parametrize(("likely", "why"), [(0.28, "hardly tells"), (0.8, "may be so besides")])
+def test_where_an_explanation_names_no_valve_it_is_said_which_to_follow(likely, why):
+    effects = [{"effect": "process.outflow_law", "alternatives": [], "probability": likely}]
+    found = {"state": "done", "effects": effects}
+    said = names_otherwise(told()[0], found)
+    assert f"(probability {likely:.2f}). Follow the verdict" in said
+    assert why in said
+    assert names_otherwise(told(reliability="not_reliable")[0], found) is None
+    assert names_otherwise(told("no_stiction")[0], found) is None
+    effects[0]["alternatives"] = ["valve.deadband"]
+    assert names_otherwise(told()[0], found) is None

@@ -24,9 +24,9 @@ def said(*verdicts):
 @pytest.mark.parametrize(
     ("loop", "last", "since"),
     [
-        (row(), said("no_stiction", "stiction", "stiction"), "since 2026-03-02"),
-        (row(), said(*["stiction"] * NIGHTS), "since 2026-03-01 or longer"),
-        (row(), said("stiction"), "since 2026-03-01"),
+        (row(), said("no_stiction", "stiction", "stiction"), "first said on 2026-03-02"),
+        (row(), said(*["stiction"] * NIGHTS), "first said on 2026-03-01 or before"),
+        (row(), said("stiction"), "first said on 2026-03-01"),
         (row(), (), ""),
         (
             row(reasons="stiction_began", episode_start="2026-03-05T04:30:00Z"),
@@ -36,7 +36,7 @@ def said(*verdicts):
         (
             row("not_auditable", likely_cause="stuck_valve_or_dead_transmitter"),
             said("no_stiction", "inconclusive", "not_auditable"),
-            "since 2026-03-02",
+            "first said on 2026-03-02",
         ),
         (
             row(
@@ -54,15 +54,15 @@ def said(*verdicts):
                 unanswered_since="1970-01-01T02:00:00Z",
             ),
             said("no_stiction", "inconclusive"),
-            "since 2026-03-02",
+            "first said on 2026-03-02",
         ),
         (
             row(repaired_at="2026-03-03T08:00:00Z"),
             said("no_stiction", *["stiction"] * 3),
-            "since 2026-03-02, over the repair of 2026-03-03",
+            "first said on 2026-03-02, still after the repair of 2026-03-03",
         ),
-        (row(repaired_at="2026-03-01T08:00:00Z"), said("no_stiction", "stiction"), "since 2026-03-02"),
-        (row(repaired_at="2026-03-03T08:00:00Z", of_before_repair=True), said("stiction"), "since 2026-03-01"),
+        (row(repaired_at="2026-03-01T08:00:00Z"), said("no_stiction", "stiction"), "first said on 2026-03-02"),
+        (row(repaired_at="2026-03-03T08:00:00Z", of_before_repair=True), said("stiction"), "first said on 2026-03-01"),
     ],
 )
 def test_since_when(loop, last, since):
@@ -80,9 +80,17 @@ def test_a_size_is_told_of_a_valve_that_sticks_where_it_is_known():
     ("onset", "last", "since"),
     [
         (Onset("2026-03-01T00:22:00Z", True, False), said(*["stiction"] * 3), "since 2026-03-01 00:22"),
-        (Onset("2026-02-20T02:00:00Z", False, False), said(*["stiction"] * NIGHTS), "since 2026-02-20"),
-        (Onset("2026-02-20T02:00:00Z", False, True), said(*["stiction"] * NIGHTS), "since 2026-02-20 or longer"),
-        (Onset("2026-03-02T02:00:00Z", False, True), said("stiction", "stiction"), "since 2026-03-01 or longer"),
+        (Onset("2026-02-20T02:00:00Z", False, False), said(*["stiction"] * NIGHTS), "first said on 2026-02-20"),
+        (
+            Onset("2026-02-20T02:00:00Z", False, True),
+            said(*["stiction"] * NIGHTS),
+            "first said on 2026-02-20 or before",
+        ),
+        (
+            Onset("2026-03-02T02:00:00Z", False, True),
+            said("stiction", "stiction"),
+            "first said on 2026-03-01 or before",
+        ),
     ],
 )
 def test_of_a_valve_that_sticks_without_a_break_the_first_onset_holds(onset, last, since):

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from sqlalchemy import Engine, event
+from sqlalchemy import Engine, event, update
 
 from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
@@ -15,6 +15,8 @@ from app.services.plant import loop_verdicts, reliability
 from app.services.plant.reliability import RowFilter
 from app.services.stating import notes
 from app.services.telling.next_steps import Ask
+from app.services.telling.wording import rely
+from app.storage.tables import loops
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = ("FIC0", "FIC1", "FIC2", "FIC3")
@@ -75,6 +77,24 @@ def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -
     assert reliability.reliability_json(plant).version in seen, "what is withdrawn is as if it had not been written"
     notes.add_note(plant, "FIC0", "seen in the field, nothing to do")
     assert reliability.reliability_json(plant).version in seen
+
+
+def test_a_row_of_an_old_record_says_so_wherever_it_is_told(plant: Backend) -> None:
+    seen = reliability.reliability_json(plant).version
+    with plant.database.write() as connection:
+        older = update(loops).values(newest_ns=loops.c.newest_ns - 3 * 86_400 * 1_000_000_000)
+        connection.execute(older.where(loops.c.tag == "FIC0"))
+        connection.execute(update(loops).values(newest_ns=1).where(loops.c.tag == "FIC3"))
+    assert reliability.reliability_json(plant).version != seen
+    for rows in (sent(plant), reliability.reliability_page(plant).rows, reliability.table(plant, 10).rows):
+        assert {row["loop"] for row in rows if row["of_old_record"]} == {"FIC0"}, "how old is not known without a date"
+        rows = sorted(rows, key=lambda row: row["loop"])
+        assert rows[0]["next_step"] == Ask.NOTHING_NEWER != rows[1]["next_step"]
+    health = json.loads(loop_verdicts.loop_health_json(plant, "FIC0"))
+    assert (health["of_old_record"], rely(health)) == (True, "of an old record")
+    assert not json.loads(loop_verdicts.loop_health_json(plant, "FIC1"))["of_old_record"]
+    (row,) = [row for row in sent(plant, columns=["loop", "of_old_record"]) if row["of_old_record"]]
+    assert row["loop"] == "FIC0"
 
 
 def test_more_rows_take_no_more_questions(plant: Backend) -> None:

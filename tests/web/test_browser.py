@@ -275,7 +275,7 @@ def test_columns_and_order_are_chosen(opened: Page):
     opened.goto("/table")
     opened.get_by_text("Columns", exact=True).click()
     opened.get_by_label("Yper, %").check()
-    opened.get_by_label("Likely cause").uncheck()
+    opened.get_by_role("checkbox", name="Likely cause").uncheck()
     opened.get_by_role("button", name="Show").click()
     expect(opened.get_by_role("columnheader", name="Yper, %")).to_be_visible()
     expect(opened.get_by_role("columnheader", name="Likely cause")).to_have_count(0)

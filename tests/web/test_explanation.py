@@ -33,6 +33,7 @@ ASKED = {
 DONE = ASKED | {
     "state": "done",
     "verdict": "missing_physics",
+    "named": True,
     "verdict_words": "physics is missing from the simulation",
     "window_start": "2026-01-01T00:00:00Z",
     "window_end": "2026-01-01T01:00:00Z",

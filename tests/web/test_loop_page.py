@@ -358,3 +358,11 @@ def test_a_loop_that_continues_another_one_says_so_on_both_pages(client):
     assert not client.get("/v1/loops/FIC101").json()["retired"]
     assert client.post("/loops/LIC7/continues", data={"earlier": "FIC101"}).status_code == 303
     client.patch("/v1/loops/LIC7", json={"continues": None}).raise_for_status()
+
+
+def test_an_importance_is_typed_as_it_is_told(client):
+    client.patch("/v1/loops/FIC101", json={"importance": 4}).raise_for_status()
+    page = client.get("/loops/FIC101").text
+    client.patch("/v1/loops/FIC101", json={"importance": 1}).raise_for_status()
+    assert "importance 4" in page
+    assert re.search(r'id="importance"[^>]* value="4"', page)

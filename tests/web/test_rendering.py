@@ -6,9 +6,9 @@ from app.cli.tables import verdict_cells
 from app.services.audit_json.models import ReliabilityRow
 from app.services.rendering import figure
 from app.services.telling.reasons import first_reasons, reasons_of
-from app.services.telling.wording import cause_words, measured_probability, probability, worst_first
+from app.services.telling.wording import cause_words, measured_probability, probability, weakly, worst_first
 from app.web.columns import query_without
-from app.web.rendering import as_tags, other_way
+from app.web.rendering import TEMPLATES, as_tags, other_way
 
 
 def row(**changes) -> dict:
@@ -125,3 +125,21 @@ def test_a_prior_is_no_measurement_in_rows_and_in_lines():
 def line(**changes) -> dict:
     told = {"recording": "A", "verdict": "inconclusive", "stiction_probability": 0.6, "reliability": "not_reliable"}
     return {**told, "stiction_size": {"S": None}, "yper_pct": None, **changes}
+
+
+@pytest.mark.parametrize(
+    ("changes", "weak"),
+    [
+        ({"stiction_probability": 0.52}, True),
+        ({"stiction_probability": 0.44, "verdict": "no_stiction"}, True),
+        ({"stiction_probability": 0.52, "reliability": "reliable"}, False),
+        ({"stiction_probability": 0.9}, False),
+        ({"stiction_probability": 0.5, "verdict": "inconclusive"}, False),
+        ({"stiction_probability": 0.52, "reasons": "prior_only"}, False),
+    ],
+)
+def test_a_verdict_near_one_half_is_shown_as_a_weak_one(changes, weak):
+    said = row(**{"reliability": "not_reliable", **changes})
+    assert weakly(said) is weak
+    shown = str(TEMPLATES.get_template("_macros.html").module.verdict(said))
+    assert ("possibly" in shown, "weakly" in shown) == (weak, weak)

@@ -15,8 +15,8 @@ def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(cli
     assert "/loops/FIC101" in found.links
     assert "/loops/LIC7" not in found.links
     assert "Yper, %" in found.texts
-    assert "/v1/reliability?search=fic&sort=loop&format=csv&limit=20000" in found.links
-    assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&limit=20000").text.count("\n") == 2
+    assert "/v1/reliability?search=fic&sort=loop&format=csv&columns=all&limit=20000" in found.links
+    assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&columns=all&limit=20000").text.count("\n") == 2
 
 
 def test_columns_without_an_order_have_no_link(client):
@@ -132,3 +132,16 @@ def test_a_small_importance_is_not_none_and_a_reading_is_in_words(client):
 def test_a_cursor_as_long_as_they_are_made_is_taken(client):
     assert client.get("/table?cursor=" + "x" * LONGEST).status_code != 422
     assert client.get("/table?cursor=" + "x" * (LONGEST + 1)).status_code == 422
+
+
+def test_all_columns_are_exported_with_those_of_the_loop(client):
+    whole = [link for link in seen(client, "/table").links if "columns=all" in link]
+    assert len(whole) == 2
+    assert {"importance", "priority", "description"} <= set(client.get(whole[0]).text.splitlines()[0].split(","))
+
+
+def test_rows_are_narrowed_by_the_likely_cause(client):
+    page = client.get("/table?likely_cause=data")
+    assert '<option value="data" selected>too little usable data</option>' in page.text
+    assert "No loop fits." in page.text
+    assert '<option value="own" selected>own</option>' in client.get("/table?likely_cause=own").text

@@ -23,6 +23,12 @@ def test_the_loops_of_an_upload_are_audited_from_its_page(client, web_backend):
     cancel_audit(web_backend, run.id)
 
 
+def test_an_upload_says_which_run_audited_its_loops(client):
+    found = client.get("/uploads/1").text
+    assert 'Audited since: 3 of its 3 loops in <a href="/runs/1">run 1</a>.' in found
+    assert "next audit of the plant" not in found
+
+
 def test_an_upload_shows_its_tags_and_what_was_refused(client):
     found = seen(client, "/uploads/1")
     assert "<i>plant.csv" in found.texts

@@ -88,3 +88,19 @@ def test_history_and_repairs_fold_on_a_narrow_screen(narrow: Page, web_backend):
         folded = narrow.locator(part)
         assert folded.evaluate("part => part.scrollWidth <= part.clientWidth")
         expect(folded.locator("td[data-label]:not(:empty)").first).to_be_visible()
+
+
+def test_a_printed_table_has_no_form(opened: Page):
+    opened.goto("/table")
+    expect(opened.locator("form.tools")).to_be_visible()
+    opened.emulate_media(media="print")
+    expect(opened.locator("form.tools")).to_be_hidden()
+    expect(opened.locator("#loops")).to_be_visible()
+
+
+def test_a_long_verdict_of_an_explanation_does_not_widen_a_narrow_screen(narrow: Page):
+    settled(narrow, "/loops/FIC101")
+    words = "physics is missing from the simulation; which, the record hardly tells"
+    card = narrow.locator("#explanation .card").first
+    card.evaluate("(card, words) => { card.innerHTML = `<p><span class='badge'>${words}</span></p>`; }", words)
+    assert width(narrow) <= NARROW["width"]

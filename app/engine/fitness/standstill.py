@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.fitness.config import FEWEST_VALUES, LEAST_MOVE, LEAST_STILL, LIMIT_BAND
+from app.engine.fitness.config import FEWEST_VALUES, LEAST_MOVE, LEAST_STILL, LIMIT_BAND, FitnessConfig
+from app.engine.fitness.resample import typical_interval
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import at_extremes, at_limits, resolution
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
@@ -39,9 +40,14 @@ LIMIT_SHARE = 0.5
 """Of the time of the newest stand OP is at its limit, where SP is not away."""
 
 
+MOSTLY_RECORDED = 0.9
+"""Of the time that PV stands: where less of it was recorded, how much is told."""
+
+
 @dataclass(frozen=True)
 class Standstill:
     """since_s: when PV came to stand, s from the recording's start. for_s: for how long, up to the end, s.
+    recorded_s: how much of that was recorded, holes left out, s.
 
     levels: values that PV held one after the other. from_start: whether it stood when the recording began.
     wound_up: whether OP ends at its own extreme.
@@ -49,6 +55,7 @@ class Standstill:
 
     since_s: float
     for_s: float
+    recorded_s: float
     levels: int
     from_start: bool
     wound_up: bool
@@ -59,7 +66,10 @@ class Standstill:
         told = "one value" if self.levels == 1 else f"{self.levels} values, one after the other,"
         longer = " or longer" if self.from_start else ""
         ends = "stands at its limit" if self.wound_up else "travelled"
-        return f"PV has held {told} for the last {self.for_s / 3600.0:.3g} h{longer}, up to the end, while OP {ends}"
+        holed = self.recorded_s < MOSTLY_RECORDED * self.for_s
+        recorded = f", of which {self.recorded_s / 3600.0:.3g} h were recorded," if holed else ","
+        held = f"PV has held {told} for the last {self.for_s / 3600.0:.3g} h{longer}"
+        return f"{held}{recorded} up to the end, while OP {ends}"
 
 
 def standstill(samples: Samples, origin_s: float, op_range: Span | None, pv_range: Span | None) -> Standstill | None:
@@ -185,11 +195,19 @@ def _wound_up_throughout(samples: Samples, stands: list[slice], op_range: Span |
     return float(np.mean(away)) >= AWAY_SHARE
 
 
+def _recorded_s(time_s: FloatArray, first: int) -> float:
+    """Of the time from a sample on, without holes, s; time_s: (N,) s, N > 1."""
+    intervals = np.diff(time_s)
+    filled = intervals <= FitnessConfig.max_gap_intervals * typical_interval(time_s)
+    return float(np.sum(intervals[first:], where=filled[first:]))
+
+
 def _found(samples: Samples, origin_s: float, stands: list[slice]) -> Standstill:
     first, time_s = stands[0].start, samples.time_s
     return Standstill(
         since_s=float(time_s[first]) - origin_s,
         for_s=float(time_s[-1] - time_s[first]),
+        recorded_s=_recorded_s(time_s, first),
         levels=len(stands),
         from_start=first <= MOST_BRIEF,
         wound_up=_wound_up(samples.op, stands[-1]),

@@ -148,11 +148,11 @@ def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: Verdic
     if chance is None or chance < config.max_strangers_chance:
         return ()
     if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
-        text = "what is new in PV and what is new in OP go together in what is quick, and not over a part of a swing"
+        text = "PV and OP go together in their quick moves, and not over a part of a swing"
         return (Reason("uncoupled_slowly", text),)
     text = (
-        "what is new in PV and what is new in OP have nothing to do with each other: tags of two loops, or no loop, or "
-        "a historian that stored each only now and then"
+        "PV and OP move without regard to each other: tags of two loops, or no loop, or a historian that stored each "
+        "only now and then"
     )
     return (Reason(UNCOUPLED, text),)
 

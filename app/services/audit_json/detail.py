@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.audit import Audit
 from app.engine.corroborate import Corroboration
+from app.engine.recording import FloatArray
 from app.engine.reference.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reference.reliability import Rung
 from app.services.audit_json.line import episode_line, rival_line, space_of
@@ -24,6 +25,7 @@ def detail(audit: Audit) -> dict[str, Any]:
         "findings": [_finding(finding) for finding in audit.fitness.findings],
         "window": None if audit.window is None else vars(audit.window),
         "identified": None if audit.identified is None else vars(audit.identified),
+        "op_ends": None if audit.fitness.record is None else short(_ends(audit.fitness.record.op)),
         "key_figures": scalars(vars(audit.key_figures)),
         "health": [vars(part) for part in audit.health.parts],
         "oscillation": None if audit.oscillation is None else scalars(vars(audit.oscillation)),
@@ -35,6 +37,10 @@ def detail(audit: Audit) -> dict[str, Any]:
         "spectra": None if reference is None else spectra(reference.yper),
         "stiction_size": None if audit.stiction_size is None else stiction_size_detail(audit.stiction_size),
     }
+
+
+def _ends(values: FloatArray) -> FloatArray:
+    return np.array([np.min(values), np.max(values)])
 
 
 def _method(method: Corroboration) -> dict[str, Any]:

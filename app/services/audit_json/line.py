@@ -67,6 +67,7 @@ def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[
         health_parts=[HealthPartLine(**vars(part)) for part in audit.health.parts],
         window_start_s=None if window is None else window.start_s,
         window_end_s=None if window is None else window.end_s,
+        window_samples=None if window is None else window.samples,
         filled_share=audit.fitness.filled_share,
         rival_winner=_code(winner(judgement.rivals)),
         rival_runner_up=_code(runner_up(judgement.rivals)),

@@ -84,6 +84,9 @@ class AuditFields(BaseModel):
     recording: str = Field(description="Name of the recording: its file name without suffix, or the loop's tag.")
     loop: str = Field(description="Tag of the control loop.")
     samples: int = Field(description="Samples of the recording.")
+    window_samples: int | None = Field(
+        None, description="Samples from window_start to window_end, which is what was judged; null: nothing was."
+    )
     sampling_interval_s: float | None = Field(description="Sampling interval in seconds; null below two samples.")
     verdict: VerdictName = Field(description="What is said about the valve.")
     stiction_probability: float | None = Field(
@@ -234,6 +237,11 @@ class WrittenFields(BaseModel):
         None, description="Until when it is left out of what to look at first, ISO 8601, UTC; null: it is not shelved."
     )
     of_before_repair: bool = Field(False, description="Whether the verdict is of before the repair at repaired_at.")
+    of_old_record: bool = Field(
+        False,
+        description="Whether the loop's newest sample is two days or more older than the newest of the plant: "
+        "what is said of it is of then.",
+    )
 
 
 class TableRow(WrittenFields, ReliabilityRow):

@@ -103,7 +103,7 @@ def fixed_part(row: dict[str, Any], clock: PlantClock) -> str:
 
 def unwritten(row: Mapping[str, Any], clock: PlantClock) -> dict[str, Any]:
     """`WrittenFields` of a loop of which nobody wrote anything."""
-    known = {"next_step": next_step(row, clock), "of_before_repair": of_before(row, None)}
+    known = {"next_step": next_step(row, clock), "of_before_repair": of_before(row, None), "of_old_record": False}
     return {"work_order": None, "repaired_at": None, "shelved_until": None} | known
 
 

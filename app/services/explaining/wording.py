@@ -169,6 +169,7 @@ def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
     """An explanation with what pages and reports say of it."""
     return found | {
         "verdict_words": verdict_in_words(found["verdict"], found["effects"]),
+        "named": named(found["effects"]),
         "simulation_words": SIMULATION_WORDS[found["simulation"]],
         "told_effects": [effect_in_words(effect, found["window_start"], clock) for effect in found["effects"]],
         "errors": errors(found["fit"]),
@@ -192,8 +193,12 @@ def no_size(effect: Mapping[str, Any]) -> str:
 def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) -> str:
     """Where no name is likelier than all others together, that one is named for lack of a better one is said too."""
     words = VERDICT_WORDS.get(verdict or "", "")
-    likeliest = max((effect["probability"] for effect in effects), default=1.0)
-    return words if verdict != "missing_physics" or likeliest >= LIKELY else f"{words}; which, the record hardly tells"
+    return words if verdict != "missing_physics" or named(effects) else f"{words}; which, the record hardly tells"
+
+
+def named(effects: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether one name is likelier than all others together."""
+    return max((effect["probability"] for effect in effects), default=1.0) >= LIKELY
 
 
 def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock) -> dict[str, Any]:

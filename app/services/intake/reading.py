@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -249,6 +249,7 @@ def _samples(stretch: LoopSamples) -> Samples:
     return Samples(stretch.time_ns, {**signals, **{f"tag:{tag}": values for tag, values in stretch.others.items()}})
 
 
+LONGEST_UNIT = 40
 OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description"}
 """What a mapping says of a loop in the rows of its tags: the first row that says it decides."""
 
@@ -270,6 +271,11 @@ def _attributes(mapping: TagMapping) -> Attributes:
     }
 
 
+def _units_of_pv(places: Sequence[TagPlace]) -> dict[str, str]:
+    """By loop, as the file tells them: they hold where neither a mapping nor anybody says otherwise."""
+    return {place.loop: place.unit for place in places if place.signal == "PV" and 0 < len(place.unit) <= LONGEST_UNIT}
+
+
 def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> None:
     """What changed of its tags is told and kept at once, however many files end now."""
     listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in result.rejects.listed]
@@ -277,6 +283,9 @@ def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> None:
     def write() -> None:
         with backend.database.write() as connection:
             changed = note_read(connection, claim.receipt_number, result.places)
+            units = _units_of_pv(result.places)
+            ids = loops.ids_of(connection, sorted(units))
+            loops.fill_in(connection, {ids[tag]: {"pv_unit": unit} for tag, unit in units.items() if tag in ids})
             summary = {**result.summary, "notes": [*changed, *result.summary["notes"]]}
             told = {"summary_json": json.dumps(summary), "tags_json": json.dumps(result.tags)}
             if not uploads.end(connection, claim, "done", told):

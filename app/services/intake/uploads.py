@@ -223,6 +223,12 @@ def loops_in_service(backend: Backend, upload: UploadView) -> list[str]:
     return [tag for tag in upload.loops if tag not in gone]
 
 
+def audited_since(backend: Backend, upload: UploadView) -> dict[str, int]:
+    """Of how many of its loops in service the newest verdict is one of after it was read, by run, the newest first."""
+    with backend.database.read() as connection:
+        return {str(run): count for run, count in uploads.audited_since(connection, int(upload.id)).items()}
+
+
 def get_upload(backend: Backend, upload_id: str) -> UploadView:
     with backend.database.read() as connection:
         return _whole(connection, upload_id)

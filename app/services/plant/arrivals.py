@@ -1,7 +1,10 @@
 """How recent the records are that verdicts rest on: a verdict of last night may be of what was recorded months ago."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import Connection
 
 from app.services.backend import Backend
 from app.services.moments import FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of, span_ns
@@ -48,8 +51,19 @@ class Arrivals:
 def current_ns(backend: Backend) -> int | None:
     """`Arrivals.current_ns` of all that is stored, as it is now: of one loop's page nothing else is asked."""
     with backend.database.read() as connection:
-        newest_ns = stored.newest(connection, DATED_NS, ns_of(datetime.now(UTC) + AHEAD))
+        return _current_ns(connection)
+
+
+def _current_ns(connection: Connection) -> int | None:
+    newest_ns = stored.newest(connection, DATED_NS, ns_of(datetime.now(UTC) + AHEAD))
     return None if newest_ns is None else newest_ns - span_ns(LATE)
+
+
+def of_old_records(connection: Connection, tags: Collection[str]) -> frozenset[str]:
+    """Those of these loops that end before `current_ns`: what is said of them is of then. How old a record without a
+    date is, is not known."""
+    since_ns = _current_ns(connection)
+    return frozenset() if since_ns is None else stored.among_ending(connection, tags, DATED_NS, since_ns)
 
 
 def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Arrivals:

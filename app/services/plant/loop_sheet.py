@@ -16,7 +16,7 @@ from app.services.stating.continuing import goes_on_as
 from app.services.stating.shelving import Shelf
 from app.services.telling.rival_wording import why_first
 from app.services.telling.size_wording import size_in_words
-from app.services.telling.why_rely import contradiction, derivative, points
+from app.services.telling.why_rely import contradiction, derivative, names_otherwise, points
 from app.storage.loops import LoopRow
 
 NIGHTS = 60
@@ -49,7 +49,7 @@ def loop_sheet(
         "it": it,
         "row": row,
         "detail": detail,
-        "disagrees": contradiction(row, explained),
+        "disagrees": contradiction(row, explained) or names_otherwise(row, explained),
         "points": points(row, detail),
         "derivative": derivative(row, explained),
         "size": size_in_words(row, detail),

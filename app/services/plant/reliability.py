@@ -19,7 +19,7 @@ from app.storage import verdicts
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
 
 MOST_ROWS = 20_000
-OF_LOOP = ("type", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
+OF_LOOP = ("type", "description", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
@@ -63,7 +63,8 @@ def table(
     another order with a cursor in the address begins at its head."""
     found = _stored(backend, limit, cursor, sort, filters, any_order=True)
     shown = [with_loop(row) for row in found.rows]
-    written = written_of(backend, shown, shelved, notes_until)
+    any_old = filters is None or filters.recorded_from_ns is None
+    written = written_of(backend, shown, shelved, notes_until, any_old=any_old)
     beside = [{"step": written.step(row), "shelved": written.shelved_words(row)} for row in shown]
     return Page([{**written.beside(row), **more} for row, more in zip(shown, beside, strict=True)], found.next_cursor)
 

@@ -1,5 +1,6 @@
 """What to do first in the plant: one list over all units, with what wants a look today at its head."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -24,6 +25,8 @@ from app.storage.verdicts import RowFilter
 
 MOST, MOST_TODAY = 10, 5
 LOOKED_AT = 200
+OR_BEFORE = " or before"
+BEFORE_THE_DATE = re.compile(r"^\D*")
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,9 @@ def work_list(
     work = listed(most, replace(sticks, tags=tuple(failed), reliability="reliable")) if failed else []
     again = {one.loop for one in work}
     today = listed(LOOKED_AT, asked_today(since_ns))
-    work += sorted(today, key=lambda one: one.since, reverse=True)[: min(MOST_TODAY, most - len(work))]
+    work += sorted(today, key=lambda one: BEFORE_THE_DATE.sub("", one.since), reverse=True)[
+        : min(MOST_TODAY, most - len(work))
+    ]
     for reliability in ("reliable", "not_reliable"):
         room = most - len(work)
         sticking = listed(room and room + len(again), replace(sticks, reliability=reliability))
@@ -137,7 +142,8 @@ def _size(row: Mapping[str, Any]) -> str:
 
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
     """Where PV does not answer, since when, if that was seen; of a valve that sticks, when it began to, as its first
-    verdict told it; else the first of the nights that said the same. Where a repair came in between that is told."""
+    verdict told it; else the first of the nights that said the same, which is when that was said, not when it began.
+    Where a repair came in between that is told."""
     unanswered_since = row.get(SINCE)
     if looked_at_today(row) and unanswered_since and clock.dated(unanswered_since):
         return f"since {clock.short(unanswered_since)}"
@@ -153,8 +159,8 @@ def _since_night(row: Mapping[str, Any], last: Sequence[Night], clock: PlantCloc
     same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
     if not same:
         return ""
-    longer = " or longer" if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
-    return f"since {same[-1].date}{longer}{_over(row, same[-1].date, clock)}"
+    longer = OR_BEFORE if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
+    return f"first said on {same[-1].date}{longer}{_over(row, same[-1].date, clock)}"
 
 
 def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset) -> str:
@@ -162,9 +168,11 @@ def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantCloc
     day = clock.date(datetime.fromisoformat(onset.at))
     if onset.first and last and last[0].date < day:
         return _since_night(row, last, clock)
-    began = clock.short(onset.at) if onset.seen else day
-    longer = " or longer" if onset.first and not onset.seen and len(last) > 1 else ""
-    return f"since {began}{longer}{_over(row, began, clock)}"
+    if onset.seen:
+        began = clock.short(onset.at)
+        return f"since {began}{_over(row, began, clock)}"
+    before = OR_BEFORE if onset.first and len(last) > 1 else ""
+    return f"first said on {day}{before}{_over(row, day, clock)}"
 
 
 def _over(row: Mapping[str, Any], since: str, clock: PlantClock) -> str:
@@ -172,4 +180,4 @@ def _over(row: Mapping[str, Any], since: str, clock: PlantClock) -> str:
     if row["verdict"] != "stiction" or not row["repaired_at"] or row["of_before_repair"]:
         return ""
     at = datetime.fromisoformat(row["repaired_at"])
-    return f", over the repair of {clock.date(at)}" if since[:10] < clock.date(at) else ""
+    return f", still after the repair of {clock.date(at)}" if since[:10] < clock.date(at) else ""

@@ -89,7 +89,7 @@ def worst(
     shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
     asked = RowFilter(recorded_from_ns=since_ns, left_out=together.left_out)
     rows = not_shelved(backend, limit + len(beside), asked, shelved)
-    return [row | {"of_old_record": False} for row in rows if row["loop"] not in beside][:limit]
+    return [row for row in rows if row["loop"] not in beside][:limit]
 
 
 def worst_of_old(
@@ -103,7 +103,7 @@ def worst_of_old(
     if since_ns is None:
         return []
     asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
-    return [row | {"of_old_record": True} for row in not_shelved(backend, limit, asked, shelved)]
+    return not_shelved(backend, limit, asked, shelved)
 
 
 def complaints_of_units(
@@ -127,7 +127,7 @@ def complaints_of_old(
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_old(connection, limit, since_ns, left_out)
-    return [row | {"of_old_record": True} for row in _rows_of(backend, placed, shelved)]
+    return _rows_of(backend, placed, shelved)
 
 
 def _rows_of(backend: Backend, placed: Sequence[Any], shelved: Shelf) -> list[dict[str, Any]]:

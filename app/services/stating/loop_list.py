@@ -33,11 +33,13 @@ _LIST = ("the loop list", "bad_loop_list")
 
 @dataclass(frozen=True)
 class LoopList:
-    """What a list sets, by tag; which rows of it cannot be read, and which columns are of no use here."""
+    """What a list sets, by tag; which rows or cells of it cannot be read, and which columns are of no use here.
+    by_cell: whether of a loop of which one value cannot be set the others are set."""
 
     wanted: list[tuple[str, dict[str, Any]]]
     refused: list[FailureView]
     ignored: list[str]
+    by_cell: bool = False
 
 
 def written(backend: Backend, wanted: ListFilter | None = None) -> Iterator[str]:
@@ -65,13 +67,13 @@ def take(backend: Backend, sent: LoopList) -> LoopsChanged:
     """Sets what a list says. Raises DataError("bad_loop_list") where it has more than `MOST_LOOPS`."""
     if len(sent.wanted) > MOST_LOOPS:
         raise DataError("bad_loop_list", f"the list has {len(sent.wanted)} loops; at most {MOST_LOOPS} go at once")
-    done = change_loops(backend, sent.wanted)
+    done = change_loops(backend, sent.wanted, by_cell=sent.by_cell)
     return replace(done, refused=[*sent.refused, *done.refused], ignored=sent.ignored)
 
 
 def read(data: bytes) -> LoopList:
     """A list with the column tag (or loop, as the reliability table calls it) and any of `SETTABLE`. An empty cell
-    leaves what it stands for as it is.
+    leaves what it stands for as it is; one that cannot be read is refused by itself.
 
     Raises DataError("bad_loop_list") where it is no CSV, has no column tag or no row, or sets nothing.
     """
@@ -85,28 +87,40 @@ def read(data: bytes) -> LoopList:
     if "tag" not in known.values() or len(known) < 2 or len(set(known.values())) < len(known):
         needed = f"it needs tag (or loop), and one of {', '.join(SETTABLE)}, each once"
         raise DataError("bad_loop_list", f"the loop list has the columns {', '.join(names)[:200]}; {needed}")
-    found = LoopList([], [], [name for name in names if name and name not in known])
+    found = LoopList([], [], [name for name in names if name and name not in known], by_cell=True)
     for number, row in listed.rows:
         told = {plain: row.get(name, "") for name, plain in known.items()}
         tag = plain_cell(told.pop("tag"))
-        try:
-            found.wanted.append((_named(tag), _values(told, row.get(BEYOND), listed.delimiter)))
-        except RequestError as error:
-            found.refused.append(refusal(tag, error.code, f"row {number}: {error.message}"))
+        wrong: list[RequestError] = []
+        values = _values(tag, told, row.get(BEYOND), listed.delimiter, wrong)
+        found.refused.extend(refusal(tag, error.code, f"row {number}: {error.message}") for error in wrong)
+        if values or not wrong:
+            found.wanted.append((tag, values))
     return found
 
 
-def _named(tag: str) -> str:
-    if not tag:
-        raise RequestError("no_tag", "it names no loop")
-    return tag
+def _values(
+    tag: str, told: Mapping[str, str], beyond: str | None, delimiter: str, wrong: list[RequestError]
+) -> dict[str, Any]:
+    """What the cells of a row set, and into `wrong` what of it cannot be set."""
+    values: dict[str, Any] = {}
+    if not tag or beyond is not None:
+        wrong.append(_no_row(beyond if tag else None))
+        return values
+    for name, text in ((name, text) for name, text in told.items() if text):
+        try:
+            values[name] = _value(name, text, delimiter)
+        except RequestError as error:
+            wrong.append(error)
+    return values
 
 
-def _values(told: Mapping[str, str], beyond: str | None, delimiter: str) -> dict[str, Any]:
-    if beyond is not None:
-        text = f"it has {beyond[:60]!r} beyond the columns that have names: a cell may hold what parts cells"
-        raise RequestError("ragged_row", text)
-    return {name: _value(name, text, delimiter) for name, text in told.items() if text}
+def _no_row(beyond: str | None) -> RequestError:
+    """Of a row of which no cell can be taken."""
+    if beyond is None:
+        return RequestError("no_tag", "it names no loop")
+    text = f"it has {beyond[:60]!r} beyond the columns that have names: a cell may hold what parts cells"
+    return RequestError("ragged_row", text)
 
 
 def _value(name: str, text: str, delimiter: str) -> Any:

@@ -50,9 +50,11 @@ def patch_loop(
         return view_of(loops.by_ids(connection, [row.id])[row.id])
 
 
-def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]]]) -> LoopsChanged:
+def change_loops(
+    backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]]], *, by_cell: bool = False
+) -> LoopsChanged:
     """Sets of many loops, by tag, what `patch_loop` sets of one. Each loop is for itself: what cannot be set of one is
-    refused with its code, and the others are changed.
+    refused with its code, and the others are changed. by_cell: so is each value of a loop for itself.
     """
     refused: list[FailureView] = []
     with backend.database.write() as connection:
@@ -64,7 +66,10 @@ def change_loops(backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]
         for tag, changes in wanted:
             try:
                 row = _named_once(tag, ids, rows, changed)
-                values = _wanted(row, changes, own_types)
+                values, wrong = (
+                    _settable(row, changes, own_types) if by_cell else (_wanted(row, changes, own_types), [])
+                )
+                refused += [refusal(tag, error.code, error.message) for error in wrong]
                 changed[row.id], before[row.id] = _continuing(connection, row, values)
             except LoopauditError as error:
                 refused.append(refusal(tag, error.code, error.message))
@@ -105,6 +110,23 @@ def _named_once(tag: str, ids: Mapping[str, int], rows: Mapping[int, LoopRow], c
 
 def _differs(row: LoopRow, values: Mapping[str, Any]) -> bool:
     return any(getattr(row, name) != value for name, value in values.items())
+
+
+def _settable(
+    row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Collection[str]]
+) -> tuple[dict[str, Any], list[FieldError]]:
+    """What can be set of it, and why the rest cannot; both ends of a span that is none are left as they are. Raises as
+    `_wanted` where nothing is left."""
+    wrong: list[FieldError] = []
+    while True:
+        try:
+            return _wanted(row, changes, own_types), wrong
+        except FieldError as error:
+            pair = next((ends for ends in SPANS if error.field in ends), (error.field,))
+            left = {name: value for name, value in changes.items() if name not in pair}
+            if not left or len(left) == len(changes):
+                raise
+            changes, wrong = left, [*wrong, error]
 
 
 def _wanted(row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Collection[str]]) -> dict[str, Any]:

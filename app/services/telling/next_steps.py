@@ -91,6 +91,10 @@ class Ask(StrEnum):
         "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
     )
     WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+    NOTHING_NEWER = (
+        "Find out why nothing newer comes of this loop (its export, its tags, or it is out of service): what is said "
+        "here is of its last record. Send nobody to the valve for it."
+    )
     WAIT_ON_SHELF = "Wait, until the time that is named."
     UNTIL_THEY_AGREE = (
         "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that "
@@ -345,6 +349,7 @@ OF_ANY = (
         "The page says that the repair of that day (with its work order) did not help. Reopen the work order.",
     ),
     ("shelved, and nothing got worse in kind since", Ask.WAIT_ON_SHELF),
+    ("of an old record", Ask.NOTHING_NEWER),
     (
         "look first, for too few swings",
         "Do what the line above for this verdict says, and have a longer record audited: the page says how many hours.",

@@ -37,7 +37,7 @@ _DOUBTS = {
     "few_samples": "The record holds too few samples to be trusted.",
     "windows_disagree": "Parts of the record say different things about the valve.",
     "uncoupled_slowly": "PV and OP go together only in what is quick, not over a part of a swing.",
-    "uncoupled": "What is new in PV and in OP have nothing to do with each other: they may be of two loops.",
+    "uncoupled": "PV and OP move without regard to each other: they may be of two loops.",
     "same_signal": "PV is OP on another scale: a controller of gain alone, one tag for both, or no process.",
     "set_point_moves": "PV and OP mostly follow the set point, so that their shape need not be the valve's.",
     "set_point_rests": "The set point hides a limit cycle: judged where it rests and the loop cycles by itself.",

@@ -41,7 +41,7 @@ def size_in_words(row: Mapping[str, Any], detail: Mapping[str, Any]) -> SizeWord
     if row["verdict"] in NOT_STUCK:
         return SizeWords(NOT_STUCK[row["verdict"]])
     if row["stiction_S"] is not None:
-        return SizeWords(stated(row), meaning(row))
+        return SizeWords(stated(row), (*meaning(row), *_as_fraction(row, detail)))
     size = detail.get("stiction_size")
     if size is None:
         return SizeWords(NO_SWING)
@@ -58,6 +58,17 @@ def stated(row: Mapping[str, Any]) -> str:
         least, most = (share * row[name] / row["stiction_S"] for name in ("stiction_S_low", "stiction_S_high"))
         told = f"; that is {share:.1f} % of {of} ({least:.1f} to {most:.1f} %)"
     return f"S = {size} units of OP, with 95 % certainty between {low} and {high}{told}."
+
+
+def _as_fraction(row: Mapping[str, Any], detail: Mapping[str, Any]) -> tuple[str, ...]:
+    """Where OP may be a fraction of a span that nobody stated: what S is then."""
+    ends = detail.get("op_ends")
+    if not ends or not 0.0 <= ends[0] < ends[1] <= 1.0 or row["stiction_S_pct_of_span"] is not None:
+        return ()
+    return (
+        f"OP lies between {ends[0]:.2g} and {ends[1]:.2g} in this record. Where that is a fraction of its span and no "
+        f"per cent, S is {100.0 * row['stiction_S']:.1f} % of the span; state the span of OP (0 to 1) in the settings.",
+    )
 
 
 def equal_digits(size: float, *others: float) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from app.engine.codes import ReasonCode
+from app.engine.codes import CheckCode, ReasonCode
 from app.services.telling.stored_evidence import explained, votes
 from app.services.telling.wording import LIKELY, STICKS, cause_words, measured_probability, probability
 
@@ -50,11 +50,26 @@ POOR: tuple[ReasonCode, ...] = (
 DOUBTED: tuple[ReasonCode, ...] = ("moves_set_point", "moves_no_valve", "shaken_by_neighbour", "stood_together")
 OLDER: tuple[ReasonCode, ...] = ("before_repair",)
 """Codes of reasons, by what they speak against."""
+AGAINST = frozenset((*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED, *OLDER))
+
+WITHOUT_A_VOTE: dict[CheckCode, str] = {
+    "op_interpolated": "an integrating controller draws such lines by itself while PV stands; but no size is told then",
+}
+"""Why a check of the record that did not pass takes nothing from a verdict, where that is not plain."""
 
 DISAGREES = (
     "Two answers on this page disagree: by the shapes of PV and OP the valve does not stick, by the explanation below "
     "it does (probability {probability})."
 )
+
+NAMES_OTHERWISE = (
+    "The explanation below names something else than the valve (probability {probability}). Follow the verdict: it is "
+    "to be relied on, and {why}."
+)
+HARDLY = "the record hardly tells that name from others"
+BESIDES = "the explanation says what a simulation lacks, which may be so besides; look at that after the valve"
+AT_THE_VALVE = (STICKS, "valve.deadband")
+"""Effects that are the same repair as a valve that sticks."""
 
 LEAST_DERIVATIVE = 0.1
 """Derivative time in sampling intervals: what is read off noise is less."""
@@ -90,6 +105,7 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
         _kept("PV and OP", "they have to do with each other, beyond chance", APART, reasons),
         _kept("length", f"{row['cycles'] or 0.0:.1f} cycles, and its parts agree", DIVIDED, reasons),
         _kept("record", _whole(row), POOR, reasons),
+        _not_passed(detail, reasons),
         _kept("other loops", "none of them is known to move it", DOUBTED, reasons),
         _time(reasons),
         _fit(row, detail.get("rivals", ())),
@@ -102,12 +118,33 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
 
 def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
     """Says so where a valve that is said not to stick is what the newest explanation names."""
-    if row["verdict"] != "no_stiction" or explanation is None or explanation["state"] != "done":
-        return None
-    likeliest = max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
-    if likeliest is None or likeliest["effect"] != STICKS or likeliest["probability"] < LIKELY:
+    likeliest = _likeliest(explanation)
+    if (
+        row["verdict"] != "no_stiction"
+        or likeliest is None
+        or likeliest["effect"] != STICKS
+        or likeliest["probability"] < LIKELY
+    ):
         return None
     return DISAGREES.format(probability=probability(likeliest["probability"]))
+
+
+def names_otherwise(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
+    """Says which to follow where a valve sticks, to be relied on, and the newest explanation names no valve."""
+    likeliest = _likeliest(explanation)
+    if (row["verdict"], row["reliability"]) != ("stiction", "reliable") or likeliest is None:
+        return None
+    if not {likeliest["effect"], *likeliest.get("alternatives", ())}.isdisjoint(AT_THE_VALVE):
+        return None
+    told = likeliest["probability"]
+    return NAMES_OTHERWISE.format(probability=probability(told), why=BESIDES if told >= LIKELY else HARDLY)
+
+
+def _likeliest(explanation: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Of what an explanation that is done names."""
+    if explanation is None or explanation["state"] != "done":
+        return None
+    return max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
 
 
 def derivative(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
@@ -145,6 +182,22 @@ def _whole(row: Mapping[str, Any]) -> str:
     automatic, filled = row["automatic_share"], row["filled_share"]
     mode = "mode not recorded" if automatic is None else f"{100.0 * automatic:.0f} % in automatic"
     return f"{mode}, {100.0 * (filled or 0.0):.0f} % filled in"
+
+
+def _not_passed(detail: Mapping[str, Any], reasons: Mapping[str, str]) -> Point | None:
+    """Of the checks of the record those that did not pass and do not count against the verdict: shown beside what does,
+    or the page would say of one record that it is whole and that it fails."""
+    failed = [finding["code"] for finding in detail.get("findings", ()) if finding["outcome"] == "fail"]
+    silent = [code for code in failed if code not in reasons or code not in AGAINST]
+    if not silent:
+        return None
+    told = "; ".join(f"{code.replace('_', ' ')}{_because(code)}" for code in silent)
+    return Point("nothing", f"checks that did not pass, and take nothing from the verdict: {told}")
+
+
+def _because(code: CheckCode) -> str:
+    why = WITHOUT_A_VOTE.get(code)
+    return f" ({why})" if why else ""
 
 
 def _rivals(row: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]], reasons: Mapping[str, str]) -> Point:

@@ -13,6 +13,9 @@ VERDICT_WORDS = {
     "not_auditable": "not auditable",
     "no_stiction": "no stiction",
 }
+POSSIBLY = ", possibly"
+"""Behind the words of a verdict that is said `weakly`."""
+NEAR_HALF = 0.15
 VERDICT_RANK = ("stiction", "inconclusive", "not_auditable", "no_stiction")
 
 STICKS, LIKELY = "valve.stiction", 0.5
@@ -179,6 +182,15 @@ def probability(value: float | None) -> str:
 def measured_probability(row: Mapping[str, Any]) -> float | None:
     """None where a row's probability is a prior, not a measurement."""
     return None if PRIOR_ONLY in codes_of(row) else row["stiction_probability"]
+
+
+def weakly(row: Mapping[str, Any]) -> bool:
+    """Whether a verdict is not to be relied on and its probability is so near one half that it could as well have been
+    the other one: what shows it in a colour shows it pale."""
+    known = measured_probability(row)
+    if row["verdict"] not in ("stiction", "no_stiction") or row["reliability"] == "reliable" or known is None:
+        return False
+    return abs(known - 0.5) < NEAR_HALF
 
 
 def unusual_importance(row: Any) -> str:

@@ -251,9 +251,11 @@ def records(backend: Backend) -> Check:
     """A plant whose exports stopped is audited night after night all the same."""
     found = arrivals(backend)
     told = " ".join(sentences(found, backend.clock)) or "nothing was recorded yet"
-    if not (found.late or found.behind):
-        return Check("records", "ok", told)
-    return Check("records", "warning", told, "look whether the historian's export runs, and names all loops")
+    if found.late or found.behind:
+        return Check("records", "warning", told, "look whether the historian's export runs, and names all loops")
+    if found.ahead:
+        return Check("records", "warning", told, "look at the time zone and the order of day and month of their files")
+    return Check("records", "ok", told)
 
 
 def keys_of_the_plant(backend: Backend) -> Check:

@@ -120,12 +120,13 @@ const pathNote = ({ samples, shown, standing }, judged) => {
 
 function drawRest({ pv_op: path, errors, judged, size }) {
   if (path) document.getElementById("pv-op-note").textContent = pathNote(path, judged);
+  const stood = path && !path.pv.some((value) => value !== path.pv[0]);
   const middle = path && path.op.length ? (Math.min(...path.op) + Math.max(...path.op)) / 2 : 0;
   const wide = size && path ? [{ type: "rect", xref: "x", yref: "paper", x0: middle - size.S / 2, x1: middle + size.S / 2, y0: 0, y1: 1, layer: "below", fillcolor: paint("--valve"), opacity: 0.12, line: { width: 0 } }] : [];
   const [wideAs, low, high] = size ? [size.S, size.low, size.high].map((value) => value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size.S))))) : [];
   const sign = wide.map(() => ({ x: middle, y: 1, yref: "paper", yanchor: "bottom", showarrow: false, text: `as wide as S = ${wideAs} (${low} to ${high})`, font: { color: paint("--valve"), size: 12 } }));
-  draw("pv-op", path && [pen(path.op, path.pv, path.standing), line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
-    { height: 320, showlegend: false, shapes: wide, annotations: sign, margin: { l: 58, r: 16, t: 24, b: 44 }, xaxis: axis("OP"), yaxis: axis("PV") }, "No samples of the audited stretch are kept.");
+  draw("pv-op", path && !stood && [pen(path.op, path.pv, path.standing), line(path.op, path.pv, "PV over OP", "--pv", { line: { color: paint("--pv"), width: 0.8 } })],
+    { height: 320, showlegend: false, shapes: wide, annotations: sign, margin: { l: 58, r: 16, t: wide.length ? 54 : 24, b: 44 }, xaxis: axis("OP"), yaxis: axis("PV") }, path && path.pv.length ? `PV stood at ${path.pv[0]} all the time: there is no path to draw.` : path ? "No stretch was judged: there is no path to draw." : "No samples of the audited stretch are kept.");
   draw("errors", errors && [{ x: errors.middle, y: errors.share_pct, type: "bar", name: "share", marker: { color: paint("--pv") } }],
     { height: 320, showlegend: false, bargap: 0.05, xaxis: axis("SP - PV, units of PV"), yaxis: axis("% of the samples") }, "No spread to show: no set point was recorded, or the control error is one value.");
 }

@@ -70,11 +70,8 @@ def test_what_cannot_be_set_is_refused_and_the_rest_is_set(client):
         "FIC101,a,1,": None,
         "FIC101,b,1,": "named_twice",
         "NOWHERE,a,1,": "unknown_loop",
-        "LIC7,a,much,": "bad_value",
-        "LIC7,a,-3,": "bad_value",
-        "LIC7,a,1,rocket": "unknown_type",
         "LIC7,a,1,,5": "ragged_row",
-        f"LIC7,{'x' * 500},1,": "bad_value",
+        f"LIC7,{'x' * 500},,": "bad_value",
         ",a,1,": "no_tag",
     }
     answer = sent(client, "\n".join(["tag,unit,importance,type", *rows]) + "\n")
@@ -83,6 +80,30 @@ def test_what_cannot_be_set_is_refused_and_the_rest_is_set(client):
     assert told["changed"] == 1
     assert sorted(row["code"] for row in told["refused"]) == sorted(code for code in rows.values() if code)
     assert (loop(client, "FIC101")["unit"], loop(client, "LIC7")["unit"]) == ("a", None)
+
+
+@pytest.mark.parametrize(
+    ("row", "code"),
+    [
+        ("high,flow,0,50", "bad_value"),
+        ("-3,flow,0,50", "bad_value"),
+        ("2.5,rocket,0,50", "unknown_type"),
+        ("2.5,flow,50,0", "bad_span"),
+    ],
+)
+def test_of_a_row_with_a_cell_that_cannot_be_set_the_rest_is_set(client, row, code):
+    told = sent(client, f"tag,unit,importance,type,pv_low,pv_high\nLIC7,a,{row}\n").json()
+    assert ([one["code"] for one in told["refused"]], told["changed"]) == ([code], 1)
+    kept = loop(client, "LIC7")
+    assert kept["unit"] == "a"
+    for name, value, wrong in (("importance", 2.5, "bad_value"), ("type", "flow", "unknown_type")):
+        assert (kept[name] == value) is (code != wrong)
+    assert ((kept["pv_low"], kept["pv_high"]) == (0.0, 50.0)) is (code != "bad_span")
+
+
+def test_json_is_set_loop_by_loop(client):
+    told = client.patch("/v1/loops", json={"loops": [{"tag": "LIC7", "unit": "a", "importance": -3}]}).json()
+    assert ([one["code"] for one in told["refused"]], told["changed"]) == (["bad_value"], 0)
 
 
 @pytest.mark.parametrize(

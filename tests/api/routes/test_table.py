@@ -98,6 +98,18 @@ def test_the_csv_has_the_columns_that_are_asked_for_in_their_order(client):
     assert all(len(line) == 2 for line in lines)
 
 
+def test_all_columns_are_all_that_can_be_asked_for(client, plant):
+    client.patch("/v1/loops/FIC101", json={"description": "feed", "importance": 3}).raise_for_status()
+    of_csv = client.get("/v1/reliability?format=csv&columns=all&search=FIC101").text
+    (told,) = csv.DictReader(io.StringIO(of_csv, newline=""))
+    assert (told["description"], told["importance"], told["of_old_record"]) == ("feed", "3.0", "False")
+    assert {"type", "priority", "recorded_to"} <= set(told)
+    (row,) = client.get("/v1/reliability?columns=all&search=FIC101").json()["rows"]
+    assert list(row) == list(told)
+    assert row["description"] == "feed"
+    assert row["window_samples"] <= row["samples"]
+
+
 @pytest.mark.parametrize("query", ["format=csv&columns=loop,colour", "format=csv&columns=", "columns=loop,colour"])
 def test_columns_that_there_are_not_are_refused(client, query):
     answer = client.get(f"/v1/reliability?{query}")

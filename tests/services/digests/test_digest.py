@@ -75,7 +75,9 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     assert [one.loop for one in found.work] == ["B1", "A1", HOSTILE, "A2"]
     text = as_text(found)
     assert "\nNot auditable, look today. Look today, at both" in text
-    assert re.search(r"\nValve sticks, rely on it. Ask for a stroke test [^\n]+\n  - A1 \(U1\): NEW; since ", text)
+    assert re.search(
+        r"\nValve sticks, rely on it. Ask for a stroke test [^\n]+\n  - A1 \(U1\): NEW; first said on ", text
+    )
     assert text.count("Ask for a stroke test in small steps") == 1
     assert "; work order WO-17; https://loops.example/loops/A1\n" in text
     assert "WO-17" in as_html(found)
