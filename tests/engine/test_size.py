@@ -161,3 +161,12 @@ def test_valves_abreast_are_valves_one_by_one(valves):
     lags = np.column_stack([pv[5 - i : -i] for i in (1, 2, 3)] + [stem[5 - j : -j] for j in (1, 2, 3, 4)])
     left = pv[5:] - lags @ np.linalg.lstsq(lags, pv[5:], rcond=None)[0]
     np.testing.assert_allclose(together[-1], left @ left, rtol=1e-9)
+
+
+def test_what_is_left_of_PV_moves_S_up_by_a_bounded_share():
+    """Of the same record; the share of failures, which knows R alone, moves the median a little beside."""
+    for noise_sd, least, most in ((0.002, 1.0, 1.03), (0.2, 1.05, 1.20)):
+        record = simulate_loop(replace(_STICKY, noise=Signal(noise_sd=noise_sd)), 1500.0, 1.0, 1).uniform()
+        oscillation = detect(record)
+        by_samples = quantify(record, oscillation, config=QuantificationConfig(unseen=0.0))
+        assert least <= quantify(record, oscillation).S / by_samples.S <= most

@@ -11,11 +11,13 @@ class QuantificationConfig:
     valve forms. lags_pv, lags_v: regressors of the one-step prediction. samples_per_cycle: finer records are thinned to
     about this. most_cycles, most_samples: the newest that are used.
 
-    evidence_weight, discrepancy, failure_share, usual_share, usual_spread: fitted on simulated loops (docs/
+    evidence_weight, discrepancy, unseen, failure_share, usual_share, usual_spread: fitted on simulated loops (docs/
     QUANTIFICATION.md). A sample counts for `evidence_weight` of an independent one, because no model is true;
-    `discrepancy`, in the logarithm of S, is what the best model is off by when noise no longer matters; in
-    `failure_share` of loops the model fails and the share is drawn around 0.6 with a factor of 2.2; before a look at
-    the record S is `usual_share` of R within a factor e^usual_spread.
+    `discrepancy`, in the logarithm of S, is what the best model is off by when noise no longer matters; by `unseen`
+    times the noise S is read low, because the valve follows OP at every scan of the controller and the record shows
+    one scan a sample; noise is what the best valve leaves unpredicted of PV, a share of its standard deviation, at most
+    `most_noise`; in `failure_share` of loops the model fails and the share is drawn around 0.6 with a factor of 2.2;
+    before a look at the record S is `usual_share` of R within a factor e^usual_spread.
     he_chance: chance of He's form before a look at the record, the rest is Kano's.
 
     min_regularity, min_cycles, min_samples_per_cycle, min_evidence, most_width: the rule of what is identifiable: a
@@ -31,8 +33,10 @@ class QuantificationConfig:
     samples_per_cycle: int = 40
     most_cycles: int = 25
     most_samples: int = 1200
-    evidence_weight: float = 0.12
-    discrepancy: float = 0.12
+    evidence_weight: float = 0.11
+    discrepancy: float = 0.085
+    unseen: float = 0.3
+    most_noise: float = 0.5
     failure_share: float = 0.05
     usual_share: float = 0.75
     usual_spread: float = 0.6

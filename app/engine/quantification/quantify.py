@@ -38,7 +38,9 @@ def quantify(
 
     Misleads: S is defined by the model. He's stem sticks after each slip, Kano's moves on with OP: where OP
     overshoots much after a slip they read the same record as different S, and the interval covers both. A second
-    oscillation larger than the limit cycle makes R the wrong measure.
+    oscillation larger than the limit cycle makes R the wrong measure. Where noise goes through the controller, S is
+    raised for the scans between the samples (`QuantificationConfig.unseen`): too much where the record has every scan,
+    too little where dozens lie between two samples.
     Source: prediction errors and closed loop: Ljung, System Identification, 1999, chapters 7 and 13; the valves as in
     `app.engine.valve`.
     """

@@ -41,10 +41,12 @@ def weigh(
     log_weight = likelihood + np.log(_form_chances(config))
     log_weight += (-0.5 * ((logs - np.log(config.usual_share)) / config.usual_spread) ** 2)[:, None]
     weight = np.exp(log_weight - log_weight.max())
-    fine = np.linspace(logs[0], logs[-1], _FINE)
+    seen = np.linspace(logs[0], logs[-1], _FINE)
+    true = seen + _read_low(float(errors.min()) / total, config)
+    told = _told(np.log(weight.sum(axis=1) + 1e-300), logs, seen, config)
     return Weights(
-        shares=np.exp(fine),
-        below=_cumulated(_over_shares(np.log(weight.sum(axis=1) + 1e-300), logs, fine, config)),
+        shares=np.exp(true),
+        below=_cumulated((1.0 - config.failure_share) * told + config.failure_share * _failed(true)),
         evidence=0.5 * samples * float(np.log((linear + 1e-300) / (errors.min() + 1e-300))),
     )
 
@@ -54,14 +56,26 @@ def _form_chances(config: QuantificationConfig) -> FloatArray:
     return np.concatenate((np.full(he, config.he_chance / he), np.full(kano, (1.0 - config.he_chance) / kano)))
 
 
-def _over_shares(
-    log_weight: FloatArray, logs: FloatArray, fine: FloatArray, config: QuantificationConfig
-) -> FloatArray:
-    """Chances over `fine` (m,), blurred by what the model is off by, with the share in which it fails."""
+def _read_low(unpredicted: float, config: QuantificationConfig) -> float:
+    """How far the logarithm of S lies above what the samples show. unpredicted: share of PV's variance.
+
+    Noise takes OP past its recorded turning points at scans between the samples; the stem slips there, and by the
+    samples alone less of OP's way was needed.
+    """
+    return config.unseen * min(float(np.sqrt(unpredicted)), config.most_noise)
+
+
+def _told(log_weight: FloatArray, logs: FloatArray, fine: FloatArray, config: QuantificationConfig) -> FloatArray:
+    """Chances over `fine` (m,) where the model holds, blurred by what it is off by."""
     dense = np.interp(fine, logs, log_weight)
     told = gaussian_filter1d(np.exp(dense - dense.max()), config.discrepancy / (fine[1] - fine[0]), mode="constant")
+    return np.asarray(told / told.sum())
+
+
+def _failed(fine: FloatArray) -> FloatArray:
+    """Chances over `fine` (m,) where it fails."""
     failed = np.exp(-0.5 * ((fine - np.log(_FAILED_SHARE)) / _FAILED_SPREAD) ** 2)
-    return (1.0 - config.failure_share) * told / told.sum() + config.failure_share * failed / failed.sum()
+    return np.asarray(failed / failed.sum())
 
 
 def _cumulated(chances: FloatArray) -> FloatArray:

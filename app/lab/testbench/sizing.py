@@ -5,6 +5,7 @@ from the test bench: other plants, controllers, valves (physical and one-paramet
 """
 
 import argparse
+import itertools
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 
 from app.engine.oscillation import detect
 from app.engine.quantification import StictionSize, quantify
-from app.engine.recording import UniformRecord
+from app.engine.recording import FloatArray, UniformRecord
 from app.errors import DataError
 from app.lab.testbench.building import build
 from app.lab.testbench.case import PLANTS, Case, log_uniform, ordinary
@@ -50,18 +51,21 @@ def fitted(count: int, seed: int) -> Iterator[Known]:
 def verify(count: int, seed: int) -> Iterator[Known]:
     """Sticky loops of the test bench with every factor drawn over a wide, not the widest, range."""
     rng = np.random.default_rng(seed)
-    found = 0
-    while found < count:
-        case = _drawn(rng)
-        try:
-            built = build(case)
-        except DataError:
-            continue
-        if built.exercised:
-            found += 1
-            r = built.recording
-            record = UniformRecord(r.time_s[1] - r.time_s[0], r.pv, r.op, r.sp, np.zeros(r.samples, dtype=np.bool_))
-            yield Known(record, case.size_pct / (2.0 if case.valve == "one_parameter" else 1.0), case.valve)
+    drawn = (known(_drawn(rng)) for _ in itertools.count())
+    return itertools.islice(filter(None, drawn), count)
+
+
+def known(case: Case) -> Known | None:
+    """None where the loop runs away or its valve hardly moves."""
+    try:
+        built = build(case)
+    except DataError:
+        return None
+    if not built.exercised:
+        return None
+    r = built.recording
+    record = UniformRecord(r.time_s[1] - r.time_s[0], r.pv, r.op, r.sp, np.zeros(r.samples, dtype=np.bool_))
+    return Known(record, case.size_pct / (2.0 if case.valve == "one_parameter" else 1.0), case.valve)
 
 
 def _drawn(rng: np.random.Generator) -> Case:
@@ -95,7 +99,7 @@ def _sized(loop: Known, size: StictionSize) -> Sized:
 
 
 def table(answers: list[Sized], of: int) -> str:
-    """One row for what is identifiable, one a valve in it, one for the rest."""
+    """One row for what is identifiable, one a valve in it, one for the rest; behind ± one standard error."""
     told = [answer for answer in answers if answer.identifiable]
     groups = {"identifiable": told}
     groups |= {valve: [a for a in told if a.valve == valve] for valve in sorted({a.valve for a in told})}
@@ -109,21 +113,38 @@ def table(answers: list[Sized], of: int) -> str:
 
 def _row(name: str, group: list[Sized]) -> str:
     error = np.array([answer.error for answer in group])
-    held = 100.0 * np.mean([answer.covered for answer in group], axis=0)
-    shown = (np.median(np.abs(error)), np.median(error), np.quantile(np.abs(error), 0.9))
-    cells = [name, str(len(group)), *(f"{100.0 * x:.1f} %" for x in shown), *(f"{share:.0f} %" for share in held)]
+    held = np.mean([answer.covered for answer in group], axis=0)
+    medians = [f"{_pct(np.median(x))} ± {_pct(_of_median(x))} %" for x in (np.abs(error), error)]
+    shares = [f"{100.0 * share:.0f} ± {100.0 * _of_share(share, len(group)):.0f} %" for share in held]
+    cells = [name, str(len(group)), *medians, f"{_pct(np.quantile(np.abs(error), 0.9))} %", *shares]
     return f"| {' | '.join(cells)} |"
+
+
+def _pct(share: float) -> str:
+    return f"{100.0 * share:.1f}"
+
+
+def _of_median(x: FloatArray) -> float:
+    """Standard error of the median of x (n,): of how many lie below it, the deviation is the root of n over two."""
+    reach = 0.5 / np.sqrt(len(x))
+    low, high = np.quantile(x, (max(0.5 - reach, 0.0), min(0.5 + reach, 1.0)))
+    return float(high - low) / 2.0
+
+
+def _of_share(share: float, count: int) -> float:
+    return float(np.sqrt(share * (1.0 - share) / count))
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.sizing", description=__doc__)
-    parser.add_argument("--count", type=int, default=400, help="loops of each kind")
-    parser.add_argument("--seed", type=int, default=77)
+    parser.add_argument("--count", type=int, default=400, help="loops of each kind and seed")
+    parser.add_argument("--seed", type=int, nargs="+", default=[77], help="one draw each, counted together")
     options = parser.parse_args(arguments)
     kinds: dict[str, Callable[[int, int], Iterator[Known]]] = {"fitted": fitted, "verify": verify}
     for name, loops in kinds.items():
-        said = [answer for answer in map(sized, loops(options.count, options.seed)) if answer is not None]
-        sys.stdout.write(f"## {name}\n\n{table(said, options.count)}\n\n")
+        drawn = itertools.chain.from_iterable(loops(options.count, seed) for seed in options.seed)
+        said = [answer for answer in map(sized, drawn) if answer is not None]
+        sys.stdout.write(f"## {name}\n\n{table(said, options.count * len(options.seed))}\n\n")
     return 0
 
 
