@@ -135,8 +135,7 @@ class WideTable:
 
     def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
-        last = rows.frame.columns[-1]
-        short = reader.short_rows(rows, np.flatnonzero(rows.frame[last].is_null().to_numpy()))
+        short = reader.short_rows(rows, rows.may_be_short())
         if len(short):
             self._log.add_many(
                 "ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short)
