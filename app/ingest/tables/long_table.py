@@ -85,6 +85,7 @@ class LongTable:
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
+            self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:
                 yield list(self._blocks.parted(last))
@@ -138,11 +139,9 @@ class LongTable:
         time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
         if self._modes.any():
             modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
-            parts = list(self._by_tag(codes, modes))
-            if not all(self._tally.modes.are_understood(values[rows_of], tag) for tag, rows_of in parts):
+            if not self._tally.modes.may_be_understood(values[modes]):
                 return None
-            for tag, rows_of in parts:
-                values[rows_of] = self._tally.modes.of_numbers(values[rows_of], tag)
+            self._take_modes(rows, values, codes, modes)
         lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
         gathered = Gathered(codes, time_ns, values, lines)
         if not self._usable.all():
@@ -326,10 +325,13 @@ class LongTable:
         self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]
     ) -> None:
         numbers = values[at]
-        for tag, of_tag in self._by_tag(codes, at):
-            values[of_tag] = self._tally.modes.of_numbers(values[of_tag], tag)
+        self._take_modes(rows, values, codes, at)
         unknown = np.flatnonzero(values[at] == UNKNOWN_MODE)
         self._refuse(rows, "unknown_mode", at[unknown], (f"{numbers[i]:g}" for i in unknown))
+
+    def _take_modes(self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]) -> None:
+        for tag, of_tag in self._by_tag(codes, at):
+            values[of_tag] = self._tally.modes.of_numbers(values[of_tag], tag, of_tag + rows.first)
 
     def _may_tell(
         self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], of_numbers: NDArray[np.bool_]
@@ -360,7 +362,7 @@ class LongTable:
         modes = self._are_modes(codes)
         of_modes = np.flatnonzero(left & modes)
         for tag, of_tag in self._by_tag(codes, of_modes):
-            values[of_tag] = self._tally.modes.of_texts(texts[of_tag], tag)
+            values[of_tag] = self._tally.modes.of_texts(texts[of_tag], tag, of_tag + rows.first)
         unknown = of_modes[values[of_modes] == UNKNOWN_MODE]
         all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
         left &= ~modes

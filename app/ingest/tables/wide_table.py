@@ -97,6 +97,7 @@ class WideTable:
                 if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
                     spill = spill or Spill(self._options.spill_folder, self._options.buffered_values)
                     self._put_aside(spill, held)
+            self._tally.modes.settle(self._log)
             if spill is None:
                 yield list(self._blocks(chain.from_iterable(held)))
                 return
@@ -199,7 +200,7 @@ class WideTable:
         if not modes:
             numbers = rows.numbers([value.index for value in group.values])
         else:
-            numbers = self._with_modes(rows, group, modes)
+            numbers = self._with_modes(rows, group, modes, kept)
             self._refuse_modes(rows, group, numbers.values, modes, kept)
         plain = {position: value for position, value in enumerate(group.values) if not self._is_mode(value)}
         self._odd_fields.read(ChunkColumns(rows, plain, numbers, kept, reader))
@@ -207,8 +208,8 @@ class WideTable:
         self._refuse_quality(rows, group, numbers.values, reader, kept)
         return numbers.values
 
-    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int]) -> Numbers:
-        """Columns of modes as flags among the columns of numbers."""
+    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int], kept: NDArray[np.bool_]) -> Numbers:
+        """Columns of modes among the columns of numbers, in the rows that are kept."""
         plain = [position for position, value in enumerate(group.values) if not self._is_mode(value)]
         shape = (rows.frame.height, len(group.values))
         values, missing = np.empty(shape, order="F"), np.zeros(shape, dtype=bool, order="F")
@@ -216,12 +217,13 @@ class WideTable:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
         for position in modes:
-            flags = self._mode_flags(rows, group.values[position])
-            values[:, position] = np.where(np.isnan(flags), BLANK, flags)
+            flags = self._modes_of(rows, group.values[position], np.flatnonzero(kept))
+            values[:, position] = BLANK
+            values[kept, position] = np.where(np.isnan(flags), BLANK, flags)
         return Numbers(values, missing)
 
-    def _mode_flags(self, rows: Rows, value: ValueColumn) -> FloatArray:
-        return self._tally.modes.of_texts(_texts(rows, value), self._places[value.index].tag)
+    def _modes_of(self, rows: Rows, value: ValueColumn, at: NDArray[np.int64]) -> FloatArray:
+        return self._tally.modes.of_texts(_texts(rows, value)[at], self._places[value.index].tag, at + rows.first)
 
     def _refuse_modes(
         self,
@@ -337,6 +339,8 @@ class WideTable:
                     cells = [(grid.time_ns, grid.values[row]) for grid in own]
                     samples = without_blanks(cells, samples, place.signal)
                 for time_ns, values in samples:
+                    if place.signal == "MODE":
+                        values = self._tally.modes.flags(values, place.tag)
                     yield SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
 
