@@ -428,6 +428,7 @@ def long_from(
     values = [known.index(name) for name in VALUE_NAMES if name in known]
     if not tags or not values:
         return None
+    tags.sort(key=lambda index: not mostly_signals(head.column(index, first_row)))
     found = times_of_rows(head, names, first_row, options)
     if found is None:
         return None
@@ -455,6 +456,12 @@ def _zero_is_good(quality: str, names: list[str]) -> bool | None:
     if quality in ("opcquality", "confidence", "isgood", "isvalid"):
         return False
     return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None
+
+
+def mostly_signals(fields: list[str]) -> bool:
+    """Whether most of the words that differ tell a signal."""
+    words = set(fields)
+    return 2 * sum(place(word, "").signal != "OTHER" for word in words) > len(words)
 
 
 def mostly_numbers(fields: list[str], decimal_mark: str) -> bool:

@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -75,8 +75,19 @@ def look(text: str, stem: str) -> Head:
 def with_tail(head: Head, text: str) -> Head:
     """A head whose second half are rows from the file's end: what the first day leaves open, the last one may tell."""
     rows = tuple(split_line(line, head.delimiter) for line in text.split("\n")[-TAIL_ROWS:] if line.strip())
+    return with_rows(head, rows)
+
+
+def with_samples(head: Head, texts: Sequence[str]) -> Head:
+    """The same with rows from all over the file: the first hundreds may be of one tag alone."""
+    lines = (line for text in texts for line in text.split("\n")[: TAIL_ROWS // len(texts)] if line.strip())
+    return with_rows(head, tuple(split_line(line, head.delimiter) for line in lines))
+
+
+def with_rows(head: Head, rows: tuple[tuple[str, ...], ...]) -> Head:
+    """With rows of further down in the place of the last ones."""
     kept = HEAD_ROWS - TAIL_ROWS
-    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows)
+    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows) if rows else head
 
 
 def find_delimiter(lines: list[str]) -> str:
