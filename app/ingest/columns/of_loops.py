@@ -14,7 +14,12 @@ from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
 
 LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
-_NAMES = LOOP_NAMES | TAG_NAMES | {"controller", "controllername", "block", "blockname"}
+_NAMES = (
+    LOOP_NAMES
+    | TAG_NAMES
+    | {"controller", "controllername", "block", "blockname"}
+    | {"element", "elementname", "elementpath", "asset", "assetname"}
+)
 _OF_ANYTHING = frozenset(("series", "item", "itemid", "name", "variable", "varname"))
 """Names of columns that may have batches as well."""
 _CONTROLLER = re.compile(r"(?i)[A-Z]*C[A-Z]?[-_. ]?\d|loop")  # FIC101, 10-PDC-12, Loop 3

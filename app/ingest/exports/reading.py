@@ -1,5 +1,6 @@
 """An export file, opened: which kind of file it is."""
 
+import re
 from pathlib import Path
 
 import polars as pl
@@ -25,6 +26,7 @@ from app.ingest.times.stamps import check_time_zone
 
 _NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
+_JSON = re.compile(r'\s*(\[\s*)?\{\s*"')
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
 
@@ -70,8 +72,14 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
         start = sum(len(line.encode()) + 1 for line in head.lines)
         plan = recognise(with_samples(head, file.samples(start)), options) or plan
     if plan is None:
+        _refuse_json(file.head)
         raise not_recognised(head)
     return TextSource(file, plan, head, file.compressed)
+
+
+def _refuse_json(head: str) -> None:
+    if _JSON.match(head):
+        raise DataError("not_an_export", "this is JSON, which is not read; CSV or TSV text, parquet or xlsx is needed")
 
 
 def is_export_name(name: str) -> bool:

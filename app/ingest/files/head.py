@@ -101,14 +101,14 @@ def find_delimiter(lines: list[str]) -> str:
         share = times / len(data) if widths[delimiter] > 1 else 0.0
         if share > best_share + 0.2:
             best, best_share = delimiter, share
-    return "," if best == ";" and _stands_in_fields(lines[0], widths) else best
+    return "," if best in (";", "|") and _stands_in_fields(best, lines[0], widths) else best
 
 
-def _stands_in_fields(names: str, widths: Mapping[str, int]) -> bool:
-    """Whether semicolons stand inside fields that commas part, as in ns=2;s=FIC101.PV: the names have none, and as many
-    commas as the rows."""
+def _stands_in_fields(delimiter: str, names: str, widths: Mapping[str, int]) -> bool:
+    """Whether one stands inside fields that commas part, as in ns=2;s=FIC101.PV or CDU\\FIC101|PV: the names have none,
+    and as many commas as the rows."""
     parted = split_line(names, ",")
-    return ";" not in names and all(parted) and len(parted) == widths[","] > max(widths[";"], 2)
+    return delimiter not in names and all(parted) and len(parted) == widths[","] > max(widths[delimiter], 2)
 
 
 def split_line(line: str, delimiter: str) -> tuple[str, ...]:
