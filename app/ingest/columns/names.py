@@ -367,7 +367,10 @@ def wide_from(
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
     groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
     ends = early_ends(head, below.first_row, 1 + max(*time, values[0].index), width)
-    return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading, ends=ends)
+    written = head.row(names_at[0]) if len(names_at) == 1 else ()
+    return WidePlan(
+        layout, below.first_row, width, groups, notes=notes, heading=below.heading, ends=ends, names=written
+    )
 
 
 def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:

@@ -32,7 +32,8 @@ class TimedColumns:
 class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
     its fields, `heading` the rows between names and data that are neither. times_assumed: what was taken for times
-    where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well."""
+    where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well. `names`: the
+    row of names, where there is one alone."""
 
     layout: str
     first_row: int
@@ -43,6 +44,7 @@ class WidePlan:
     heading: tuple[int, ...] = ()
     times_assumed: str = ""
     ends: frozenset[int] = frozenset()
+    names: tuple[str, ...] = ()
 
     @property
     def form(self) -> TimeForm:

@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,8 @@ HEAD_ROWS = 400
 PREAMBLE_ROWS = 40  # within so many rows names or data begin
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
+_LEAST_NAMES = 3
+_STAMP = re.compile(r"\d\D+\d+\D+\d")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -68,8 +70,17 @@ def look(text: str, stem: str) -> Head:
     usual = sorted(map(len, lines))[len(lines) // 2] + 1
     lines = lines[: max(8, min(HEAD_ROWS, HEAD_CHARACTERS // usual))]
     delimiter = find_delimiter(lines)
-    rows = tuple(split_line(line, delimiter) for line in lines)
+    rows = tuple(_once(split_line(line, delimiter) for line in lines))
     return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter))
+
+
+def _once(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+    """Rows of names that come again, as on each page or before each series, as empty ones."""
+    seen: set[tuple[str, ...]] = set()
+    for row in rows:
+        yield (len(row) * ("",)) if row in seen else row
+        if sum(map(bool, row)) >= _LEAST_NAMES and not any(_may_be_number(cell) or _STAMP.search(cell) for cell in row):
+            seen.add(row)
 
 
 def with_tail(head: Head, text: str) -> Head:

@@ -15,6 +15,7 @@ from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
 from app.ingest.tables.frames import Numbers, RowReader, Rows
+from app.ingest.tables.further_names import FurtherNames
 from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid, joined_grid
 from app.ingest.tables.spilling import NumberOfLoop, Spill
@@ -40,6 +41,7 @@ class WideTable:
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._quality = tally.quality = Quality(options.drop_uncertain)
         self._spreaders: list[Spreader] = []
+        self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
@@ -117,6 +119,7 @@ class WideTable:
     def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
         """Chunks of each group, with the group's number."""
         self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
+        self._further_names = FurtherNames(self._plan.names, groups)
         spread = self._plan.spread
         self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
         for rows in reader.rows(self._plan.first_row, _columns(groups)):
@@ -159,6 +162,7 @@ class WideTable:
             kept[short] = False
         if first and not np.all(kept):
             self._refuse_times(rows, group, texts, kept, short)
+        kept &= ~self._below_others(rows, reader, texts, time_ns != NO_TIME, first)
         if not np.any(kept):
             return None
         matrix = self._matrix(rows, group, reader, kept)
@@ -169,6 +173,18 @@ class WideTable:
             self._tally.rows_kept += len(at)
         chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
         return self._spreaders[number].take(chunk) if self._spreaders else chunk
+
+    def _below_others(
+        self, rows: Rows, reader: RowReader, texts: pl.Series, timed: NDArray[np.bool_], first: bool
+    ) -> NDArray[np.bool_]:
+        """Rows below other names than the first ones, which are refused."""
+        below = self._further_names.below_others(rows, reader, texts, timed)
+        if first and below.any():
+            at = np.flatnonzero(below)
+            line = self._further_names.lines[-1]
+            words = f"below other names than the first ones, in line {line}: send that part as a file of its own"
+            self._log.add_many("other_names", rows.lines(at), (words for _ in at))
+        return below
 
     def _refuse_times(
         self,
