@@ -489,6 +489,7 @@ def test_names_without_a_letter_are_no_columns(read: Read) -> None:
     [
         ("Path,Timestamp,Value,Good", r"\\AF\Site\CDU\F1|{signal},{time},{value},True"),
         ("Element,Attribute,Timestamp,Value,UOM", r"\\AF\Site\CDU\F1,{signal},{time},{value},m3/h"),
+        ("DeviceId,Metric,Timestamp,Value", "F1,{signal},{time},{value}"),
         ("Asset,Attribute,Timestamp,Value,UOM", "Site|CDU|F1,{signal},{time},{value},m3/h"),
     ],
 )

@@ -205,3 +205,19 @@ def test_both_zones_of_a_year(read: Read) -> None:
 )
 def test_stamps_of_java_and_of_oracle(read: Read, stamp: Callable[[datetime], str]) -> None:
     np.testing.assert_array_equal(read(table(stamp)).loops["A"].time_ns, AT)
+
+
+@pytest.mark.parametrize(("form", "lacks"), [("%I:%M:%S", True), ("%H:%M:%S", False), ("%I:%M:%S %p", False)])
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=2000)])
+def test_a_clock_of_twelve_hours_without_its_half_is_told(
+    read: Read, form: str, lacks: bool, options: IngestOptions
+) -> None:
+    content = read(table(lambda t: f"{t:%Y-%m-%d} {t.strftime(form)}"), options=options)
+    assert any("nothing tells AM from PM" in note for note in content.summary.notes) is lacks
+    long = "Tag,Time,Value\n" + "".join(
+        f"A.{signal},{time:%Y-%m-%d} {time.strftime(form)},{i}\n"
+        for i, time in enumerate(TIMES)
+        for signal in ("PV", "OP")
+    )
+    content = read(long, options=options)
+    assert any("nothing tells AM from PM" in note for note in content.summary.notes) is lacks

@@ -18,7 +18,7 @@ _NAMES = (
     LOOP_NAMES
     | TAG_NAMES
     | {"controller", "controllername", "block", "blockname"}
-    | {"element", "elementname", "elementpath", "asset", "assetname"}
+    | {"element", "elementname", "elementpath", "asset", "assetname", "device", "deviceid", "devicename"}
 )
 _OF_ANYTHING = frozenset(("series", "item", "itemid", "name", "variable", "varname"))
 """Names of columns that may have batches as well."""

@@ -108,6 +108,7 @@ class LongTable:
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
+            self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:

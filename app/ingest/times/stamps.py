@@ -13,6 +13,7 @@ from app.errors import DataError
 from app.ingest.model import FloatArray, IngestOptions, TimeArray
 from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
+from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.spelled_times import respelled, tells_utc
 from app.ingest.times.told_zones import told_utc_offset_ns, told_zone
 from app.ingest.times.wall_clock import WallClock
@@ -268,14 +269,16 @@ class TimeReader:
     def __init__(self, form: TimeForm, options: IngestOptions) -> None:
         self.form = form
         self._told_ns = form.utc_offset_ns
-        self.clock = WallClock(form.zone or options.time_zone if self._told_ns is None else "UTC")
+        self._zone = form.zone or options.time_zone
+        self.clock = WallClock(self._zone if self._told_ns is None else "UTC")
+        self.half_clock = HalfClock()
         self._options = options
 
     @property
     def wall_zone(self) -> str:
         """The zone of the clock that the times were read from; UTC where they tell one."""
-        local = self.form.kind in ("text", "serial") and not self.form.zone_in_file
-        return self._options.time_zone if local else self.form.zone or "UTC"
+        local = self.form.kind in ("text", "serial") and not self.form.zoned and self._told_ns is None
+        return self._zone if local else "UTC"
 
     def read(self, texts: pl.Series) -> TimeArray:
         """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
@@ -304,13 +307,15 @@ class TimeReader:
 
     def _in_utc(self, times: TimeArray) -> TimeArray:
         local = self.form.kind in ("text", "serial") and not self.form.zoned
+        if local and "%H" in self.form.format:
+            self.half_clock.look(times)
         return self._from_wall(times) if local else times
 
     def _from_wall(self, times: TimeArray) -> TimeArray:
         return self.clock.to_utc(times) if not self._told_ns else _shifted(times, -self._told_ns)
 
     def _to_wall(self, times: TimeArray) -> TimeArray:
-        return from_utc(times, self._options.time_zone) if self._told_ns is None else _shifted(times, self._told_ns)
+        return from_utc(times, self._zone) if self._told_ns is None else _shifted(times, self._told_ns)
 
     def _typed(self, times: pl.Series) -> TimeArray:
         """A column that holds times already (parquet)."""
