@@ -1,8 +1,10 @@
 """Rows that have more fields than names: which value is whose is not known there, so none is read."""
 
+import numpy as np
 import pytest
 
 from app.errors import DataError
+from app.ingest import IngestOptions, parse_named
 
 from .conftest import Read
 
@@ -89,3 +91,12 @@ def test_rows_that_a_spreadsheet_ended_before_empty_cells(read: Read) -> None:
     content = read("time,A.PV,A.OP,Comment\n" + "\n".join(rows) + "\n")
     assert content.loops["A"].pv.tolist() == [i + 0.5 for i in range(48) if i != 20]
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(22, "ragged_row")]
+
+
+@pytest.mark.parametrize("end", ["", "\n", "\r\n"])
+def test_a_field_too_many_in_a_table_that_is_asked_for_its_columns(end: str) -> None:
+    rows = ["time,PV,Sim,OP", "0,1,1.5,10", "1,2,5,2.5,11", '2,3,"3.5",12,', "3,4,4.5,13"]
+    table = parse_named((end or "\n").join(rows) + end, IngestOptions())
+    np.testing.assert_array_equal(table.numbers("OP"), [10, np.nan, 12, 13])
+    np.testing.assert_array_equal(table.numbers("PV"), [1, np.nan, 3, 4])
+    assert table.damage == ("1 rows have more fields than there are names, and were left empty",)

@@ -113,7 +113,7 @@ class Rows:
         return Numbers(frame.to_numpy(order="fortran", writable=True), missing)
 
 
-def _quotes_close(data: bytes) -> bool:
+def quotes_close(data: bytes) -> bool:
     """Whether each line closes the quotes that it opens; polars lets one left open run on into further lines."""
     return b'"' not in data or all(line.count(b'"') % 2 == 0 for line in data.split(b"\n"))
 
@@ -324,7 +324,7 @@ class FrameReader:
         rows = self._read_block(lines, decimal_comma) if self._blocks else None
         if rows is not None:
             return rows
-        if _quotes_close(lines.data) and _quotes_end_fields(lines.data, self._dialect.delimiter):
+        if quotes_close(lines.data) and _quotes_end_fields(lines.data, self._dialect.delimiter):
             uneven = self._uneven(lines.data, lines.count)
             try:
                 frame = self._parse(lines.data, self._schema(), self._columns, decimal_comma)
