@@ -15,13 +15,13 @@ For services that store a plant's samples::
   `options.buffered_values` values is put aside in files without a name in `options.spill_folder`; NoRoomToPartError
   where they do not fit there (see `export.share_taken`).
 * `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of one
-  loop's blocks.
+  loop's blocks; `realigned` does of a stretch whose signals came in files of their own.
 * A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file.
 * `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...),
   `.number("low")`.
 
 Reject codes: bad_time, not_a_number, unclear_mark, not_finite, sentinel, bad_quality, off_line, unknown_mode,
-ragged_row, unbalanced_quote, duplicate_time, name_too_long, no_tag, sheet_not_read.
+ragged_row, other_names, unbalanced_quote, duplicate_time, name_too_long, no_tag, sheet_not_read.
 DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, compression_ratio,
 line_too_long, too_many_tags, bad_mapping, excel_not_installed, unknown_time_zone, matlab_version,
 more_fields_than_names.
@@ -30,7 +30,7 @@ more_fields_than_names.
 whose columns are asked for by name, or by what they are: `column_of("PV")` by the names that exports are read by.
 """
 
-from app.ingest.align import align, carried
+from app.ingest.align import align, carried, realigned
 from app.ingest.columns.names import names_no_measurement
 from app.ingest.exports.export import Export
 from app.ingest.exports.reading import is_export_name, is_read_packed, read_export, stem_of, takes_its_name
@@ -106,6 +106,7 @@ __all__ = [
     "read_instants",
     "read_named",
     "read_recordings",
+    "realigned",
     "second_zero_ns",
     "stem_of",
     "takes_its_name",

@@ -13,13 +13,14 @@ from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock, joined_times
 from app.ingest.columns.names import may_be_times, stamps_in, time_columns, time_columns_in, times_assumed
 from app.ingest.columns.plans import name_of
-from app.ingest.files.head import HEAD_ROWS, Head
+from app.ingest.files.head import HEAD_ROWS, Head, split_line
 from app.ingest.files.opening import TextFile
 from app.ingest.model import FloatArray, IngestOptions, Signal, TimeArray
 from app.ingest.numbers.marks import POINTED, DoubtfulMarks
 from app.ingest.numbers.values import odd_numbers, same_tag, tagged
 from app.ingest.numbers.writing import MARKED, Writing
-from app.ingest.tables.frames import UNREADABLE
+from app.ingest.tables.frames import UNREADABLE, quotes_close
+from app.ingest.tables.line_widths import uneven_lines
 from app.ingest.tags.loops import signals_of
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, find_form
 from app.nanoseconds import NS_PER_S
@@ -175,9 +176,12 @@ def read_named(path: Path, options: IngestOptions) -> NamedTable:
 def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ()) -> NamedTable:
     """Delimited text with a row of names. Raises DataError("not_a_table") where it is none."""
     separator = max(SEPARATORS, key=text.partition("\n")[0].count)
+    data, emptied = _without_long_rows(text.encode(), separator)
+    if emptied:
+        damage = (*damage, f"{emptied} rows have more fields than there are names, and were left empty")
     try:
         frame = pl.read_csv(
-            io.BytesIO(text.encode()),
+            io.BytesIO(data),
             separator=separator,
             null_values=NO_VALUE,
             infer_schema=False,
@@ -186,6 +190,20 @@ def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ())
     except UNREADABLE as error:
         raise DataError("not_a_table", f"the text cannot be read as a table: {error}") from error
     return NamedTable(frame, options, separator, damage)
+
+
+def _without_long_rows(data: bytes, separator: str) -> tuple[bytes, int]:
+    """With empty lines of as many fields in the place of those that have something behind the last name, which may have
+    it anywhere; and how many these are. Quotes around line ends leave the data as they are."""
+    if not quotes_close(data):
+        return data, 0
+    lines = data.split(b"\n")
+    width = len(split_line(lines[0].decode(), separator))
+    more = uneven_lines(data, separator, width, len(lines)).more.tolist()
+    more = [at for at in more if any(split_line(lines[at].decode(), separator)[width:])]
+    for at in more:
+        lines[at] = separator.encode() * (width - 1)
+    return b"\n".join(lines) if more else data, len(more)
 
 
 def read_instants(column: pl.Series, options: IngestOptions) -> TimeArray | None:

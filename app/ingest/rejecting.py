@@ -23,12 +23,18 @@ class RejectLog:
         self.add_many(code, (line,), (text,), tag)
 
     def add_many(
-        self, code: str, lines: Sequence[int | None], texts: Iterable[str], tags: str | Iterable[str | None] = ""
+        self,
+        code: str,
+        lines: Sequence[int | None],
+        texts: Iterable[str],
+        tags: str | Iterable[str | None] = "",
+        more: int = 0,
     ) -> None:
-        """`texts` and `tags` may be generators: only as many are made as are listed. A single tag stands for all."""
-        if not len(lines):
+        """`texts` and `tags` may be generators: only as many are made as are listed. A single tag stands for all.
+        more: how many there are beside those in `lines`, not to be listed."""
+        if not len(lines) + more:
             return
-        self._counts[code] += len(lines)
+        self._counts[code] += len(lines) + more
         room = self._limit - len(self._listed)
         if room <= 0:
             return

@@ -23,6 +23,7 @@ FORMATS = (1, FORMAT)  # of format 1 the head is a list of names, and each signa
 LEVEL = 3
 HEADER = struct.Struct("<BII")  # format, samples, length of the head
 LONGEST_NAMES = 1 << 20
+PAIR = {"pv", "op"}
 DAMAGED = (ValueError, TypeError, AttributeError, OverflowError, MemoryError, struct.error, zstandard.ZstdError)
 """What unpacking raises where bytes are missing or others than were written."""
 _own = threading.local()
@@ -38,12 +39,14 @@ class Samples:
 
     time_ns: (n,) increasing, ns since 1970 UTC. signals: (n,) each, NaN where missing; by name: "pv", "op", "sp",
     "automatic" (1, 0, NaN), further signals by their tag. Neither is changed once its fingerprint or its packed bytes
-    were asked for: they are made once. held_ns: of signals whose first value here was stated before, when; not packed.
+    were asked for: they are made once. held_ns: of signals whose first value here was stated before, when. apart:
+    whether no stretch held both PV and OP: where a row lacks one it was not sampled. These two are not packed.
     """
 
     time_ns: TimeArray
     signals: Mapping[str, FloatArray]
     held_ns: Mapping[str, int] = field(default_factory=dict)
+    apart: bool = False
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -61,7 +64,8 @@ class Samples:
         return pack(self)
 
     def part(self, where: slice | NDArray[np.bool_] | NDArray[np.int64]) -> "Samples":
-        return Samples(self.time_ns[where], {name: values[where] for name, values in self.signals.items()})
+        signals = {name: values[where] for name, values in self.signals.items()}
+        return Samples(self.time_ns[where], signals, apart=self.apart)
 
 
 def pack(samples: Samples, codings: Iterable[tuple[str, bytes]] | None = None) -> bytes:
@@ -158,7 +162,8 @@ def merged(stretches: Sequence[Samples]) -> Samples:
         for name, values in stretch.signals.items():
             known = ~np.isnan(values)
             signals[name][places[known]] = values[known]
-    return Samples(times, signals)
+    apart = signals.keys() >= PAIR and not any(stretch.signals.keys() >= PAIR for stretch in stretches)
+    return Samples(times, signals, apart=apart)
 
 
 def news(sent: Samples, stored: Samples) -> NDArray[np.bool_]:

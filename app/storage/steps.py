@@ -5,6 +5,7 @@ file than PV. Each stored stretch names its last known set point and mode, so th
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,4 +118,4 @@ def _beginning(samples: Samples, name: str, known: Known) -> Samples:
     values = np.full(len(samples), np.nan) if values is None else values.copy()
     values[0] = known.value
     signals, held_ns = {**samples.signals, name: values}, {**samples.held_ns, name: known.time_ns}
-    return Samples(samples.time_ns, signals, held_ns)
+    return replace(samples, signals=signals, held_ns=held_ns)

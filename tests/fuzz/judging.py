@@ -24,7 +24,7 @@ DECLARED = frozenset(
         ),
     )
 )
-OF_ROWS = ("bad_time", "ragged_row", "no_tag", "name_too_long", "unbalanced_quote", "duplicate_time")
+OF_ROWS = ("bad_time", "ragged_row", "other_names", "no_tag", "name_too_long", "unbalanced_quote", "duplicate_time")
 NOTHING = re.compile(rb"""[\s,;|"']*|["']?\s*[*#\[].*|[^,;\t|]*[,;\t|]["']?\s*[*#\[].*""")
 OPTIONS = IngestOptions(max_bytes=72 << 20, max_signals=50_000)  # above what is unpacked whatever its ratio
 

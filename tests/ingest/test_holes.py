@@ -250,6 +250,15 @@ def test_behind_its_last_value_an_op_rests_at_what_it_rested_at_before(ends: int
     assert np.all(op[last + 1 :] == 100) if rests else np.all(np.isnan(op[last + 1 :]))
 
 
+@pytest.mark.parametrize(("last", "rests"), [(100.0, True), (0.0, True), (99.0, False), (40.0, False)])
+def test_an_op_that_comes_to_a_limit_of_per_cent_for_the_first_time_stays_there(last: float, rests: bool) -> None:
+    moving = 60 + 5 * np.sin(np.arange(3000) / 90) + 0.2 * np.random.default_rng(3).standard_normal(3000)
+    op = np.append(moving, np.linspace(moving[-1], last, 200))
+    found = scanned(np.arange(len(op)) * SECOND, op).op
+    assert np.array_equal(found[: len(op)], op)
+    assert np.all(found[len(op) :] == last) if rests else np.all(np.isnan(found[len(op) :]))
+
+
 def test_no_op_rests_at_its_end_where_pv_stays_out_or_a_value_was_refused() -> None:
     kept = changed(SATURATING)
     kept = kept[kept < 4665]

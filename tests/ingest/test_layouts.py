@@ -6,7 +6,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from app.errors import DataError
 from app.ingest import IngestOptions, TagMapping, Unpacking
+from app.ingest.tags.grouping import place
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
 
 from .conftest import Read
@@ -480,3 +482,41 @@ def test_names_of_other_scripts_are_columns(read: Read, names: str, loop: str) -
 def test_names_without_a_letter_are_no_columns(read: Read) -> None:
     text = "Time,A.PV,A.OP,,#,---\n" + "".join(f"2024-03-01 00:0{i}:00,{i},1{i},5,{i},7\n" for i in range(9))
     assert read(text).summary.tags == 2
+
+
+@pytest.mark.parametrize(
+    ("names", "row"),
+    [
+        ("Path,Timestamp,Value,Good", r"\\AF\Site\CDU\F1|{signal},{time},{value},True"),
+        ("Element,Attribute,Timestamp,Value,UOM", r"\\AF\Site\CDU\F1,{signal},{time},{value},m3/h"),
+        ("DeviceId,Metric,Timestamp,Value", "F1,{signal},{time},{value}"),
+        ("Asset,Attribute,Timestamp,Value,UOM", "Site|CDU|F1,{signal},{time},{value},m3/h"),
+    ],
+)
+def test_elements_and_attributes_of_an_asset_tree(read: Read, names: str, row: str) -> None:
+    rows = [
+        row.format(signal=signal, time=f"2024-03-01T00:{i:02d}:00.0000000Z", value=i + 0.5)
+        for signal in ("PV", "OP")
+        for i in range(30)
+    ]
+    (loop,) = read("\n".join((names, *rows)) + "\n").loops.values()
+    assert loop.pv.tolist() == loop.op.tolist() == [i + 0.5 for i in range(30)]
+
+
+def test_json_is_refused_as_such(read: Read) -> None:
+    for text in ('{"ts": "2024-03-01T00:00:00Z", "FIC1.PV": 1.5}\n' * 9, '[\n {"ts": 1, "FIC1.PV": 1.5}]'):
+        with pytest.raises(DataError, match="this is JSON"):
+            read(text)
+
+
+@pytest.mark.parametrize("name", ["N.F1.PV.F_CV", "N.F1_PV.F_CV", "F1.PV.f_cv"])
+def test_the_field_of_ifix_that_has_the_value_is_no_controlled_variable(name: str) -> None:
+    assert place(name, "").signal == "PV"
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_the_sign_for_minus_of_the_north(read: Read, delimiter: str) -> None:
+    rows = [f"2024-03-01 00:0{i}:00;{i - 4}.5;1{i}".replace("-4", "−4").replace(";-", ";−") for i in range(9)]
+    content = read("\n".join(("Time;F1.PV;F1.OP", *rows)).replace(";", delimiter) + "\n")
+    assert content.loops["F1"].pv.tolist() == [float(f"{i - 4}.5") for i in range(9)]
+    assert content.rejects.total == 0

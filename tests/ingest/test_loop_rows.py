@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from app.errors import DataError
 from app.ingest import IngestOptions
 
 from .conftest import Content, Read
@@ -107,3 +108,75 @@ def test_words_in_a_few_rows_name_no_loops(read: Read, name: str) -> None:
 def test_a_loop_that_fills_the_first_rows_alone(read: Read) -> None:
     content = read(text("Tag,Time,PV,OP,SP", [row for row in rows(by_loop=True) for _ in range(2)]))
     assert set(content.loops) == set(OFFSETS)
+
+
+def in_batches(each: int, words: int) -> list[list[str]]:
+    return [[f"B24-{k // each:03d}", f"{FIRST + timedelta(seconds=k)}", f"{k}", "1.5"] for k in range(each * words)]
+
+
+@pytest.mark.parametrize("each", [50, 3000])
+@pytest.mark.parametrize("name", ["Series", "Item", "Name", "Variable"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_batches_are_no_loops(read: Read, name: str, each: int, way: int) -> None:
+    content = read(text(f"{name},Time,PV,OP", in_batches(each, 4)[::way]), name="FIC7.csv")
+    assert content.loops["FIC7"].pv.tolist() == list(range(4 * each))
+    in_words = [[batch, word, time, pv] for batch, time, pv, _ in in_batches(each, 4)[::way] for word in ("PV", "OP")]
+    assert read(text(f"{name},Signal,Time,Value", in_words), name="FIC7.csv").loops["FIC7"].samples == 4 * each
+
+
+@pytest.mark.parametrize("name", ["Loop", "Tag", "Controller"])
+def test_loops_that_were_recorded_one_after_the_other(read: Read, name: str) -> None:
+    assert len(read(text(f"{name},Time,PV,OP", in_batches(50, 4))).loops) == 4
+    one_after_the_other = [[f"FIC{batch[-1]}", *row] for batch, *row in in_batches(50, 4)]
+    assert set(read(text("Name,Time,PV,OP", one_after_the_other)).loops) == {"FIC0", "FIC1", "FIC2", "FIC3"}
+
+
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=500, buffered_values=600)])
+def test_further_columns_of_numbers_are_kept_beside_their_loops(read: Read, options: IngestOptions) -> None:
+    table = [[*row, f"{k}", f"{k % 3}.5", "x"] for k, row in enumerate(rows())]
+    content = read(text("Loop,Time,PV,OP,SP,FT7,TIC9.PV,Remark", table), options=options)
+    assert list(content.loops) == list(OFFSETS)
+    for number, (name, loop) in enumerate(content.loops.items()):
+        assert set(loop.others) == {f"{name}.FT7", f"{name}.TIC9.PV"}
+        assert loop.others[f"{name}.FT7"].tolist() == list(range(number, 900, 3))
+    assert content.summary.notes == ("columns beside the signals of the loops were not read: Remark",)
+
+
+def test_a_row_of_a_loop_that_lost_a_field(read: Read) -> None:
+    table = rows()
+    table[4] = [*table[4][:3], *table[4][4:]]
+    table[6] = [*table[6][:3], "1", "5", table[6][4]]
+    content = read(text("Loop,Time,SP,PV,OP", table))
+    assert dict(content.rejects.counts) == {"ragged_row": 2}
+    assert [reject.line for reject in content.rejects.listed] == [6, 8]
+    assert content.summary.rows_kept == 898
+
+
+SORTED = ["AUX_1", "FIC101.PV", "FIC101.OP", "TIC5.PV", "TIC5.OP"]
+
+
+def sorted_by(words: list[str], each: int) -> list[list[str]]:
+    return [[f"{FIRST + timedelta(seconds=k)}", word, f"{k}.5"] for word in words for k in range(each)]
+
+
+@pytest.mark.parametrize("each", [40, 1000])
+def test_a_long_table_that_is_sorted_by_tag_under_names_that_are_not_known(read: Read, each: int) -> None:
+    table = sorted_by(SORTED, each)
+    content = read(text("When,What,HowMuch", table))
+    assert content.summary.layout == "long"
+    assert (content.loops["FIC101"].samples, content.loops["TIC5"].op is None) == (each, False)
+    columns = dict(zip(["When", "What", "HowMuch"], zip(*table, strict=True), strict=True))
+    frame = pl.DataFrame(columns).with_columns(pl.col("HowMuch").cast(pl.Float64))
+    assert read(parquet(frame)).summary.layout == "long"
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_rows_that_are_sorted_by_words_which_are_no_tags_are_not_mixed(read: Read, way: int) -> None:
+    with pytest.raises(DataError, match="the column 'What' tells the rows of one time apart"):
+        read(text("When,What,HowMuch", sorted_by(["Feed", "Steam", "Air"], 1000)[::way]))
+
+
+def test_words_that_come_in_turn_do_not_sort_rows(read: Read) -> None:
+    table = [[f"{FIRST + timedelta(seconds=k)}", f"shift {k // 500}", f"{k}", "1"] for k in range(3000)]
+    content = read(text("When,Crew,FIC1.PV,FIC1.OP", table))
+    assert content.loops["FIC1"].pv.tolist() == list(range(3000))

@@ -83,9 +83,10 @@ FIELDBUS = {0: 0, 1: 0, 2: 1, 4: 1, 8: 1, 16: 0, 32: 0, 64: 0, 128: 0, 3: -1}
     ],
 )
 def test_bits_by_the_name(tag: str, flags: dict[int, int]) -> None:
+    met = ModesMet()
     for number, flag in flags.items():
-        assert ModesMet().of_numbers(np.array([float(number)]), tag).tolist() == [flag]
-        assert ModesMet().of_texts(pl.Series([str(number)]), tag).tolist() == [flag]
+        assert met.flags(met.of_numbers(np.array([float(number)]), tag), tag).tolist() == [flag]
+        assert met.flags(met.of_texts(pl.Series([str(number)]), tag), tag).tolist() == [flag]
 
 
 @pytest.mark.parametrize(
@@ -116,13 +117,32 @@ def test_bits_of_which_nothing_tells_whose_they_are(read: Read, layout) -> None:
     )
 
 
-@pytest.mark.parametrize("telling", [4.0, 48.0])
-def test_what_a_later_chunk_tells_is_no_longer_untold(telling: float) -> None:
-    met = ModesMet()
-    met.of_numbers(np.array([8.0, 16.0]), "A.MODE")
-    assert list(met.untold) == ["A.MODE"]
-    met.of_numbers(np.array([8.0, telling]), "A.MODE")
-    assert not met.untold
+@pytest.mark.parametrize(
+    ("modes", "flags"),
+    [
+        ((2, 4, 1, 16, 48), [0, 0, 0, 1, 1]),
+        ((16, 8, 2, 8, 4), [0, 1, 1, 1, 1]),
+        ((2, 4, 1, 3, 2), [1, 1, 1, 1, 1]),
+        ((2, 4, 3, 16, 48), [0, 0, -1, 1, 1]),
+        ((8, 16, 0, 16, 8), [-1, -1, 0, -1, -1]),
+    ],
+)
+@pytest.mark.parametrize("layout", [wide, long])
+@pytest.mark.parametrize("options", [IngestOptions(chunk_bytes=30), IngestOptions(chunk_bytes=30, buffered_values=4)])
+def test_what_a_later_chunk_tells(read: Read, layout, modes, flags: list[int], options: IngestOptions) -> None:
+    content = read(layout(*map(str, modes)), options=options)
+    assert content.loops["A"].automatic.tolist() == flags
+    unknown = [str(mode) for mode, flag in zip(modes, flags, strict=True) if flag == -1]
+    assert [reject.text for reject in content.rejects.listed] == unknown
+    whole = read(layout(*map(str, modes)))
+    assert (whole.rejects, whole.summary.notes) == (content.rejects, content.summary.notes)
+
+
+def test_more_modes_that_are_not_understood_than_lines_are_held(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.ingest.tags.modes.MOST_LINES", 3)
+    content = read(wide("8", "16", "8", "16", "8"), options=IngestOptions(chunk_bytes=30))
+    assert dict(content.rejects.counts) == {"unknown_mode": 5}
+    assert [(reject.line, reject.text) for reject in content.rejects.listed] == [(2, "8"), (3, "16"), (4, "8")]
 
 
 def test_each_tag_of_a_long_table_counts_for_itself(read: Read) -> None:

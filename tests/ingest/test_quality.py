@@ -188,3 +188,13 @@ def test_good_of_opc_below_bits_of_a_vendor(read: Read, good: str, chunk_bytes: 
 
 def test_codes_that_are_neither_are_judged_by_the_most_frequent(read: Read) -> None:
     assert refused(read(long("0", "301"))) == BAD_ROWS
+
+
+def test_words_with_their_code_behind_them(read: Read) -> None:
+    words = ["OK (0x0)", "Good (192)", "Good(0)", "Bad (0x80000000)", "The operation failed (0x80020000)"]
+    text = "Tag,Time,Value,Quality\n" + "".join(
+        f"A.{signal},2024-03-01 00:0{i}:00,{i},{word}\n" for i, word in enumerate(words) for signal in ("PV", "OP")
+    )
+    content = read(text)
+    assert content.loops["A"].pv.tolist()[:3] == [0, 1, 2]
+    assert content.rejects.counts["bad_quality"] == 4

@@ -166,3 +166,58 @@ def test_the_hours_alone_of_an_offset(read: Read, zone: str, hours: float) -> No
     content = read(table(lambda time: f"{time:%Y-%m-%d %H:%M:%S}{zone}"))
     np.testing.assert_array_equal(content.loops["A"].time_ns, AT - round(hours * 3600 * 10**9))
     assert content.summary.time_zone == "in the file"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "hours"),
+    [
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S} +0000", 0),
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f} -03:30", -3.5),
+        (lambda t: f"{t:%Y-%m-%d %H:%M:%S} CET", 1),
+        (lambda t: f"{t:%d.%m.%Y %H:%M:%S} MESZ", 2),
+        (lambda t: f"{t:%m/%d/%Y %H:%M:%S} PDT", -7),
+        (lambda t: f"{t:%a %b %d %H:%M:%S} UTC {t:%Y}", 0),
+        (lambda t: f"{t:%a %b %d %H:%M:%S} EDT {t:%Y}", -4),
+    ],
+)
+def test_offsets_behind_a_blank_and_zones_of_one_offset(
+    read: Read, stamp: Callable[[datetime], str], hours: float
+) -> None:
+    content = read(table(stamp), options=IngestOptions(time_zone="Asia/Tokyo"))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - int(hours * 3600) * 10**9)
+    assert content.summary.time_zone == "in the file"
+
+
+def test_both_zones_of_a_year(read: Read) -> None:
+    changes = datetime(2026, 11, 1, 9)
+    content = read(table(lambda t: f"{t:%Y-%m-%d %H:%M:%S} {'CEST' if t < changes else 'CET'}"))
+    first = np.array(TIMES) < changes
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT - np.where(first, 2, 1) * 3600 * 10**9)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda t: f"{t:%a %b %d %H:%M:%S %Y}",
+        lambda t: f"{t:%d-%b-%y} {t:%I.%M.%S}.000000000 {t:%p}".upper(),
+        lambda t: f"{t:%d-%b-%Y} {t:%I.%M.%S %p}",
+    ],
+)
+def test_stamps_of_java_and_of_oracle(read: Read, stamp: Callable[[datetime], str]) -> None:
+    np.testing.assert_array_equal(read(table(stamp)).loops["A"].time_ns, AT)
+
+
+@pytest.mark.parametrize(("form", "lacks"), [("%I:%M:%S", True), ("%H:%M:%S", False), ("%I:%M:%S %p", False)])
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=2000)])
+def test_a_clock_of_twelve_hours_without_its_half_is_told(
+    read: Read, form: str, lacks: bool, options: IngestOptions
+) -> None:
+    content = read(table(lambda t: f"{t:%Y-%m-%d} {t.strftime(form)}"), options=options)
+    assert any("nothing tells AM from PM" in note for note in content.summary.notes) is lacks
+    long = "Tag,Time,Value\n" + "".join(
+        f"A.{signal},{time:%Y-%m-%d} {time.strftime(form)},{i}\n"
+        for i, time in enumerate(TIMES)
+        for signal in ("PV", "OP")
+    )
+    content = read(long, options=options)
+    assert any("nothing tells AM from PM" in note for note in content.summary.notes) is lacks

@@ -95,3 +95,16 @@ def test_a_column_of_stamps_is_no_signal(read: Read) -> None:
     content = read(table("Time,Received,A.PV,A.OP", "{utc:%Y-%m-%d %H:%M},{local:%Y-%m-%d %H:%M},{i},1{i}"))
     assert content.summary.tags == 2
     assert "neither as times nor as values: Received" in content.summary.notes[0]
+
+
+@pytest.mark.parametrize("name", ["Time (Europe/Berlin)", "Timestamp [Europe/Vienna]", "Time (CET)"])
+def test_the_name_of_the_one_column_tells_a_zone_with_summer_time(read: Read, name: str) -> None:
+    content = read(table(f"{name},A.PV,A.OP", "{local:%Y-%m-%d %H:%M:%S},{i},1{i}"))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+    assert TOLD in content.summary.notes[0]
+
+
+@pytest.mark.parametrize("name", ["Time (Europe/Nowhere)", "Time (North/South)"])
+def test_a_name_that_is_of_no_zone(read: Read, name: str) -> None:
+    content = read(table(f"{name},A.PV,A.OP", "{utc:%Y-%m-%d %H:%M:%S},{i},1{i}"))
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)

@@ -1,8 +1,10 @@
 """Rows that have more fields than names: which value is whose is not known there, so none is read."""
 
+import numpy as np
 import pytest
 
 from app.errors import DataError
+from app.ingest import IngestOptions, parse_named
 
 from .conftest import Read
 
@@ -52,3 +54,49 @@ def test_empty_fields_behind_the_last_name(read: Read, heading: str) -> None:
     content = read(f"{heading}\n{rows}")
     assert content.loops["A"].op.tolist() == [10, 11, 12, 13, 14]
     assert content.rejects.total == 0
+
+
+def test_a_field_too_many_where_not_all_columns_are_read(read: Read) -> None:
+    rows = [f"{stamp},{i},5{i}.5,4{i}.5" for i, stamp in enumerate(MINUTES)]
+    rows[1] = f"{MINUTES[1]},1,51,5,41.5"
+    content = read("time,id,A.PV,A.OP\n" + "\n".join(rows) + "\n")
+    assert content.loops["A"].pv.tolist() == [50.5, 52.5, 53.5, 54.5]
+    assert content.loops["A"].op.tolist() == [40.5, 42.5, 43.5, 44.5]
+    assert [(reject.line, reject.code, reject.text) for reject in content.rejects.listed] == [
+        (3, "ragged_row", rows[1])
+    ]
+
+
+def test_a_lost_field_where_not_all_columns_are_read(read: Read) -> None:
+    rows = [f"{stamp},5{i}.5,4{i}.5,{i}" for i, stamp in enumerate(MINUTES)]
+    rows[1] = f"{MINUTES[1]},41.5,1"
+    content = read("time,A.PV,A.OP,id\n" + "\n".join(rows) + "\n")
+    assert content.loops["A"].pv.tolist() == [50.5, 52.5, 53.5, 54.5]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(3, "ragged_row")]
+
+
+@pytest.mark.parametrize("remark", ["feed", '"feed, cold"', '"feed ""cold"""', '"feed, ""cold"", raw"'])
+def test_a_long_row_with_a_field_too_many_before_columns_that_are_not_read(read: Read, remark: str) -> None:
+    rows = [f"A.{signal},{stamp},5{i}.5,t/h,{remark}" for i, stamp in enumerate(MINUTES) for signal in ("PV", "OP")]
+    rows[2] = f"A.PV,{MINUTES[1]},51,5,t/h,{remark}"
+    rows[6] += ","
+    content = read("Tag,Time,Value,Unit,Remark\n" + "\n".join(rows) + "\n")
+    assert content.loops["A"].op.tolist() == [50.5, 51.5, 52.5, 53.5, 54.5]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(4, "ragged_row")]
+
+
+def test_rows_that_a_spreadsheet_ended_before_empty_cells(read: Read) -> None:
+    rows = [f"2024-03-01 00:{i:02d}:00,{i}.5,1{i}.5" + (",start" if i == 0 else "," * (i < 16)) for i in range(48)]
+    rows[20] = rows[20].rpartition(",")[0]
+    content = read("time,A.PV,A.OP,Comment\n" + "\n".join(rows) + "\n")
+    assert content.loops["A"].pv.tolist() == [i + 0.5 for i in range(48) if i != 20]
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(22, "ragged_row")]
+
+
+@pytest.mark.parametrize("end", ["", "\n", "\r\n"])
+def test_a_field_too_many_in_a_table_that_is_asked_for_its_columns(end: str) -> None:
+    rows = ["time,PV,Sim,OP", "0,1,1.5,10", "1,2,5,2.5,11", '2,3,"3.5",12,', "3,4,4.5,13"]
+    table = parse_named((end or "\n").join(rows) + end, IngestOptions())
+    np.testing.assert_array_equal(table.numbers("OP"), [10, np.nan, 12, 13])
+    np.testing.assert_array_equal(table.numbers("PV"), [1, np.nan, 3, 4])
+    assert table.damage == ("1 rows have more fields than there are names, and were left empty",)

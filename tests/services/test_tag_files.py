@@ -43,6 +43,31 @@ def stored_record(backend: Backend, tag: str, hours: float) -> Recording:
     return chunks.recording_of(row, samples)
 
 
+@pytest.mark.parametrize("late_s", [0, 0.4])
+@pytest.mark.parametrize("last", ["OP", "PV"])
+def test_files_of_pv_and_op_at_other_times_are_audited_as_one_file_of_both_is(
+    backend: Backend, last: str, late_s: float
+) -> None:
+    op = np.round(40 + 5 * np.sin(np.arange(900) / 60))
+    stored = np.flatnonzero(np.append(True, np.diff(op) != 0))
+    start = np.datetime64("2026-03-01T00:00:00", "ms")
+    rows = {
+        "PV": [f"FIC2.PV,{start + 1000 * k},{np.sin(k / 60):.3f}\n" for k in range(900)],
+        "OP": [f"FIC2.OP,{start + 1000 * k + int(1000 * late_s)},{op[k]}\n" for k in stored],
+    }
+    names = "Tag,Time,Value\n"
+    for signal in sorted(rows, key=last.__eq__):
+        read(backend, send(backend, (names + "".join(rows[signal])).encode(), name=f"{signal}.csv"))
+    apart = stored_record(backend, "FIC2", 24.0)
+    whole = (names + "".join([*rows["PV"], *rows["OP"]])).replace("FIC2", "FIC3")
+    read(backend, send(backend, whole.encode(), name="both.csv"))
+    together = stored_record(backend, "FIC3", 24.0)
+    np.testing.assert_array_equal(apart.time_s, together.time_s)
+    np.testing.assert_array_equal(apart.pv, together.pv)
+    np.testing.assert_array_equal(apart.op, together.op)
+    assert np.isfinite(apart.op).mean() > 0.9
+
+
 @pytest.mark.parametrize("last", ["SP", "PV"])
 def test_a_set_point_stored_when_it_changes_holds_over_uploads(backend: Backend, last: str) -> None:
     changes = f"{of_one_tag(['48'], -86_400 * 90).decode()}{of_one_tag(['50'], 30).decode()}".encode()

@@ -12,7 +12,7 @@ from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, da
 from app.ingest.columns.headings import below_names
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
-from app.ingest.columns.widths import named_width
+from app.ingest.columns.widths import early_ends, named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.numbers.units import without_unit as bare_number
@@ -366,7 +366,11 @@ def wide_from(
     width = named_width(head, names, below.first_row, time)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
     groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
-    return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading)
+    ends = early_ends(head, below.first_row, 1 + max(*time, values[0].index), width)
+    written = head.row(names_at[0]) if len(names_at) == 1 else ()
+    return WidePlan(
+        layout, below.first_row, width, groups, notes=notes, heading=below.heading, ends=ends, names=written
+    )
 
 
 def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:
@@ -427,6 +431,7 @@ def long_from(
     values = [known.index(name) for name in VALUE_NAMES if name in known]
     if not tags or not values:
         return None
+    tags.sort(key=lambda index: not mostly_signals(head.column(index, first_row)))
     found = times_of_rows(head, names, first_row, options)
     if found is None:
         return None
@@ -454,6 +459,12 @@ def _zero_is_good(quality: str, names: list[str]) -> bool | None:
     if quality in ("opcquality", "confidence", "isgood", "isvalid"):
         return False
     return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None
+
+
+def mostly_signals(fields: list[str]) -> bool:
+    """Whether most of the words that differ tell a signal."""
+    words = set(fields)
+    return 2 * sum(place(word, "").signal != "OTHER" for word in words) > len(words)
 
 
 def mostly_numbers(fields: list[str], decimal_mark: str) -> bool:

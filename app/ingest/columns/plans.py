@@ -32,7 +32,8 @@ class TimedColumns:
 class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
     its fields, `heading` the rows between names and data that are neither. times_assumed: what was taken for times
-    where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well."""
+    where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well. `names`: the
+    row of names, where there is one alone."""
 
     layout: str
     first_row: int
@@ -43,6 +44,7 @@ class WidePlan:
     heading: tuple[int, ...] = ()
     times_assumed: str = ""
     ends: frozenset[int] = frozenset()
+    names: tuple[str, ...] = ()
 
     @property
     def form(self) -> TimeForm:
@@ -54,7 +56,8 @@ class LongPlan:
     """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
     = good; None where it is not told. `signals`: where a row holds several values of the loop that stands in column
     `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
-    where it is not one for all rows."""
+    where it is not one for all rows. `others`: such columns of no signal, which are kept beside them. `ends`: as in a
+    wide plan."""
 
     layout: str
     first_row: int
@@ -69,12 +72,14 @@ class LongPlan:
     heading: tuple[int, ...] = ()
     signals: tuple[ValueColumn, ...] = ()
     word: int | None = None
+    others: tuple[ValueColumn, ...] = ()
+    ends: frozenset[int] = frozenset()
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""
         if not self.signals or self.word is not None:
             return list(cells)
-        return [f"{loop}.{signal.tag}" for loop in cells for signal in self.signals]
+        return [f"{loop}.{signal.tag}" for loop in cells for signal in (*self.signals, *self.others)]
 
 
 Plan = WidePlan | LongPlan

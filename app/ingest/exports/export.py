@@ -291,6 +291,8 @@ class TableExport(Export):
             notes.append(SPREAD_NOTE)
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
+        if self._tally.lacks_half:
+            notes.append("hours go to 12 and begin again: nothing tells AM from PM, and times may be wrong by 12 hours")
         if self._tally.stuttering:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"

@@ -1,17 +1,19 @@
 """An export file, opened: which kind of file it is."""
 
+import re
 from pathlib import Path
 
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.columns.of_words import may_part_rows_below
+from app.ingest.columns.plans import Plan
 from app.ingest.exports.export import Export, TableExport
 from app.ingest.exports.matlab import open_matlab
 from app.ingest.exports.sheets import SheetsExport
 from app.ingest.exports.tables_in import open_parquet
 from app.ingest.exports.workbooks import open_workbook
-from app.ingest.files.head import Head, look, with_tail
+from app.ingest.files.head import Head, look, with_samples, with_tail
 from app.ingest.files.matlab_values import is_matlab
 from app.ingest.files.opening import TextFile
 from app.ingest.files.unpacking import GZIP
@@ -24,6 +26,7 @@ from app.ingest.times.stamps import check_time_zone
 
 _NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
+_JSON = re.compile(r'\s*(\[\s*)?\{\s*"')
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
 
@@ -55,8 +58,7 @@ class TextSource:
 
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
         head = self.head
-        ends = self.plan.ends if isinstance(self.plan, WidePlan) else frozenset[int]()
-        dialect = Dialect(head.delimiter, head.decimal_mark, width, head.marks_told, ends)
+        dialect = Dialect(head.delimiter, head.decimal_mark, width, head.marks_told, self.plan.ends)
         return FrameReader(self._file, dialect, types, log)
 
 
@@ -66,9 +68,18 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
     plan = recognise(head, options)
     if plan is not None and plan.form.rivals:
         plan = recognise(with_tail(head, file.tail()), options) or plan
+    if plan is not None and may_part_rows_below(plan, head):
+        start = sum(len(line.encode()) + 1 for line in head.lines)
+        plan = recognise(with_samples(head, file.samples(start)), options) or plan
     if plan is None:
+        _refuse_json(file.head)
         raise not_recognised(head)
     return TextSource(file, plan, head, file.compressed)
+
+
+def _refuse_json(head: str) -> None:
+    if _JSON.match(head):
+        raise DataError("not_an_export", "this is JSON, which is not read; CSV or TSV text, parquet or xlsx is needed")
 
 
 def is_export_name(name: str) -> bool:

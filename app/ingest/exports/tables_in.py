@@ -9,8 +9,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
+from app.ingest.columns.of_words import may_part_rows_below
 from app.ingest.columns.plans import LongPlan, Plan, name_of
-from app.ingest.files.head import HEAD_ROWS, Head, find_decimal_mark
+from app.ingest.files.head import HEAD_ROWS, TAIL_ROWS, Head, find_decimal_mark, with_rows
+from app.ingest.files.opening import SAMPLES
 from app.ingest.layouts import not_recognised, recognise
 from app.ingest.model import IngestOptions
 from app.ingest.numbers.marks import POINTED, WRITTEN
@@ -19,6 +21,7 @@ from app.ingest.tables.frames import NUMBERED, Rows
 from app.ingest.tables.scanning import Scanner
 
 CELLS_A_CHUNK = 2_000_000
+CELLS_OF_HEAD = 200_000
 MOST_COLUMNS = 1000  # of a wide table at a time: a day of minutes of them is a chunk
 
 
@@ -87,6 +90,8 @@ class TableSource:
 
     def _take(self, head: Head) -> None:
         plan = recognise(head, self._options)
+        if plan is not None and may_part_rows_below(plan, head):
+            plan = recognise(with_rows(head, _sampled(self._table)), self._options) or plan
         if plan is None:
             raise not_recognised(head)
         self.head: Head = head
@@ -160,14 +165,27 @@ def _as(column: pl.Series, wanted: pl.DataType) -> pl.Series:
 
 
 def _head(table: Table, stem: str, names_in_rows: bool) -> Head:
-    count = max(8, min(HEAD_ROWS, 200_000 // max(1, table.width)))
-    groups = (range(start, min(start + MOST_COLUMNS, table.width)) for start in range(0, table.width, MOST_COLUMNS))
-    frames = (table.part(0, count, group) for group in groups)
-    columns = [_as_text(column).fill_null("").to_list() for frame in frames for column in frame.get_columns()]
-    rows = [tuple(text.strip() for text in row) for row in zip(*columns, strict=True)]
-    rows = rows if names_in_rows else [table.names, *rows]
+    rows = _rows(table, 0, max(8, min(HEAD_ROWS, CELLS_OF_HEAD // max(1, table.width))))
+    rows = rows if names_in_rows else (table.names, *rows)
     lines = tuple("\t".join(row) for row in rows)
-    return Head(stem, lines, tuple(rows), "", find_decimal_mark(tuple(rows), "\t"), True, int(names_in_rows))
+    return Head(stem, lines, rows, "", find_decimal_mark(rows, "\t"), True, int(names_in_rows))
+
+
+def _sampled(table: Table) -> tuple[tuple[str, ...], ...]:
+    """Rows from all over the table, behind its first ones."""
+    each = TAIL_ROWS // SAMPLES
+    places = range(HEAD_ROWS, table.height, max(each, (table.height - HEAD_ROWS) // SAMPLES))
+    if table.width * each * len(places) > CELLS_OF_HEAD:
+        return ()
+    return tuple(row for place in places for row in _rows(table, place, each))
+
+
+def _rows(table: Table, offset: int, count: int) -> tuple[tuple[str, ...], ...]:
+    """As text."""
+    groups = (range(start, min(start + MOST_COLUMNS, table.width)) for start in range(0, table.width, MOST_COLUMNS))
+    frames = (table.part(offset, count, group) for group in groups)
+    columns = [_as_text(column).fill_null("").to_list() for frame in frames for column in frame.get_columns()]
+    return tuple(tuple(text.strip() for text in row) for row in zip(*columns, strict=True))
 
 
 def _as_text(column: pl.Series) -> pl.Series:

@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,8 @@ HEAD_ROWS = 400
 PREAMBLE_ROWS = 40  # within so many rows names or data begin
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
+_LEAST_NAMES = 3
+_STAMP = re.compile(r"\d\D+\d+\D+\d")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -68,15 +70,35 @@ def look(text: str, stem: str) -> Head:
     usual = sorted(map(len, lines))[len(lines) // 2] + 1
     lines = lines[: max(8, min(HEAD_ROWS, HEAD_CHARACTERS // usual))]
     delimiter = find_delimiter(lines)
-    rows = tuple(split_line(line, delimiter) for line in lines)
+    rows = tuple(_once(split_line(line, delimiter) for line in lines))
     return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter))
+
+
+def _once(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+    """Rows of names that come again, as on each page or before each series, as empty ones."""
+    seen: set[tuple[str, ...]] = set()
+    for row in rows:
+        yield (len(row) * ("",)) if row in seen else row
+        if sum(map(bool, row)) >= _LEAST_NAMES and not any(_may_be_number(cell) or _STAMP.search(cell) for cell in row):
+            seen.add(row)
 
 
 def with_tail(head: Head, text: str) -> Head:
     """A head whose second half are rows from the file's end: what the first day leaves open, the last one may tell."""
     rows = tuple(split_line(line, head.delimiter) for line in text.split("\n")[-TAIL_ROWS:] if line.strip())
+    return with_rows(head, rows)
+
+
+def with_samples(head: Head, texts: Sequence[str]) -> Head:
+    """The same with rows from all over the file: the first hundreds may be of one tag alone."""
+    lines = (line for text in texts for line in text.split("\n")[: TAIL_ROWS // len(texts)] if line.strip())
+    return with_rows(head, tuple(split_line(line, head.delimiter) for line in lines))
+
+
+def with_rows(head: Head, rows: tuple[tuple[str, ...], ...]) -> Head:
+    """With rows of further down in the place of the last ones."""
     kept = HEAD_ROWS - TAIL_ROWS
-    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows)
+    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows) if rows else head
 
 
 def find_delimiter(lines: list[str]) -> str:
@@ -90,14 +112,14 @@ def find_delimiter(lines: list[str]) -> str:
         share = times / len(data) if widths[delimiter] > 1 else 0.0
         if share > best_share + 0.2:
             best, best_share = delimiter, share
-    return "," if best == ";" and _stands_in_fields(lines[0], widths) else best
+    return "," if best in (";", "|") and _stands_in_fields(best, lines[0], widths) else best
 
 
-def _stands_in_fields(names: str, widths: Mapping[str, int]) -> bool:
-    """Whether semicolons stand inside fields that commas part, as in ns=2;s=FIC101.PV: the names have none, and as many
-    commas as the rows."""
+def _stands_in_fields(delimiter: str, names: str, widths: Mapping[str, int]) -> bool:
+    """Whether one stands inside fields that commas part, as in ns=2;s=FIC101.PV or CDU\\FIC101|PV: the names have none,
+    and as many commas as the rows."""
     parted = split_line(names, ",")
-    return ";" not in names and all(parted) and len(parted) == widths[","] > max(widths[";"], 2)
+    return delimiter not in names and all(parted) and len(parted) == widths[","] > max(widths[delimiter], 2)
 
 
 def split_line(line: str, delimiter: str) -> tuple[str, ...]:

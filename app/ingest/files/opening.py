@@ -4,7 +4,8 @@ import codecs
 import os
 import re
 import zlib
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -20,6 +21,7 @@ HEAD_BYTES = 1 << 18
 HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
 HEAD_LIMIT = 1 << 24
 TAIL_BYTES = 1 << 16
+SAMPLES, SAMPLE_BYTES = 16, 1 << 14
 PROBED_BYTES = 1 << 18
 COUNTED_BYTES = 1 << 18
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
@@ -109,6 +111,30 @@ class TextFile:
             size += len(piece)
             last = (last + piece)[-TAIL_BYTES:]
         return size, last
+
+    def samples(self, start: int) -> list[str]:
+        """Whole lines from places all over the file from byte `start` on, in their order; nothing where it is in
+        another encoding than UTF-8. A packed file is unpacked for it, to its end."""
+        if self._bare_returns or not self.encoding.startswith("utf-8"):
+            return []
+        size = sum(map(len, self._bytes())) if self.compressed else self._path.stat().st_size
+        places = range(start, size, max(SAMPLE_BYTES, (size - start) // SAMPLES))
+        taken = self._unpacked_at(places) if self.compressed else self._bytes_at(places)
+        texts = (data.decode("utf-8", "replace").replace("\r\r\n", "\n").replace("\r\n", "\n") for data in taken)
+        return [text.partition("\n")[2].rpartition("\n")[0] for text in texts]
+
+    def _bytes_at(self, places: Iterable[int]) -> Iterator[bytes]:
+        with self._path.open("rb") as stream:
+            yield from (os.pread(stream.fileno(), SAMPLE_BYTES, place) for place in places)
+
+    def _unpacked_at(self, places: Iterable[int]) -> Iterator[bytes]:
+        """The same of what is packed, each as far as it is in one step of it."""
+        begun, left = 0, deque(places)
+        for piece in self._bytes():
+            while left and left[0] < begun + len(piece):
+                at = left.popleft() - begun
+                yield piece[at : at + SAMPLE_BYTES]
+            begun += len(piece)
 
     def chunks(self) -> Iterator[Lines]:
         """The whole file; memory is bounded by the chunk size and the longest line allowed."""

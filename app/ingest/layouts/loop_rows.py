@@ -1,21 +1,13 @@
 """A row a loop and an instant, as a data base's table of loops is queried: Loop,Time,PV,OP,SP. Its signals have the
 name of the row's loop before their own."""
 
-import numpy as np
-import polars as pl
-
-from app.ingest.columns.clocks import MOST
-from app.ingest.columns.names import TAG_NAMES, plain, quality_named, times_of_rows
+from app.ingest.columns.names import mostly_numbers, names_no_measurement, plain, quality_named, times_of_rows
+from app.ingest.columns.of_loops import columns_of_loops, without_batches
 from app.ingest.columns.plans import LongPlan, ValueColumn
-from app.ingest.columns.widths import named_width
-from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
+from app.ingest.columns.widths import early_ends, named_width
+from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import AUDITED, place
-from app.ingest.tags.modes import UNKNOWN_MODE, automatic_flags
-from app.ingest.tags.quality import holds_quality_words
-
-_LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
-LOOPS_OR_TAGS = _LOOP_NAMES | TAG_NAMES | {"controller", "controllername", "block", "blockname"}
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
@@ -31,23 +23,33 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
 def _plan(
     head: Head, names: tuple[str, ...], first_row: int, signals: tuple[ValueColumn, ...], options: IngestOptions
 ) -> LongPlan | None:
-    filled = MOST * sum(any(row) for row in head.rows[first_row:])
-    columns = ((index, name, head.column(index, first_row)) for index, name in enumerate(names))
-    loops = [index for index, name, fields in columns if len(fields) >= filled and _names_loops(head, name, fields)]
-    loops.sort(key=lambda index: plain(names[index]) not in _LOOP_NAMES)
-    if not loops:
-        return None
-    found = times_of_rows(head, names, first_row, options)
-    if found is None:
+    loops = columns_of_loops(head, names, first_row, range(len(names)), in_words=False)
+    found = times_of_rows(head, names, first_row, options) if loops else None
+    loops = without_batches(head, names, first_row, loops, found, options) if found else []
+    if not loops or found is None:
         return None
     time, form = found
     quality = quality_named([plain(name) for name in names])
-    used = {loops[0], quality, *time, *(signal.index for signal in signals)}
-    left = ", ".join(name[:80] for index, name in enumerate(names) if name and index not in used)
+    used = {*loops, quality, *time, *(signal.index for signal in signals)}
+    others = _others(head, names, first_row, used)
+    used.update(other.index for other in others)
+    left = ", ".join(name[:80] for index, name in enumerate(names) if name and index not in used - {*loops[1:]})
     notes = (f"columns beside the signals of the loops were not read: {left[:300]}",) if left else ()
     width = named_width(head, names, first_row)
+    least = 1 + max(loops[0], *time, signals[0].index)
     return LongPlan(
-        "loop_rows", first_row, width, time, form, loops[0], signals[0].index, quality, notes=notes, signals=signals
+        "loop_rows",
+        first_row,
+        width,
+        time,
+        form,
+        loops[0],
+        signals[0].index,
+        quality,
+        notes=notes,
+        signals=signals,
+        others=others,
+        ends=early_ends(head, first_row, least, width),
     )
 
 
@@ -64,19 +66,11 @@ def _signals(names: tuple[str, ...]) -> tuple[ValueColumn, ...]:
     return tuple(found.values())
 
 
-def _names_loops(head: Head, name: str, fields: list[str]) -> bool:
-    """Whether a column has names of loops: numbers are some where it is called so alone, and they repeat. Under another
-    name most words have a digit, and none is a mode or a quality: it may be of operators, products or remarks."""
-    known = plain(name)
-    if known not in LOOPS_OR_TAGS or not fields:
-        return False
-    if not all(is_number(text, head.decimal_mark) for text in fields):
-        return known in _LOOP_NAMES or _may_be_loops(set(fields))
-    return known in _LOOP_NAMES and 2 * len(set(fields)) <= len(fields)
-
-
-def _may_be_loops(words: set[str]) -> bool:
-    flags = automatic_flags(pl.Series(sorted(words), dtype=pl.String))
-    if np.any(np.isfinite(flags) & (flags != UNKNOWN_MODE)) or any(holds_quality_words([word]) for word in words):
-        return False
-    return 2 * sum(any(map(str.isdigit, word)) for word in words) > len(words)
+def _others(head: Head, names: tuple[str, ...], first_row: int, used: set[int | None]) -> tuple[ValueColumn, ...]:
+    """The further columns of numbers."""
+    return tuple(
+        ValueColumn(index, name)
+        for index, name in enumerate(names)
+        if name and index not in used and not names_no_measurement(name)
+        if mostly_numbers(head.column(index, first_row), head.decimal_mark)
+    )

@@ -2,12 +2,13 @@
 _time,_value,_field,_measurement."""
 
 from app.ingest.columns.names import VALUE_NAMES, plain, quality_named, times_of_rows
+from app.ingest.columns.of_loops import columns_of_loops, without_batches
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
-from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
-from app.ingest.layouts.loop_rows import LOOPS_OR_TAGS
+from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import place
+from app.ingest.times.stamps import TimeForm
 
 _LAYOUT = "loop_words"
 
@@ -27,25 +28,32 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, value: int, option
     known = [plain(name) for name in names]
     columns = {index: head.column(index, first_row) for index in range(len(names)) if index != value}
     word = next((index for index, fields in columns.items() if _are_signals(fields)), None)
-    loops = [index for index, fields in columns.items() if index != word and _name_loops(head, known[index], fields)]
-    if "measurement" in known and "field" in known:
-        return _of_influx(head, names, first_row, value, [*loops, known.index("measurement")], options)
-    return None if word is None or not loops else _joined(head, names, first_row, value, loops[0], word, options)
+    others = [index for index in columns if index != word]
+    loops = columns_of_loops(head, names, first_row, others, in_words=word is not None)
+    is_influx = "measurement" in known and "field" in known
+    if not is_influx and (word is None or not loops):
+        return None
+    found = times_of_rows(head, names, first_row, options)
+    if found is None:
+        return None
+    loops = without_batches(head, names, first_row, loops, found, options)
+    if is_influx:
+        tag, word = _of_influx(head, first_row, known.index("field"), [*loops, known.index("measurement")][0])
+    else:
+        tag = next(iter(loops), None)
+    return None if tag is None else _joined(head, names, first_row, value, tag, word, found)
 
 
-def _of_influx(
-    head: Head, names: tuple[str, ...], first_row: int, value: int, loops: list[int], options: IngestOptions
-) -> LongPlan | None:
-    """A field of one value is called so, and the measurement is the tag then; a field may be a whole tag."""
-    field = [plain(name) for name in names].index("field")
+def _of_influx(head: Head, first_row: int, field: int, loop: int) -> tuple[int | None, int | None]:
+    """The columns of tag and word. A field of one value is called so, and the measurement is the tag then; a field may
+    be a whole tag."""
     fields = set(head.column(field, first_row))
     if not fields:
-        return None
+        return None, None
     if all(plain(text) in VALUE_NAMES for text in fields):
-        return _joined(head, names, first_row, value, loops[0], None, options)
+        return loop, None
     whole = all(place(text, "").loop and place(text, "").signal != "OTHER" for text in fields)
-    tag, word = (field, None) if whole else (loops[0], field)
-    return _joined(head, names, first_row, value, tag, word, options)
+    return (field, None) if whole else (loop, field)
 
 
 def _joined(
@@ -55,12 +63,9 @@ def _joined(
     value: int,
     tag: int,
     word: int | None,
-    options: IngestOptions,
-) -> LongPlan | None:
-    found = times_of_rows(head, names, first_row, options)
-    if found is None:
-        return None
-    time, form = found
+    times: tuple[tuple[int, ...], TimeForm],
+) -> LongPlan:
+    time, form = times
     quality = quality_named([plain(name) for name in names])
     width = named_width(head, names, first_row, time)
     signals = () if word is None else (ValueColumn(value, ""),)
@@ -71,7 +76,3 @@ def _are_signals(fields: list[str]) -> bool:
     """Whether all fields are names of signals without a loop."""
     places = [place(text, "") for text in set(fields)]
     return bool(places) and all(at.loop == "" and at.signal != "OTHER" for at in places)
-
-
-def _name_loops(head: Head, known: str, fields: list[str]) -> bool:
-    return known in LOOPS_OR_TAGS and bool(fields) and not all(is_number(text, head.decimal_mark) for text in fields)

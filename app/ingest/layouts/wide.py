@@ -18,6 +18,7 @@ from app.ingest.columns.names import (
     times_assumed,
     wide_from,
 )
+from app.ingest.columns.of_words import column_that_sorts
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
@@ -44,28 +45,38 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
             plan = wide_from(head, "wide", names, (index,), first_row, options, time)
             if plan is not None:
-                _refuse_words_that_part(head, names, plan)
+                _refuse_words_that_part(head, names, plan, options)
             return plan and _of_times(plan, head, names)
     return None
 
 
-def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan) -> None:
+def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan, options: IngestOptions) -> None:
     """Raises DataError("unknown_layout") where a column of words tells the rows of one time apart: each word has values
     of its own, which would be mixed."""
+    found = _words_of_stamps(head, names, plan)
+    found = column_that_sorts(plan, head, options) if found is None else found
+    if found is not None:
+        name = name_at(names, found)[:80]
+        raise DataError(
+            "unknown_layout",
+            f"the column {name!r} tells the rows of one time apart, and would be mixed; needed is a tag, such as "
+            "FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
+        )
+
+
+def _words_of_stamps(head: Head, names: tuple[str, ...], plan: WidePlan) -> int | None:
+    """The column whose words tell rows of one stamp apart that follow each other."""
     needed = max(plan.width, len(names))
     rows = [row + ("",) * (needed - len(row)) for row in head.rows[plan.first_row :] if any(row)]
     stamps = [tuple(row[index] for index in plan.groups[0].time) for row in rows]
     if len(rows) < _FEW_ROWS or len(set(stamps)) > _MOST_STAMPS * len(rows):
-        return
-    for index, name in enumerate(names):
+        return None
+    for index in range(len(names)):
         words = [row[index] for row in rows]
         pairs = set(zip(stamps, words, strict=True))
         if 1 < len(set(words)) <= len(rows) / 2 and len(pairs) >= ONE_WAY * len(rows) and _are_words(head, words):
-            raise DataError(
-                "unknown_layout",
-                f"the column {name[:80]!r} tells the rows of one time apart, and would be mixed; needed is a tag, such "
-                "as FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
-            )
+            return index
+    return None
 
 
 def _are_words(head: Head, fields: list[str]) -> bool:

@@ -14,6 +14,8 @@ from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.times.stamps import to_numbers
 
+_MINUS = "\N{MINUS SIGN}"  # as programs write it in the north of Europe
+
 
 @dataclass(frozen=True, eq=False)
 class OddNumbers:
@@ -29,6 +31,7 @@ def refused_as(code: str, text: str) -> str:
 
 def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbers:
     """The numbers among texts that the fast reader could not read."""
+    texts = texts.str.replace(_MINUS, "-", literal=True)
     whole = writing.whole(texts, tags)
     numbers = to_numbers(whole).copy()
     odd = np.flatnonzero(~np.isfinite(numbers) & says_something(whole))

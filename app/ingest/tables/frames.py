@@ -20,6 +20,7 @@ from app.ingest.files.opening import Lines, TextFile
 from app.ingest.numbers.kinds import WITH, kinds_of
 from app.ingest.numbers.marks import has_points, pointed
 from app.ingest.rejecting import RejectLog
+from app.ingest.tables.line_widths import Uneven, uneven_lines
 from app.ingest.tables.scanning import Scan, Scanner
 
 LEAST_BYTES = 4 << 20  # of a chunk; for less it takes longer to load what is compiled
@@ -64,7 +65,8 @@ class Rows:
     is the text. Of a table of many columns the numbers are in `block` (rows, width), not in `frame`; of plain rows of a
     long table all is in `scan`. `pointed`: by column, where numbers that were read have a point that may part
     thousands. `kinds` (width,), where marks are in doubt: of each column's fields; then all numbers were read as if
-    marks stood before decimals, and none is in `pointed`."""
+    marks stood before decimals, and none is in `pointed`. `fewer`: the rows of too few fields, where these were
+    counted because not all columns are in `frame`."""
 
     frame: pl.DataFrame
     first: int
@@ -74,6 +76,7 @@ class Rows:
     scan: Scan | None = None  # then `frame` holds nothing
     pointed: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     kinds: NDArray[np.uint8] | None = None
+    fewer: NDArray[np.int64] | None = None
 
     @property
     def height(self) -> int:
@@ -90,6 +93,12 @@ class Rows:
                 found.missing[:, position] |= at
         return found
 
+    def may_be_short(self) -> NDArray[np.int64]:
+        """Rows that may have too few fields, as comments and empty lines have."""
+        if self.fewer is not None:
+            return self.fewer
+        return np.flatnonzero(self.frame[self.frame.columns[-1]].is_null().to_numpy())
+
     def hold_something(self, rows: NDArray[np.int64], columns: Sequence[int]) -> NDArray[np.bool_]:
         """Whether something was read in any of the columns of some rows."""
         if self.block is not None:
@@ -104,7 +113,7 @@ class Rows:
         return Numbers(frame.to_numpy(order="fortran", writable=True), missing)
 
 
-def _quotes_close(data: bytes) -> bool:
+def quotes_close(data: bytes) -> bool:
     """Whether each line closes the quotes that it opens; polars lets one left open run on into further lines."""
     return b'"' not in data or all(line.count(b'"') % 2 == 0 for line in data.split(b"\n"))
 
@@ -315,15 +324,31 @@ class FrameReader:
         rows = self._read_block(lines, decimal_comma) if self._blocks else None
         if rows is not None:
             return rows
-        if _quotes_close(lines.data) and _quotes_end_fields(lines.data, self._dialect.delimiter):
+        if quotes_close(lines.data) and _quotes_end_fields(lines.data, self._dialect.delimiter):
+            uneven = self._uneven(lines.data, lines.count)
             try:
                 frame = self._parse(lines.data, self._schema(), self._columns, decimal_comma)
-                if frame.height == lines.count:
-                    return Rows(frame, lines.first, lines.data)
+                if frame.height == lines.count and not self._any_fault(lines.data, uneven):
+                    return Rows(frame, lines.first, lines.data, fewer=uneven.fewer if uneven else None)
             except UNREADABLE:
                 pass  # the chunk has odd rows: they are found line by line
         data, faults = self._cleaned(lines)
-        return Rows(self._parse(data, self._schema(), self._columns, decimal_comma), lines.first, data, faults)
+        uneven = self._uneven(data, lines.count)
+        frame = self._parse(data, self._schema(), self._columns, decimal_comma)
+        return Rows(frame, lines.first, data, faults, fewer=uneven.fewer if uneven else None)
+
+    def _uneven(self, data: bytes, count: int) -> Uneven | None:
+        """None where polars parts all columns, and counts them."""
+        if len(self._columns) == self._dialect.width:
+            return None
+        return uneven_lines(data, self._dialect.delimiter, self._dialect.width, count)
+
+    def _any_fault(self, data: bytes, uneven: Uneven | None) -> bool:
+        """Whether a line has something in a field too many."""
+        if uneven is None or not len(uneven.more):
+            return False
+        lines = data.split(b"\n", int(uneven.more[-1]) + 1)
+        return any(self._fault(lines[at].decode("utf-8", "replace").rstrip("\r")) for at in uneven.more)
 
     def _parse(
         self,

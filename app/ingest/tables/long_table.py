@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
@@ -16,7 +17,7 @@ from app.ingest.numbers.marks import marked
 from app.ingest.numbers.values import odd_numbers, refused_as
 from app.ingest.numbers.writing import MARKED
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.frames import NUMBERED, RowReader, Rows
+from app.ingest.tables.frames import NUMBERED, Numbers, RowReader, Rows
 from app.ingest.tables.parting import BlocksByTag
 from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.tables.scanning import Scan, Scanner
@@ -30,6 +31,28 @@ from app.ingest.tags.settling import family
 from app.ingest.times.stamps import NO_TIME, TimeReader
 
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """The values of one column of a chunk, and the tag of each. telling: what is wrong with its rows is told with
+    them."""
+
+    rows: Rows
+    reader: RowReader
+    tags: pl.Series
+    column: int
+    telling: bool = True
+
+    def numbers(self) -> Numbers:
+        return self.rows.numbers([self.column])
+
+    def texts(self) -> pl.Series:
+        return self.reader.texts(self.rows, [self.column]).to_series(0)
+
+    def kinds(self) -> int:
+        """Of the values' fields; 0 where they were not seen."""
+        return 0 if self.rows.kinds is None else int(self.rows.kinds[self.column])
 
 
 class LongTable:
@@ -85,6 +108,8 @@ class LongTable:
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
+            self._tally.lacks_half = self._time.half_clock.lacks_half
+            self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:
                 yield list(self._blocks.parted(last))
@@ -138,11 +163,9 @@ class LongTable:
         time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
         if self._modes.any():
             modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
-            parts = list(self._by_tag(codes, modes))
-            if not all(self._tally.modes.are_understood(values[rows_of], tag) for tag, rows_of in parts):
+            if not self._tally.modes.may_be_understood(values[modes]):
                 return None
-            for tag, rows_of in parts:
-                values[rows_of] = self._tally.modes.of_numbers(values[rows_of], tag)
+            self._take_modes(rows, values, codes, modes)
         lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
         gathered = Gathered(codes, time_ns, values, lines)
         if not self._usable.all():
@@ -181,19 +204,22 @@ class LongTable:
         return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        frame = rows.frame
-        tags = frame[name_of(self._plan.tag)]
-        texts = joined_times(frame, self._plan.time)
-        time_ns = self._read_times(texts)
-        codes = self._numbered(tags, time_ns != NO_TIME)
-        kept = self._kept(rows, texts, tags, codes, time_ns, reader)
-        values = self._values(rows, codes, kept, reader)
-        self._refuse_quality(rows, kept, values)
+        texts = joined_times(rows.frame, self._plan.time)
+        cells = Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
+        gathered = self._of_cells(cells, texts, self._read_times(texts))
+        self._tally.rows_kept += len(gathered)
+        return gathered
+
+    def _of_cells(self, cells: Cells, texts: pl.Series, time_ns: TimeArray) -> Gathered:
+        """The values in rows with a time and a tag; texts: of the times."""
+        codes = self._numbered(cells.tags, time_ns != NO_TIME)
+        kept = self._kept(cells, texts, codes, time_ns)
+        values = self._values(cells, codes, kept)
+        self._refuse_quality(cells, kept, values)
         at = np.flatnonzero(kept)
-        self._tally.rows_kept += len(at)
         if len(at) < len(codes):
             codes, time_ns, values = codes[at], time_ns[at], values[at]
-        return Gathered(codes, time_ns, values, (at + rows.first).astype(np.uint32))
+        return Gathered(codes, time_ns, values, (at + cells.rows.first).astype(np.uint32))
 
     def _numbered(self, tags: pl.Series, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
         """The number of each row's tag; 0 where there is none. New tags are placed; a comment may stand where tags do,
@@ -247,37 +273,21 @@ class LongTable:
         first = np.flatnonzero(np.diff(runs.to_numpy(), prepend=-1))
         return self._time.read(texts[first])[runs.to_numpy()]
 
-    def _kept(
-        self,
-        rows: Rows,
-        texts: pl.Series,
-        tags: pl.Series,
-        codes: NDArray[np.uint32],
-        time_ns: TimeArray,
-        reader: RowReader,
-    ) -> NDArray[np.bool_]:
-        timed, named = time_ns != NO_TIME, tags.is_not_null().to_numpy()
+    def _kept(self, cells: Cells, texts: pl.Series, codes: NDArray[np.uint32], time_ns: TimeArray) -> NDArray[np.bool_]:
+        timed, named = time_ns != NO_TIME, cells.tags.is_not_null().to_numpy()
         kept = timed & named
-        if np.all(kept):
-            return self._without_long_names(rows, codes, kept)
-        self._tell_left_out(rows, texts, tags, timed, kept, reader)
-        return self._without_long_names(rows, codes, kept)
+        if cells.telling and not np.all(kept):
+            self._tell_left_out(cells, texts, timed, kept)
+        return self._without_long_names(cells.rows, codes, kept)
 
-    def _tell_left_out(
-        self,
-        rows: Rows,
-        texts: pl.Series,
-        tags: pl.Series,
-        timed: NDArray[np.bool_],
-        kept: NDArray[np.bool_],
-        reader: RowReader,
-    ) -> None:
+    def _tell_left_out(self, cells: Cells, texts: pl.Series, timed: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:
         """Refuses the rows without a time or a tag, but for empty ones and comments."""
-        short = reader.short_rows(rows, np.flatnonzero(~kept))
+        rows, tags = cells.rows, cells.tags
+        short = cells.reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
         comments = _begin_with("*#", texts) | _begin_with("*#[", tags)
         self._tally.comments += int(np.count_nonzero(comments & ~kept))
-        passed = comments | _hold_nothing(texts, tags, rows.frame[name_of(self._plan.value)])
+        passed = comments | _hold_nothing(texts, tags, rows.frame[name_of(cells.column)])
         at = np.setdiff1d(np.flatnonzero(~kept & ~passed), short, assume_unique=True)
         late = at[~timed[at]]
         words = (f"{texts[int(row)] or ''!r} is no time that can be read" for row in late)
@@ -295,21 +305,21 @@ class LongTable:
             self._log.add_many("name_too_long", rows.lines(at), (text for _ in at))
         return kept & known[codes]
 
-    def _values(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_], reader: RowReader) -> FloatArray:
-        numbers = rows.numbers([self._plan.value])
+    def _values(self, cells: Cells, codes: NDArray[np.uint32], kept: NDArray[np.bool_]) -> FloatArray:
+        numbers = cells.numbers()
         values, missing = numbers.values[:, 0], numbers.missing[:, 0]
         modes = self._are_modes(codes)
-        if self._may_tell(rows, values, codes, kept & ~modes):
-            missing |= marked(reader.texts(rows, [self._plan.value]).to_series(0))
+        if self._may_tell(cells, values, codes, kept & ~modes):
+            missing |= marked(cells.texts())
         if missing.any() or self._tally.writing.own:
-            self._read_odd(rows, values, missing, codes, kept, reader)
+            self._read_odd(cells, values, missing, codes, kept)
         if modes.any():
-            self._read_numbers_of_modes(rows, values, codes, np.flatnonzero(modes & ~missing & kept))
+            self._read_numbers_of_modes(cells, values, codes, np.flatnonzero(modes & ~missing & kept))
         if np.isfinite(values).all():
             return values
         at = np.flatnonzero(kept & ~np.isfinite(values) & ~missing)
         if len(at):
-            self._refuse(rows, "not_finite", at, (f"{values[row]}" for row in at))
+            self._refuse(cells, "not_finite", at, (f"{values[row]}" for row in at))
         values[~np.isfinite(values)] = np.nan
         return values
 
@@ -323,19 +333,22 @@ class LongTable:
             yield self._places[codes[rows[0]]].tag, rows
 
     def _read_numbers_of_modes(
-        self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]
+        self, cells: Cells, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]
     ) -> None:
         numbers = values[at]
-        for tag, of_tag in self._by_tag(codes, at):
-            values[of_tag] = self._tally.modes.of_numbers(values[of_tag], tag)
+        self._take_modes(cells.rows, values, codes, at)
         unknown = np.flatnonzero(values[at] == UNKNOWN_MODE)
-        self._refuse(rows, "unknown_mode", at[unknown], (f"{numbers[i]:g}" for i in unknown))
+        self._refuse(cells, "unknown_mode", at[unknown], (f"{numbers[i]:g}" for i in unknown))
+
+    def _take_modes(self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]) -> None:
+        for tag, of_tag in self._by_tag(codes, at):
+            values[of_tag] = self._tally.modes.of_numbers(values[of_tag], tag, of_tag + rows.first)
 
     def _may_tell(
-        self, rows: Rows, values: FloatArray, codes: NDArray[np.uint32], of_numbers: NDArray[np.bool_]
+        self, cells: Cells, values: FloatArray, codes: NDArray[np.uint32], of_numbers: NDArray[np.bool_]
     ) -> bool:
         """Whether marks are in doubt, and not for sure those that they were taken for."""
-        kinds = 0 if rows.kinds is None else int(rows.kinds[self._plan.value])
+        kinds = cells.kinds()
         if not kinds & IN_DOUBT:
             return False
         if of_numbers.all():
@@ -346,23 +359,22 @@ class LongTable:
 
     def _read_odd(
         self,
-        rows: Rows,
+        cells: Cells,
         values: FloatArray,
         missing: NDArray[np.bool_],
         codes: NDArray[np.uint32],
         kept: NDArray[np.bool_],
-        reader: RowReader,
     ) -> None:
         """Words of modes are modes; other text in place of a number is refused with the text as the reason."""
-        texts = reader.texts(rows, [self._plan.value]).to_series(0)
+        texts = cells.texts()
         given = texts.is_not_null().to_numpy() & kept
         left = missing & given
         modes = self._are_modes(codes)
         of_modes = np.flatnonzero(left & modes)
         for tag, of_tag in self._by_tag(codes, of_modes):
-            values[of_tag] = self._tally.modes.of_texts(texts[of_tag], tag)
+            values[of_tag] = self._tally.modes.of_texts(texts[of_tag], tag, of_tag + cells.rows.first)
         unknown = of_modes[values[of_modes] == UNKNOWN_MODE]
-        all_tags = rows.frame[name_of(self._plan.tag)].cast(pl.String)
+        all_tags = cells.tags.cast(pl.String)
         left &= ~modes
         read = pl.Series(given & ~left & ~modes)
         writing = self._tally.writing
@@ -381,21 +393,21 @@ class LongTable:
         values[others] = found.values
         refused = {code: others[at] for code, at in found.refused.items()}
         for code, at in {"unknown_mode": unknown, **refused}.items():
-            self._refuse(rows, code, at, (refused_as(code, texts[int(row)]) for row in at))
+            self._refuse(cells, code, at, (refused_as(code, texts[int(row)]) for row in at))
 
-    def _refuse_quality(self, rows: Rows, kept: NDArray[np.bool_], values: FloatArray) -> None:
+    def _refuse_quality(self, cells: Cells, kept: NDArray[np.bool_], values: FloatArray) -> None:
         if self._plan.quality is None:
             return
-        texts = rows.frame[name_of(self._plan.quality)]
+        texts = cells.rows.frame[name_of(self._plan.quality)]
         self._quality.learn(texts)
         bad = self._quality.bad(texts)
         at = np.flatnonzero(bad & kept & np.isfinite(values))
-        self._refuse(rows, "bad_quality", at, (str(texts[int(row)]) for row in at))
+        self._refuse(cells, "bad_quality", at, (str(texts[int(row)]) for row in at))
         values[at] = np.nan
 
-    def _refuse(self, rows: Rows, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:
-        tags = rows.frame[name_of(self._plan.tag)]
-        self._log.add_many(code, rows.lines(at), words, (tags[int(row)] for row in at))
+    def _refuse(self, cells: Cells, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:
+        tags = cells.tags
+        self._log.add_many(code, cells.rows.lines(at), words, (tags[int(row)] for row in at))
 
 
 def _codes(tags: pl.Series) -> NDArray[np.uint32]:

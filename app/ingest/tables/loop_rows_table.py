@@ -1,63 +1,68 @@
 """Reads a table of a loop a row: each of its signals as the values of a long table, one after the other."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from app.ingest.columns.clocks import joined_times
 from app.ingest.columns.plans import ValueColumn, name_of
+from app.ingest.model import TimeArray
 from app.ingest.tables.frames import RowReader, Rows
-from app.ingest.tables.long_table import LongTable
+from app.ingest.tables.long_table import Cells, LongTable
 from app.ingest.tables.pieces import Gathered, joined
 from app.ingest.tables.scanning import Scanner
+from app.ingest.times.stamps import NO_TIME
 
 
 class LoopRowsTable(LongTable):
     """What is wrong with a row is told with its first signal."""
 
-    _telling = True
-
     def types(self) -> dict[int, pl.DataType]:
         types = super().types()
-        types.update({signal.index: pl.Float64() for signal in self._plan.signals})
+        types.update({column.index: pl.Float64() for column in self._columns})
         types[self._plan.tag] = pl.String()
         if self._plan.word is not None:
             types[self._plan.word] = pl.String()
         return types
 
+    @property
+    def _columns(self) -> tuple[ValueColumn, ...]:
+        return (*self._plan.signals, *self._plan.others)
+
     def _scanning(self, reader: RowReader) -> Scanner | None:
         return None
 
-    def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
-        return joined(list(self._of_signals(rows, reader)))
+    def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
+        texts = joined_times(rows.frame, self._plan.time)
+        time_ns = self._without_short_rows(self._read_times(texts), rows, reader)
+        loops = rows.frame[name_of(self._plan.tag)].str.strip_chars()
+        self._place_others(loops)
+        columns = self._cells(rows, reader, loops)
+        gathered = [self._of_cells(cells, texts, time_ns) for cells in columns]
+        self._tally.rows_kept += len(gathered[0])
+        return joined(gathered)
 
-    def _of_signals(self, rows: Rows, reader: RowReader) -> Iterator[Gathered]:
-        clock = self._time.clock.before
-        for number, signal in enumerate(self._plan.signals):
-            self._telling = number == 0
-            self._time.clock.before = clock
-            self._plan = replace(self._plan, value=signal.index)
-            self._tags_before = len(self._places)
-            before = self._tally.rows_kept
-            yield self._of_frame(replace(rows, frame=self._with_tags(rows.frame, signal)), reader)
-            self._tally.rows_kept = self._tally.rows_kept if self._telling else before
+    def _without_short_rows(self, time_ns: TimeArray, rows: Rows, reader: RowReader) -> TimeArray:
+        """Rows cut short lost the place of their fields: without a time they are refused as such."""
+        short = reader.short_rows(rows, rows.may_be_short())
+        return np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
 
-    def _with_tags(self, frame: pl.DataFrame, signal: ValueColumn) -> pl.DataFrame:
-        loops = pl.col(name_of(self._plan.tag)).str.strip_chars()
-        word = pl.lit(signal.tag) if self._plan.word is None else pl.col(name_of(self._plan.word)).str.strip_chars()
+    def _place_others(self, loops: pl.Series) -> None:
+        """Beside the signals of their loops, which their names do not tell."""
+        if not self._plan.others:
+            return
+        for loop in loops.drop_nulls().unique(maintain_order=True):
+            of = self._grouping.place(f"{loop}.{self._plan.signals[0].tag}").loop
+            for other in self._plan.others:
+                self._grouping.place_beside(f"{loop}.{other.tag}", of)
+
+    def _cells(self, rows: Rows, reader: RowReader, loops: pl.Series) -> Iterator[Cells]:
+        for number, column in enumerate(self._columns):
+            tags = self._tags(rows.frame, loops, column)
+            yield Cells(rows, reader, tags, column.index, telling=number == 0)
+
+    def _tags(self, frame: pl.DataFrame, loops: pl.Series, column: ValueColumn) -> pl.Series:
+        word = pl.lit(column.tag) if self._plan.word is None else frame[name_of(self._plan.word)].str.strip_chars()
         tags = pl.when(loops.str.len_bytes() > 0).then(loops + "." + word)
-        return frame.with_columns(tags.cast(self._tag_type).alias(name_of(self._plan.tag)))
-
-    def _tell_left_out(
-        self,
-        rows: Rows,
-        texts: pl.Series,
-        tags: pl.Series,
-        timed: NDArray[np.bool_],
-        kept: NDArray[np.bool_],
-        reader: RowReader,
-    ) -> None:
-        if self._telling:
-            super()._tell_left_out(rows, texts, tags, timed, kept, reader)
+        return pl.select(tags.cast(self._tag_type)).to_series(0)

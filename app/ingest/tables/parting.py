@@ -83,6 +83,8 @@ class BlocksByTag:
 
     def _signal(self, place: Place, time_ns: TimeArray, values: FloatArray) -> SignalBlock:
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(values)))
+        if place.signal == "MODE":
+            values = self._tally.modes.flags(values, place.tag)
         return SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
     def _spread(self, time_ns: TimeArray) -> TimeArray:

@@ -15,6 +15,7 @@ from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
 from app.ingest.tables.frames import Numbers, RowReader, Rows
+from app.ingest.tables.further_names import FurtherNames
 from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid, joined_grid
 from app.ingest.tables.spilling import NumberOfLoop, Spill
@@ -40,6 +41,7 @@ class WideTable:
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._quality = tally.quality = Quality(options.drop_uncertain)
         self._spreaders: list[Spreader] = []
+        self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
@@ -97,6 +99,7 @@ class WideTable:
                 if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
                     spill = spill or Spill(self._options.spill_folder, self._options.buffered_values)
                     self._put_aside(spill, held)
+            self._tally.modes.settle(self._log)
             if spill is None:
                 yield list(self._blocks(chain.from_iterable(held)))
                 return
@@ -116,6 +119,7 @@ class WideTable:
     def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
         """Chunks of each group, with the group's number."""
         self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
+        self._further_names = FurtherNames(self._plan.names, groups)
         spread = self._plan.spread
         self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
         for rows in reader.rows(self._plan.first_row, _columns(groups)):
@@ -125,6 +129,7 @@ class WideTable:
                 chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None
                 if chunk is not None:
                     yield number, chunk
+        self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
             if rest is not None:
@@ -135,8 +140,7 @@ class WideTable:
 
     def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
-        last = rows.frame.columns[-1]
-        short = reader.short_rows(rows, np.flatnonzero(rows.frame[last].is_null().to_numpy()))
+        short = reader.short_rows(rows, rows.may_be_short())
         if len(short):
             self._log.add_many(
                 "ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short)
@@ -159,6 +163,7 @@ class WideTable:
             kept[short] = False
         if first and not np.all(kept):
             self._refuse_times(rows, group, texts, kept, short)
+        kept &= ~self._below_others(rows, reader, texts, time_ns != NO_TIME, first)
         if not np.any(kept):
             return None
         matrix = self._matrix(rows, group, reader, kept)
@@ -169,6 +174,18 @@ class WideTable:
             self._tally.rows_kept += len(at)
         chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
         return self._spreaders[number].take(chunk) if self._spreaders else chunk
+
+    def _below_others(
+        self, rows: Rows, reader: RowReader, texts: pl.Series, timed: NDArray[np.bool_], first: bool
+    ) -> NDArray[np.bool_]:
+        """Rows below other names than the first ones, which are refused."""
+        below = self._further_names.below_others(rows, reader, texts, timed)
+        if first and below.any():
+            at = np.flatnonzero(below)
+            line = self._further_names.lines[-1]
+            words = f"below other names than the first ones, in line {line}: send that part as a file of its own"
+            self._log.add_many("other_names", rows.lines(at), (words for _ in at))
+        return below
 
     def _refuse_times(
         self,
@@ -200,7 +217,7 @@ class WideTable:
         if not modes:
             numbers = rows.numbers([value.index for value in group.values])
         else:
-            numbers = self._with_modes(rows, group, modes)
+            numbers = self._with_modes(rows, group, modes, kept)
             self._refuse_modes(rows, group, numbers.values, modes, kept)
         plain = {position: value for position, value in enumerate(group.values) if not self._is_mode(value)}
         self._odd_fields.read(ChunkColumns(rows, plain, numbers, kept, reader))
@@ -208,8 +225,8 @@ class WideTable:
         self._refuse_quality(rows, group, numbers.values, reader, kept)
         return numbers.values
 
-    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int]) -> Numbers:
-        """Columns of modes as flags among the columns of numbers."""
+    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int], kept: NDArray[np.bool_]) -> Numbers:
+        """Columns of modes among the columns of numbers, in the rows that are kept."""
         plain = [position for position, value in enumerate(group.values) if not self._is_mode(value)]
         shape = (rows.frame.height, len(group.values))
         values, missing = np.empty(shape, order="F"), np.zeros(shape, dtype=bool, order="F")
@@ -217,12 +234,13 @@ class WideTable:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
         for position in modes:
-            flags = self._mode_flags(rows, group.values[position])
-            values[:, position] = np.where(np.isnan(flags), BLANK, flags)
+            flags = self._modes_of(rows, group.values[position], np.flatnonzero(kept))
+            values[:, position] = BLANK
+            values[kept, position] = np.where(np.isnan(flags), BLANK, flags)
         return Numbers(values, missing)
 
-    def _mode_flags(self, rows: Rows, value: ValueColumn) -> FloatArray:
-        return self._tally.modes.of_texts(_texts(rows, value), self._places[value.index].tag)
+    def _modes_of(self, rows: Rows, value: ValueColumn, at: NDArray[np.int64]) -> FloatArray:
+        return self._tally.modes.of_texts(_texts(rows, value)[at], self._places[value.index].tag, at + rows.first)
 
     def _refuse_modes(
         self,
@@ -338,6 +356,8 @@ class WideTable:
                     cells = [(grid.time_ns, grid.values[row]) for grid in own]
                     samples = without_blanks(cells, samples, place.signal)
                 for time_ns, values in samples:
+                    if place.signal == "MODE":
+                        values = self._tally.modes.flags(values, place.tag)
                     yield SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
 

@@ -121,6 +121,12 @@ class Grouping:
         self.of_other_number.append(tag)
         return Place(tag, found.loop, "OTHER")
 
+    def place_beside(self, tag: str, loop: str) -> None:
+        """A further signal of a loop that its name does not tell; a mapping may say otherwise."""
+        mapped = self._mapping is not None and self._mapping.find(tag) is not None
+        if tag not in self._places and not mapped:
+            self._places[tag] = self._beside(tag, loop)
+
     def attach_bare(self, tags: Iterable[str]) -> None:
         """In a file of one loop without tags, the other columns belong to that loop; of one loop it is where PV and OP
         have no tag, or no other loop's have one."""
@@ -129,10 +135,8 @@ class Grouping:
         if not bare.issuperset(AUDITED) and any(found.loop and found.signal in AUDITED for found in places):
             return
         for tag, loop, _ in places:
-            mapped = self._mapping is not None and self._mapping.find(tag) is not None
-            if tag not in self._places and not mapped and loop != "":
-                self._others.setdefault(self._stem, []).append(tag)
-                self._places[tag] = Place(tag, self._stem, "OTHER")
+            if loop != "":
+                self.place_beside(tag, self._stem)
 
     @property
     def tags(self) -> int:

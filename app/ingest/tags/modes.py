@@ -6,13 +6,18 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import repeat
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
+from app.ingest.rejecting import RejectLog
 from app.ingest.times.stamps import to_numbers
+
+Lines = NDArray[np.integer]
 
 UNKNOWN_MODE = -1.0
 _AUTOMATIC = frozenset(
@@ -54,29 +59,22 @@ _FIELDBUS_NAME = re.compile(r"(?i)MODE_BLK")
 _TOLD = _OF_DELTAV | _CONTRARY | {_OF_FIELDBUS}
 _SHOWN = 5
 _MOST = 1000  # words are kept to be told
+_COUNTED = np.array(sorted({*_USUAL, *_FIELDBUS, *_DELTAV}))
+_ASKED = _COUNTED[_COUNTED > 1].tolist()  # which those are, and how they are read, is told
+NUMBERED = 1000.0
+MOST_LINES = 100_000  # are held until it is known whether what stands in them is understood
 
 
 def automatic_flags(texts: pl.Series) -> FloatArray:
     """(n,) of one tag's modes: 1 for automatic or cascade, 0 for manual, UNKNOWN_MODE for what is not understood, NaN
     where nothing stands."""
-    return ModesMet().of_texts(texts, "")
+    met = ModesMet()
+    return met.flags(met.of_texts(texts, ""), "")
 
 
-def _flags_of_texts(texts: pl.Series, numbers: FloatArray, counting: Mapping[float, float]) -> FloatArray:
-    flags = _flags_of_numbers(numbers, counting)
-    left = np.flatnonzero(np.isnan(flags) & texts.is_not_null().to_numpy())
-    if len(left):
-        words = texts[left]
-        known = {word: _flag_of(word) for word in words.unique().to_list()}
-        flags[left] = words.replace_strict(known, return_dtype=pl.Float64).to_numpy()
-    return flags
-
-
-def _flags_of_numbers(numbers: FloatArray, counting: Mapping[float, float]) -> FloatArray:
-    flags = np.where(np.isfinite(numbers), UNKNOWN_MODE, np.nan)
-    for number, flag in counting.items():
-        flags[numbers == number] = flag
-    return flags
+def _flags_of_words(texts: pl.Series) -> FloatArray:
+    known = {word: _flag_of(word) for word in texts.unique().to_list()}
+    return texts.replace_strict(known, return_dtype=pl.Float64).to_numpy()
 
 
 def _counting_by_name(tag: str) -> Mapping[float, float] | None:
@@ -107,57 +105,98 @@ def _without_accents(word: str) -> str:
 
 
 @dataclass
+class _Times:
+    """How often one number came, and the first lines in which it did."""
+
+    count: int = 0
+    lines: list[int] = field(default_factory=list)
+
+
+@dataclass
 class ModesMet:
-    """What modes were written that are not understood, or only probably, and how often."""
+    """Modes as they come, chunk by chunk. How a tag counts is known when all of its numbers have come: a number stands
+    for itself until then, NUMBERED more than it is, among the flags of words. What is not understood is told, and what
+    only probably is."""
 
     unknown: Counter[str] = field(default_factory=Counter)
     numbers: set[tuple[float, float]] = field(default_factory=set)  # with their flags
     untold: dict[str, None] = field(default_factory=dict)  # tags whose numbers DeltaV and Fieldbus read contrarily
     _telling: dict[str, set[float]] = field(default_factory=dict)
+    _met: dict[str, dict[float, _Times]] = field(default_factory=dict)  # by tag, those above 1
+    _lines_held: int = 0
 
-    def of_texts(self, texts: pl.Series, tag: str) -> FloatArray:
-        """Flags of one tag's."""
-        numbers = to_numbers(texts)
-        counting = self._counting(numbers, tag)
-        flags = _flags_of_texts(texts, numbers, counting)
-        unknown = texts.filter(pl.Series(flags == UNKNOWN_MODE, dtype=pl.Boolean)).str.strip_chars(' "')
-        if len(unknown) and len(self.unknown) < _MOST:
-            self.unknown.update(unknown.to_list())
-        self._note(numbers, counting)
+    def of_texts(self, texts: pl.Series, tag: str, lines: Lines | None = None) -> FloatArray:
+        """(n,) of one tag's: flags of words, numbers as they stand until all are there."""
+        modes = self.of_numbers(to_numbers(texts), tag, lines)
+        left = np.flatnonzero(np.isnan(modes) & texts.is_not_null().to_numpy())
+        if len(left):
+            modes[left] = _flags_of_words(texts[left])
+            unknown = texts[left].filter(pl.Series(modes[left] == UNKNOWN_MODE)).str.strip_chars(' "')
+            self._note_unknown(Counter(unknown.to_list()))
+        return modes
+
+    def of_numbers(self, numbers: FloatArray, tag: str, lines: Lines | None = None) -> FloatArray:
+        """The same of one tag's numbers, in these lines of the file. UNKNOWN_MODE for those that count nowhere."""
+        self._meet(numbers, tag, lines)
+        counted, given = np.isin(numbers, _COUNTED), np.isfinite(numbers)
+        self._note_unknown(Counter(f"{number:g}" for number in numbers[given & ~counted]))
+        modes = np.where(counted, numbers + NUMBERED, UNKNOWN_MODE)
+        return np.where(given, modes, np.nan)
+
+    def may_be_understood(self, numbers: FloatArray) -> bool:
+        """Whether all of them count somewhere."""
+        return bool(np.isin(numbers, _COUNTED).all())
+
+    def _meet(self, numbers: FloatArray, tag: str, lines: Lines | None) -> None:
+        for number in _ASKED:
+            at = np.flatnonzero(numbers == number)
+            if not len(at):
+                continue
+            times = self._met.setdefault(tag, {}).setdefault(number, _Times())
+            times.count += len(at)
+            if lines is not None:
+                shown = lines[at[: MOST_LINES - self._lines_held]].tolist()
+                times.lines += shown
+                self._lines_held += len(shown)
+            if number in _TOLD:
+                self._telling.setdefault(tag, set()).add(number)
+
+    def flags(self, modes: FloatArray, tag: str) -> FloatArray:
+        """(n,) flags of one tag's modes, when all of them have come."""
+        flags, counting = modes.copy(), self._counting(tag)
+        for number in _COUNTED.tolist():
+            flags[modes == NUMBERED + number] = counting.get(number, UNKNOWN_MODE)
         return flags
 
-    def of_numbers(self, numbers: FloatArray, tag: str) -> FloatArray:
-        """Flags of one tag's."""
-        counting = self._counting(numbers, tag)
-        flags = _flags_of_numbers(numbers, counting)
-        unknown = numbers[flags == UNKNOWN_MODE]
-        if len(unknown) and len(self.unknown) < _MOST:
-            self.unknown.update(f"{number:g}" for number in unknown)
-        self._note(numbers, counting)
-        return flags
+    def settle(self, log: RejectLog) -> None:
+        """When all modes of some tags have come: refuses the numbers that are not understood beside the others."""
+        for tag, met in self._met.items():
+            counting = self._counting(tag)
+            if counting is _UNTOLD:
+                self.untold[tag] = None
+            self.numbers |= {(number, counting[number]) for number in met if number in counting}
+            for number, times in met.items():
+                if number not in counting:
+                    self._note_unknown({f"{number:g}": times.count})
+                    more = times.count - len(times.lines)
+                    log.add_many("unknown_mode", times.lines, repeat(f"{number:g}"), tag, more)
+        self._met, self._lines_held = {}, 0
 
-    def are_understood(self, numbers: FloatArray, tag: str) -> bool:
-        """Whether all of one tag's are; nothing is counted."""
-        return not np.any(_flags_of_numbers(numbers, self._counting(numbers, tag)) == UNKNOWN_MODE)
+    def _note_unknown(self, words: Mapping[str, int]) -> None:
+        if len(self.unknown) < _MOST:
+            self.unknown.update(words)
 
-    def _counting(self, numbers: FloatArray, tag: str) -> Mapping[float, float]:
-        """How a tag counts, by its name, else by what it held so far."""
+    def _counting(self, tag: str) -> Mapping[float, float]:
+        """How a tag counts, by its name, else by what it holds."""
         named = _counting_by_name(tag)
         if named is not None:
             return named
-        telling = self._telling.setdefault(tag, set())
-        telling |= {number for number in _TOLD if np.any(numbers == number)}
+        telling = self._telling.get(tag, set())
         if not telling & _OF_DELTAV and not telling & _CONTRARY:
             return _USUAL
         if not telling & (_OF_DELTAV | {_OF_FIELDBUS}):
-            self.untold[tag] = None
             return _UNTOLD
-        self.untold.pop(tag, None)
         return _DELTAV if telling & _OF_DELTAV else _FIELDBUS
-
-    def _note(self, numbers: FloatArray, counting: Mapping[float, float]) -> None:
-        met = {(number, flag) for number, flag in counting.items() if number > 1}
-        self.numbers |= {(number, flag) for number, flag in met - self.numbers if np.any(numbers == number)}
 
     def notes(self) -> list[str]:
         shown = ", ".join(f"{number:g} {'automatic' if flag else 'manual'}" for number, flag in sorted(self.numbers))

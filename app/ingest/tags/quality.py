@@ -1,6 +1,7 @@
 """Quality of a value: words, numbers of OPC (0 bad, 64 uncertain, 192 good, whatever stands above their byte; of UA the
 two highest of 32 bits tell, 0 good), codes of which one is good."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 
@@ -25,6 +26,7 @@ _OF_QUALITY_ALONE = frozenset(
     )
 )
 """Words that the state of something has not, as `normal`, `true` and `ok`."""
+_CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
@@ -152,7 +154,8 @@ def _is_known(word: str) -> bool:
 
 
 def _word(text: str) -> str:
-    return text.strip(' "').lower().replace(" ", "")
+    """Without the code behind it, as in `OK (0x0)`."""
+    return _CODE.sub(r"\1", text).strip(' "').lower().replace(" ", "")
 
 
 def _number(text: str) -> float | None:

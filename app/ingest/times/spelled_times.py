@@ -48,7 +48,23 @@ _DATES = (
 )
 """Forms of dates with where day, month and year stand in them."""
 _UTC = "(?:UTC|GMT)"
+_OFFSETS = MappingProxyType(
+    {
+        **dict.fromkeys(("CET", "MEZ", "WEST"), "+01:00"),
+        **dict.fromkeys(("CEST", "MESZ", "EET"), "+02:00"),
+        **{"WET": "+00:00", "EEST": "+03:00", "EDT": "-04:00", "EST": "-05:00", "CDT": "-05:00"},
+        **{"MDT": "-06:00", "MST": "-07:00", "PDT": "-07:00", "PST": "-08:00"},
+    }
+)
+"""Zones in letters that mean one offset wherever they are used; CST, IST and BST do not."""
+_IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(_OFFSETS)})$"
 _MADE_PLAIN = (
+    (
+        r"(?i)^[a-z]{3} ([a-z]{3}) (\d{1,2}) (\d{1,2}:\d{2}:\d{2})((?: \S+)?) (\d{4})$",
+        "${1} ${2} ${5} ${3}${4}",
+    ),  # Java
+    (r"(?i) (\d{1,2})\.(\d{2})\.(\d{2})((?:\.\d+)?) ?([ap]m)$", " ${1}:${2}:${3}${4} ${5}"),
+    (r"(:\d{2}(?:\.\d+)?) ([+-]\d{2}):?(\d{2})$", "${1}${2}:${3}"),
     (r"(?i)(\d)(?:,|,? (?:at|um|à|a las)) ?(\d{1,2}:\d{2})", "${1} ${2}"),
     (r"(:\d{2}),(\d)", "${1}.${2}"),
     (r"(\d:\d{2}:\d{2}):(\d{3})$", "${1}.${2}"),
@@ -71,6 +87,9 @@ def respelled(texts: pl.Series) -> pl.Series:
     texts = texts.str.replace_all(r"\s+", " ").str.strip_chars(' "')
     for pattern, plain in _MADE_PLAIN:
         texts = texts.str.replace(pattern, plain)
+    if texts.str.contains(_IN_LETTERS).any():
+        for letters, offset in _OFFSETS.items():
+            texts = texts.str.replace(rf"(:\d{{2}}(?:\.\d+)?) {letters}$", f"${{1}}{offset}")
     for pattern, order in _DATES:
         texts = _with_named_month(texts, pattern + _REST, order)
     return texts

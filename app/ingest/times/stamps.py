@@ -13,8 +13,9 @@ from app.errors import DataError
 from app.ingest.model import FloatArray, IngestOptions, TimeArray
 from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
+from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.spelled_times import respelled, tells_utc
-from app.ingest.times.told_zones import told_utc_offset_ns
+from app.ingest.times.told_zones import told_utc_offset_ns, told_zone
 from app.ingest.times.wall_clock import WallClock
 from app.nanoseconds import NS_PER_S
 
@@ -69,6 +70,7 @@ class TimeForm:
     rounding_ns: int = 100
     zoned: bool = False
     utc_offset_ns: int | None = None
+    zone: str = ""
     spelled: bool = False
     decimal_comma: bool = False
     resolution_ns: int = 1
@@ -77,7 +79,7 @@ class TimeForm:
 
     @property
     def zone_in_file(self) -> bool:
-        return self.zoned or self.utc_offset_ns is not None or self.kind in ("epoch", "epoch_pair")
+        return self.zoned or self.utc_offset_ns is not None or self.zone != "" or self.kind in ("epoch", "epoch_pair")
 
     @property
     def is_date(self) -> bool:
@@ -113,11 +115,11 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
 
 def with_told_zone(form: TimeForm, name: str) -> TimeForm:
     """In the zone that the column's name tells, where its times tell none."""
-    offset_ns = told_utc_offset_ns(name)
-    if offset_ns is None or form.zoned or form.kind not in ("text", "serial"):
+    offset_ns, zone = told_utc_offset_ns(name), told_zone(name)
+    if (offset_ns is None and not zone) or form.zoned or form.kind not in ("text", "serial"):
         return form
     note = f"times are in the zone that the name of their column tells: {name.strip()[:80]!r}"
-    return replace(form, utc_offset_ns=offset_ns, notes=(note, *form.notes))
+    return replace(form, utc_offset_ns=offset_ns, zone=zone, notes=(note, *form.notes))
 
 
 def _have_digits(sample: list[str]) -> bool:
@@ -267,14 +269,16 @@ class TimeReader:
     def __init__(self, form: TimeForm, options: IngestOptions) -> None:
         self.form = form
         self._told_ns = form.utc_offset_ns
-        self.clock = WallClock(options.time_zone if self._told_ns is None else "UTC")
+        self._zone = form.zone or options.time_zone
+        self.clock = WallClock(self._zone if self._told_ns is None else "UTC")
+        self.half_clock = HalfClock()
         self._options = options
 
     @property
     def wall_zone(self) -> str:
         """The zone of the clock that the times were read from; UTC where they tell one."""
-        local = self.form.kind in ("text", "serial") and not self.form.zone_in_file
-        return self._options.time_zone if local else "UTC"
+        local = self.form.kind in ("text", "serial") and not self.form.zoned and self._told_ns is None
+        return self._zone if local else "UTC"
 
     def read(self, texts: pl.Series) -> TimeArray:
         """(n,) ns since 1970 UTC, NO_TIME where a row has no readable time."""
@@ -303,13 +307,15 @@ class TimeReader:
 
     def _in_utc(self, times: TimeArray) -> TimeArray:
         local = self.form.kind in ("text", "serial") and not self.form.zoned
+        if local and "%H" in self.form.format:
+            self.half_clock.look(times)
         return self._from_wall(times) if local else times
 
     def _from_wall(self, times: TimeArray) -> TimeArray:
         return self.clock.to_utc(times) if not self._told_ns else _shifted(times, -self._told_ns)
 
     def _to_wall(self, times: TimeArray) -> TimeArray:
-        return from_utc(times, self._options.time_zone) if self._told_ns is None else _shifted(times, self._told_ns)
+        return from_utc(times, self._zone) if self._told_ns is None else _shifted(times, self._told_ns)
 
     def _typed(self, times: pl.Series) -> TimeArray:
         """A column that holds times already (parquet)."""

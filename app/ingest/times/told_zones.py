@@ -1,11 +1,21 @@
-"""The zone of a column's times by its name, as in `UTC Time`, `Timestamp_UTC` or `Time (UTC+01:00)`."""
+"""The zone of a column's times by its name, as in `UTC Time`, `Timestamp_UTC`, `Time (UTC+01:00)` or
+`Time (Europe/Berlin)`."""
 
 import re
 from functools import lru_cache
+from zoneinfo import available_timezones
 
 from app.nanoseconds import NS_PER_S
 
 _UTC = re.compile(r"(?i)(?:(?<![a-z])(?:utc|gmt)|(?:utc|gmt)(?![a-z]))(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?")
+
+_PLACE = re.compile(r"[\[(]\s*((?:[A-Z][A-Za-z]+/[A-Z]\w+(?:/\w+)?)|CET|EET|WET)\s*[\])]")
+
+
+def told_zone(name: str) -> str:
+    """The IANA name of the zone of the clock that the times show; empty where the name of their column tells none."""
+    found = _PLACE.search(name)
+    return found[1] if found and found[1] in available_timezones() else ""
 
 
 @lru_cache(maxsize=1 << 17)

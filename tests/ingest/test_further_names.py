@@ -1,0 +1,53 @@
+"""Rows of names further down: on each page, before each series, or of another export put behind the first one."""
+
+import pytest
+
+from app.ingest import IngestOptions
+
+from .conftest import Read
+
+MINUTES = [f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(600)]
+OPTIONS = [IngestOptions(), IngestOptions(chunk_bytes=300)]
+
+
+def rows(first: int, last: int) -> str:
+    return "".join(f"{stamp},{i},1{i}\n" for i, stamp in enumerate(MINUTES[first:last], start=first))
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize("other", ["time,A.OP,A.PV", '"Time","B.PV","B.OP"', "TIME,B.PV"])
+def test_what_stands_below_other_names_is_refused(read: Read, other: str, options: IngestOptions) -> None:
+    content = read(f"time,A.PV,A.OP\n{rows(0, 450)}{other}\n{rows(450, 500)}", options=options)
+    assert content.loops["A"].pv.tolist() == list(range(450))
+    assert content.rejects.counts["other_names"] == 50
+    assert set(content.loops) == {"A"}
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_the_same_names_go_on(read: Read, options: IngestOptions) -> None:
+    names = "time,A.PV,A.OP\n"
+    text = f"{names}{rows(0, 100)}{names}{rows(100, 200)}time,B.PV,B.OP\n{rows(0, 50)}{names}{rows(200, 300)}"
+    content = read(text, options=options)
+    assert content.loops["A"].pv.tolist() == list(range(300))
+    assert content.rejects.counts["other_names"] == 50
+    told = next(reject for reject in content.rejects.listed if reject.code == "other_names")
+    assert (told.line, told.text.partition(":")[0]) == (204, "below other names than the first ones, in line 203")
+
+
+def test_names_of_dates_and_clocks(read: Read) -> None:
+    split = [rows(0, 50).replace(" ", ","), rows(50, 90).replace(" ", ",")]
+    content = read(f"Date,Time,A.PV,A.OP\n{split[0]}Date,Time,A.OP,A.PV\n{split[1]}")
+    assert content.loops["A"].pv.tolist() == list(range(50))
+    assert content.rejects.counts["other_names"] == 40
+
+
+def test_names_that_come_again_before_each_series(read: Read) -> None:
+    names = "#datatype,string,long,dateTime:RFC3339,double,string,string\n,result,table,_time,_value,_field,loop\n"
+    series = [
+        "".join(f",,{number},{stamp.replace(' ', 'T')}Z,{i}.5,{signal},{loop}\n" for i, stamp in enumerate(MINUTES))
+        for number, (loop, signal) in enumerate((loop, signal) for loop in ("F1", "F2") for signal in ("PV", "OP"))
+    ]
+    for length in (50, 600):
+        content = read("\n".join(names + "".join(s.splitlines(keepends=True)[:length]) for s in series))
+        assert set(content.loops) == {"F1", "F2"}
+        assert content.loops["F2"].op.tolist() == [i + 0.5 for i in range(length)]
