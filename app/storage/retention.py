@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
 
 from app.nanoseconds import NS_PER_S
+from app.storage.ahead import newest_of_all_until
 from app.storage.audits import ENDED
 from app.storage.locks import Lock, hold
 from app.storage.steps import HOLDING
@@ -38,12 +39,13 @@ def one_at_a_time(connection: Connection) -> None:
     hold(connection, Lock.RETENTION)
 
 
-def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
-    """Stretches that ended so long before the newest sample of their loop: an archive sent late stays whole.
+def drop_series(connection: Connection, kept_h: float, batch: int, until_ns: int) -> int:
+    """Stretches that ended so long before the newest sample of their loop, of those up to `until_ns`: an archive sent
+    late stays whole, and so does what a sample ahead of the clock would make old.
 
     Those stay that say which set point and mode held then: they hold until their next value, however old they are.
     """
-    since = loops.c.newest_ns - int(kept_h * 3600) * NS_PER_S
+    since = newest_of_all_until(connection, until_ns) - int(kept_h * 3600) * NS_PER_S
     old = (
         select(series.c.id)
         # + 0: else both data bases walk all stretches there are and look up the loop of each; so they walk the loops.
