@@ -7,9 +7,12 @@ import os
 import shutil
 import sqlite3
 import subprocess
+import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from glob import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,6 +32,7 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
+PART, KILLED_S = ".part", 24 * 3600
 UNUSABLE = (DatabaseError, sqlite3.Error)
 """What is raised of a file that is no data base."""
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
@@ -51,12 +55,12 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
     every export that the copy knows is there to be copied.
     """
     refuse_missing(settings)
+    refusal = RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
     if folder.exists():
-        raise RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
-    draft = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(draft, ignore_errors=True)
-    made = [parent for parent in draft.parents if not parent.exists()]
-    draft.mkdir(mode=0o700, parents=True)
+        raise refusal
+    made = [parent for parent in folder.parents if not parent.exists()]
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = _draft_of(folder)
     try:
         with away_in_words(*UNUSABLE):
             kind, revision = _copy_database(settings, draft)
@@ -66,6 +70,8 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         told = {"database": kind, "schema": revision, "made_at": now().isoformat(), "files": files}
         _write(draft / MANIFEST, json.dumps({**told, "loopaudit": version("loopaudit")}, indent=1, sort_keys=True))
         _sync_names(draft)
+        if folder.exists():
+            raise refusal  # another backup into it was done first
         draft.rename(folder)
         for changed in (folder.parent, *(parent.parent for parent in made)):
             _sync_names(changed)
@@ -73,6 +79,15 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         shutil.rmtree(draft, ignore_errors=True)
         raise
     return BackupReport(folder, revision, len(files), size)
+
+
+def _draft_of(folder: Path) -> Path:
+    """A new place for this backup alone; those of backups into the same folder that were killed long ago go."""
+    name, parent = f".{folder.name}.", folder.parent
+    for left in parent.glob(f"{escape(name)}*{PART}"):
+        if left.stat().st_mtime < time.time() - KILLED_S:
+            shutil.rmtree(left, ignore_errors=True)
+    return Path(tempfile.mkdtemp(prefix=name, suffix=PART, dir=parent))
 
 
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
@@ -161,11 +176,16 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
 
 
 def _copy_sqlite(source: Path, target: Path) -> None:
-    """SQLite's own online backup: one instant, while others read and write."""
-    with sqlite3.connect(f"file:{source}?mode=ro", uri=True, timeout=30) as there, sqlite3.connect(target) as here:
-        there.backup(here, pages=COPIED_PAGES, sleep=0.01)
-    there.close()
-    here.close()
+    """SQLite's own online backup: one instant, while others read and write. Without a transaction that holds on to that
+    instant it would begin anew at each commit of theirs."""
+    address = f"file:{source}?mode=ro"
+    with (
+        closing(sqlite3.connect(address, uri=True, timeout=30, isolation_level=None)) as there,
+        closing(sqlite3.connect(target)) as here,
+    ):
+        there.execute("BEGIN")
+        there.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        there.backup(here, pages=COPIED_PAGES)
 
 
 def _put_sqlite(source: Path, target: Path) -> None:
