@@ -22,6 +22,7 @@ from app.http.headers import SecurityHeaders, WholeFiles
 from app.http.heads import AnswerHead
 from app.http.parameters import no_zero_bytes
 from app.http.paths import KeepTagsEncoded
+from app.http.probing import Probe
 from app.http.receiving import MAPPINGS_AT_ONCE
 from app.http.request_ids import RequestIds
 from app.services.access.authentication import Authenticator
@@ -47,6 +48,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.backend = await run_in_threadpool(Backend.open, settings)
         app.state.access = Authenticator(app.state.backend)
+        app.state.probe = Probe()
         app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
         yield
         await run_in_threadpool(app.state.backend.close)

@@ -1,12 +1,16 @@
 """/healthz and /readyz while the servers behind the API go away and come back."""
 
+import asyncio
 import signal
+import time
 from pathlib import Path
 
 import httpx
 import pytest
 
+from app.http import probing
 from app.main import create_app
+from app.services.results import Readiness
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.chaos.installation import MissingError, installed, until
@@ -45,9 +49,31 @@ def test_each_tells_the_truth_and_goes_back_to_ready_by_itself(tmp_path: Path) -
         pytest.skip(str(missing))
 
 
-def test_an_older_schema_is_not_ready(serve, tmp_path: Path) -> None:
+def test_an_older_schema_is_not_ready(serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probing, "KEPT_S", 0.0)
     settings = Settings(data_dir=tmp_path)
     with serve(create_app(settings)) as client:
         assert client.get("/readyz").status_code == 503
         migrate(settings)
         assert client.get("/readyz").json()["state"] == "ready"
+
+
+def test_a_crowd_that_asks_at_once_takes_one_thread() -> None:
+    asked: list[str] = []
+
+    def ask(of: str) -> Readiness:
+        asked.append(of)
+        time.sleep(0.05)
+        return Readiness("ready", {"asked": len(asked)})
+
+    async def crowd(probe: probing.Probe) -> list[Readiness]:
+        return await asyncio.gather(*(probe.found(ask, "plant") for _ in range(60)))
+
+    async def twice() -> None:
+        probe = probing.Probe()
+        assert {found.checks["asked"] for found in await crowd(probe)} == {1}
+        await asyncio.sleep(probing.KEPT_S)
+        assert {found.checks["asked"] for found in await crowd(probe)} == {1, 2}  # given while the next was awaited
+
+    asyncio.run(twice())
+    assert len(asked) == 2
