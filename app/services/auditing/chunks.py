@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from app.engine.audit import audit
@@ -16,7 +17,7 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
-from app.services.backend import DATABASE_AWAY, Backend, commit_lost
+from app.services.backend import DATABASE_AWAY, Backend, commit_lost, no_room
 from app.services.moments import AHEAD, PlantClock, moment_of, ns_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdicts
@@ -66,7 +67,13 @@ def audit_chunk(
     done, replaced = 0, False
     with about(run=audit_id):
         while claims := _claim(backend, audit_id, owner, calls_successor):
-            begun, replaced = _work_off(backend, run, config, claims, until, watchdog)
+            try:
+                begun, replaced = _work_off(backend, run, config, claims, until, watchdog)
+            except DATABASE_AWAY as error:
+                if not no_room(error):
+                    raise
+                _give_back(backend, claims)
+                return done
             done += begun
             if replaced or time.monotonic() > until:
                 break
@@ -120,6 +127,14 @@ def _work_off(
                 return begun, not held
             started, results = time.monotonic(), []
     return begun, not _write(backend, results, [])
+
+
+def _give_back(backend: Backend, claims: Sequence[Claim]) -> None:
+    """The disk was full, which is no fault of the loops: this attempt does not count. Nobody is called: a sweep does so
+    after a while."""
+    log.error("no room on the disk to write verdicts: loops are given back, make room", extra={"loops": len(claims)})
+    with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # which may find no room either
+        items.hand_back(connection, claims)
 
 
 def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim]) -> list[Work]:
