@@ -37,7 +37,7 @@ class Callers:
         key = key_of(asked.headers)
         if key is not None:
             found = self._access.remembered(key)
-            identity = found.identity if found else await run_in_threadpool(self._access.key, key)
+            identity = found.identity if found else await self._looked_up(key, asked)
             if identity is None and asked.permission.needs is not None:
                 await self._refuse_key(asked)
             return identity
@@ -49,10 +49,14 @@ class Callers:
                 return identity
         return None if closed else ANYONE
 
+    async def _looked_up(self, key: str, asked: Asked) -> Identity | None:
+        """Raises Refusal for an address that sent too many wrong keys, before the data base is asked for one more."""
+        if asked.permission.needs is not None and not self._access.was_good(key):
+            refuse_crowd(await run_in_threadpool(self._rates.refused_s, asked.address))
+        return await run_in_threadpool(self._access.key, key)
+
     async def _refuse_key(self, asked: Asked) -> None:
-        wait_s = await run_in_threadpool(self._rates.refusal_wait_s, asked.address)
-        if wait_s:
-            raise too_many(wait_s, "too many wrong keys came from this address")
+        refuse_crowd(await run_in_threadpool(self._rates.refusal_wait_s, asked.address))
         await note(self._of, asked, NOBODY, "refused", 401)
         raise unauthorized("the key is not known, has expired or was revoked", "invalid_key")
 
@@ -74,6 +78,12 @@ class Callers:
             await run_in_threadpool(self._access.note_use, key_id)
         except AWAY as error:
             log.warning("the last use of a key could not be noted: %s", type(error).__name__)
+
+
+def refuse_crowd(wait_s: int) -> None:
+    """Raises Refusal where an address has to stay away."""
+    if wait_s:
+        raise too_many(wait_s, "too many wrong keys came from this address")
 
 
 def unauthorized(text: str, code: str) -> Refusal:

@@ -8,9 +8,10 @@ from datetime import timedelta
 import pytest
 
 from app.main import create_app
-from app.services.access import key_text, keys
+from app.services.access import authentication, key_text, keys
+from app.services.access.authentication import Authenticator
 from app.services.access.identity import Role
-from app.services.access.rates import Rates
+from app.services.access.rates import REFUSALS_PER_MINUTE, Rates
 from app.services.access.trail import list_trail
 from app.storage import trail as stored_trail
 from tests.api.access.conftest import bearer
@@ -152,3 +153,29 @@ def test_wrong_keys_are_counted_away_from_the_event_loop(serve, settings, monkey
     with serve(create_app(settings)) as client:
         assert client.request(method, path, **sent).status_code == 429
     assert looped == []
+
+
+def test_of_an_address_that_sends_wrong_keys_the_data_base_is_asked_no_more(serve, settings, monkeypatch, texts):
+    asked, look = [], Authenticator.key
+
+    def counted(self, text: str):
+        asked.append(text)
+        return look(self, text)
+
+    monkeypatch.setattr(Authenticator, "key", counted)
+    wrong = [key_text.make(Role.read).text for _ in range(REFUSALS_PER_MINUTE + 5)]
+    with serve(create_app(settings)) as client:
+        assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+        statuses = [client.get("/v1/loops", headers=bearer(key)).status_code for key in wrong]
+        assert statuses == [401] * REFUSALS_PER_MINUTE + [429] * 5
+        assert [key for key in asked if key in wrong] == wrong[:REFUSALS_PER_MINUTE]
+        assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+
+
+def test_wrong_keys_push_out_no_good_one(backend, texts, monkeypatch):
+    monkeypatch.setattr(authentication, "LARGEST_CACHE", 3)
+    access = Authenticator(backend, clock=lambda: 0.0)
+    assert access.key(texts[Role.read])
+    for _ in range(5):
+        assert access.key(key_text.make(Role.read).text) is None
+    assert access.remembered(texts[Role.read])
