@@ -263,7 +263,8 @@ def test_a_full_disk_counts_no_attempt(
 
     with monkeypatch.context() as patched:
         patched.setattr(chunks.verdicts, "add", without_room)
-        answer(backend, rung)
+        with pytest.raises(OperationalError):
+            answer(backend, rung)
     assert len(tried) == 1
     assert not rung
     assert items_of(backend) == [("open", 0, None)] * 2

@@ -70,10 +70,9 @@ def audit_chunk(
             try:
                 begun, replaced = _work_off(backend, run, config, claims, until, watchdog)
             except DATABASE_AWAY as error:
-                if not no_room(error):
-                    raise
-                _give_back(backend, claims)
-                return done
+                if no_room(error):
+                    _give_back(backend, claims)
+                raise
             done += begun
             if replaced or time.monotonic() > until:
                 break
