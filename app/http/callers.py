@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from contextlib import nullcontext
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
@@ -22,6 +23,7 @@ class Callers:
     def __init__(self, of: FastAPI) -> None:
         self._of = of
         self._rates: Rates = of.state.rates
+        self._one_by_one = asyncio.Lock()
         self._noting: set[asyncio.Task[None]] = set()
 
     @property
@@ -50,13 +52,16 @@ class Callers:
         return None if closed else ANYONE
 
     async def _looked_up(self, key: str, asked: Asked) -> Identity | None:
-        """Raises Refusal for an address that sent too many wrong keys, before the data base is asked for one more."""
-        if asked.permission.needs is not None and not self._access.was_good(key):
-            refuse_crowd(await run_in_threadpool(self._rates.refused_s, asked.address))
-        return await run_in_threadpool(self._access.key, key)
+        """Of addresses that sent too many wrong keys one after the other: they take one thread and one connection. A
+        proxy may be such an address, with good keys behind it."""
+        wait_s = 0 if self._access.was_good(key) else await run_in_threadpool(self._rates.refused_s, asked.address)
+        async with self._one_by_one if wait_s else nullcontext():
+            return await run_in_threadpool(self._access.key, key)
 
     async def _refuse_key(self, asked: Asked) -> None:
-        refuse_crowd(await run_in_threadpool(self._rates.refusal_wait_s, asked.address))
+        wait_s = await run_in_threadpool(self._rates.refusal_wait_s, asked.address)
+        if wait_s:
+            raise too_many(wait_s, "too many wrong keys came from this address")
         await note(self._of, asked, NOBODY, "refused", 401)
         raise unauthorized("the key is not known, has expired or was revoked", "invalid_key")
 
@@ -78,12 +83,6 @@ class Callers:
             await run_in_threadpool(self._access.note_use, key_id)
         except AWAY as error:
             log.warning("the last use of a key could not be noted: %s", type(error).__name__)
-
-
-def refuse_crowd(wait_s: int) -> None:
-    """Raises Refusal where an address has to stay away."""
-    if wait_s:
-        raise too_many(wait_s, "too many wrong keys came from this address")
 
 
 def unauthorized(text: str, code: str) -> Refusal:

@@ -2,6 +2,9 @@
 
 import asyncio
 import re
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from datetime import timedelta
 
@@ -155,21 +158,29 @@ def test_wrong_keys_are_counted_away_from_the_event_loop(serve, settings, monkey
     assert looped == []
 
 
-def test_of_an_address_that_sends_wrong_keys_the_data_base_is_asked_no_more(serve, settings, monkeypatch, texts):
-    asked, look = [], Authenticator.key
+def test_keys_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(serve, settings, monkeypatch, texts):
+    inside, most, lock, look = [], [], threading.Lock(), Authenticator.key
 
     def counted(self, text: str):
-        asked.append(text)
+        with lock:
+            inside.append(text)
+            most.append(len(inside))
+        time.sleep(0.02)
+        with lock:
+            inside.remove(text)
         return look(self, text)
 
-    monkeypatch.setattr(Authenticator, "key", counted)
-    wrong = [key_text.make(Role.read).text for _ in range(REFUSALS_PER_MINUTE + 5)]
-    with serve(create_app(settings)) as client:
-        assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
-        statuses = [client.get("/v1/loops", headers=bearer(key)).status_code for key in wrong]
-        assert statuses == [401] * REFUSALS_PER_MINUTE + [429] * 5
-        assert [key for key in asked if key in wrong] == wrong[:REFUSALS_PER_MINUTE]
-        assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+    wrong = [key_text.make(Role.read).text for _ in range(REFUSALS_PER_MINUTE + 12)]
+    with serve(create_app(settings)) as client, ThreadPoolExecutor(12) as pool:
+
+        def answered(key: str) -> int:
+            return client.get("/v1/loops", headers=bearer(key)).status_code
+
+        assert {answered(key) for key in wrong[:REFUSALS_PER_MINUTE]} == {401}
+        monkeypatch.setattr(Authenticator, "key", counted)
+        assert set(pool.map(answered, wrong[REFUSALS_PER_MINUTE:])) == {429}
+        assert max(most) == 1
+        assert answered(texts[Role.read]) == 200
 
 
 def test_wrong_keys_push_out_no_good_one(backend, texts, monkeypatch):
