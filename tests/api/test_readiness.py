@@ -8,9 +8,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.http import probing
+from app import main
+from app.http.probing import Probe
 from app.main import create_app
-from app.services.results import Readiness
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.chaos.installation import MissingError, installed, until
@@ -50,7 +50,7 @@ def test_each_tells_the_truth_and_goes_back_to_ready_by_itself(tmp_path: Path) -
 
 
 def test_an_older_schema_is_not_ready(serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(probing, "KEPT_S", 0.0)
+    monkeypatch.setattr(main, "READY_KEPT_S", 0.0)
     settings = Settings(data_dir=tmp_path)
     with serve(create_app(settings)) as client:
         assert client.get("/readyz").status_code == 503
@@ -59,21 +59,21 @@ def test_an_older_schema_is_not_ready(serve, tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_crowd_that_asks_at_once_takes_one_thread() -> None:
-    asked: list[str] = []
+    asked: list[int] = []
 
-    def ask(of: str) -> Readiness:
-        asked.append(of)
+    def ask() -> int:
+        asked.append(len(asked) + 1)
         time.sleep(0.05)
-        return Readiness("ready", {"asked": len(asked)})
+        return asked[-1]
 
-    async def crowd(probe: probing.Probe) -> list[Readiness]:
-        return await asyncio.gather(*(probe.found(ask, "plant") for _ in range(60)))
+    async def crowd(probe: Probe[int]) -> list[int]:
+        return await asyncio.gather(*(probe.found() for _ in range(60)))
 
     async def twice() -> None:
-        probe = probing.Probe()
-        assert {found.checks["asked"] for found in await crowd(probe)} == {1}
-        await asyncio.sleep(probing.KEPT_S)
-        assert {found.checks["asked"] for found in await crowd(probe)} == {1, 2}  # given while the next was awaited
+        probe = Probe(ask, 0.3)
+        assert set(await crowd(probe)) == {1}
+        await asyncio.sleep(0.3)
+        assert set(await crowd(probe)) == {1, 2}  # given while the next was awaited
 
     asyncio.run(twice())
     assert len(asked) == 2
