@@ -96,6 +96,7 @@ def begin(app: FastAPI, backend: Backend) -> None:
     app.state.access = Authenticator(backend)
     app.state.ready = Probe(partial(readiness, backend), READY_KEPT_S)
     app.state.watched = WeakValueDictionary()
+    app.state.spelled_tags = set()
     app.state.table_places = asyncio.Semaphore(TABLES_AT_ONCE)
     app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
 

@@ -2,6 +2,8 @@
 
 import json
 import math
+from dataclasses import replace
+
 from sqlalchemy import Connection
 
 from app.engine.audit_config import AuditConfig
@@ -37,8 +39,7 @@ def start_audit(
     more loops wait than any plant has, ("unknown_loops") where a named tag is not there, ("no_loops") where a filter
     leaves no loop with samples.
     """
-    wanted = wanted or LoopFilter()
-    _check_tags(backend, wanted)
+    wanted = _spelled(backend, wanted or LoopFilter())
     settings, config = backend.settings, AuditConfig()
     values = {
         "trigger": trigger,
@@ -123,15 +124,17 @@ def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
     return run
 
 
-def _check_tags(backend: Backend, wanted: LoopFilter) -> None:
+def _spelled(backend: Backend, wanted: LoopFilter) -> LoopFilter:
+    """With the tags as their loops have them."""
     if wanted.tags is None:
-        return
+        return wanted
     with backend.database.read() as connection:
-        known = loops.ids_of(connection, wanted.tags)
+        known = loops.as_spelled(connection, wanted.tags)
     missing = [tag for tag in wanted.tags if tag not in known]
     if missing:
         shown = ", ".join(repr(tag) for tag in missing[:5])
         raise RequestError("unknown_loops", f"{len(missing)} of {len(wanted.tags)} tags are not there: {shown}")
+    return replace(wanted, tags=tuple(dict.fromkeys(known[tag] for tag in wanted.tags)))
 
 
 def _refuse_flood(connection: Connection) -> None:

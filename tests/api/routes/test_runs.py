@@ -97,6 +97,16 @@ def test_far_more_loops_than_a_plant_has_are_not_taken_on(client, plant, backend
     client.post(f"/v1/audits/{waiting['id']}/cancel")
 
 
+def test_a_loop_may_be_spelled_in_other_letters(client, plant, backend):
+    run = client.post("/v1/audits", json={"tags": ["fic101", "FIC101"]}).json()
+    assert run["total"] == 1
+    client.post(f"/v1/audits/{run['id']}/cancel")
+    for rest in ("", "/health", "/verdicts"):
+        own = client.get(f"/v1/loops/FIC101{rest}")
+        assert client.get(f"/v1/loops/fic101{rest}").json() == own.json()
+    assert client.get("/v1/loops/fic999").status_code == 404
+
+
 def test_many_streams_of_a_run_ask_the_data_base_as_one(backend, monkeypatch):
     looked, get = [], audits.get_audit
     monkeypatch.setattr(audits, "get_audit", lambda *given: looked.append(1) or get(*given))
