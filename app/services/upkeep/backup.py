@@ -32,6 +32,8 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
+ANEW = 3
+"""So many times its parts may be copied before nobody is let in between any more."""
 PART, KILLED_S = ".part", 24 * 3600
 UNUSABLE = (DatabaseError, sqlite3.Error)
 """What is raised of a file that is no data base."""
@@ -176,16 +178,43 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
 
 
 def _copy_sqlite(source: Path, target: Path) -> None:
-    """SQLite's own online backup: one instant, while others read and write. Without a transaction that holds on to that
-    instant it would begin anew at each commit of theirs."""
+    """SQLite's own online backup: one instant, while others read and write.
+
+    It begins anew at each commit of theirs, unless it holds on to that instant; and where there is no write-ahead log,
+    nobody can commit while it does. So there others write between its parts, as long as they leave it the time.
+    """
     address = f"file:{source}?mode=ro"
     with (
         closing(sqlite3.connect(address, uri=True, timeout=30, isolation_level=None)) as there,
         closing(sqlite3.connect(target)) as here,
     ):
+        has_log = there.execute("PRAGMA journal_mode").fetchone()[0] == "wal"
+        if not has_log and _copied_in_parts(there, here):
+            return
         there.execute("BEGIN")
         there.execute("SELECT count(*) FROM sqlite_master").fetchone()
         there.backup(here, pages=COPIED_PAGES)
+
+
+def _copied_in_parts(there: sqlite3.Connection, here: sqlite3.Connection) -> bool:
+    """False where it would go on beginning anew."""
+    parts = 0
+
+    def counted(_: int, __: int, pages: int) -> None:
+        nonlocal parts
+        parts += 1
+        if parts > ANEW * (pages // COPIED_PAGES + 1):
+            raise _BegunAnewError
+
+    try:
+        there.backup(here, pages=COPIED_PAGES, progress=counted)
+    except _BegunAnewError:
+        return False
+    return True
+
+
+class _BegunAnewError(Exception):
+    """Others wrote again and again."""
 
 
 def _put_sqlite(source: Path, target: Path) -> None:
