@@ -409,8 +409,9 @@ def _back_to(connection: Connection, loop_ids: list[int], since: ColumnElement[i
 
 def _until(samples: Samples, until_ns: int) -> Samples:
     """All of it, where there is none before."""
-    before = samples.time_ns <= until_ns
-    return samples.part(before) if before.any() and not before.all() else samples
+    if samples.time_ns[-1] <= until_ns or samples.time_ns[0] > until_ns:
+        return samples
+    return samples.part(samples.time_ns <= until_ns)
 
 
 def _newest(samples: Samples, since_ns: int, most_samples: int) -> Samples:
