@@ -4,13 +4,16 @@ import asyncio
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from importlib.metadata import version
 from typing import Any
+from weakref import WeakValueDictionary
 
 from fastapi import Depends, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
 from app.api import operations
+from app.api.reliability import TABLES_AT_ONCE
 from app.api.routes import api
 from app.api.schema import described
 from app.http import problems
@@ -22,14 +25,18 @@ from app.http.headers import SecurityHeaders, WholeFiles
 from app.http.heads import AnswerHead
 from app.http.parameters import no_zero_bytes
 from app.http.paths import KeepTagsEncoded
+from app.http.probing import Probe
 from app.http.receiving import MAPPINGS_AT_ONCE
 from app.http.request_ids import RequestIds
 from app.services.access.authentication import Authenticator
 from app.services.access.rates import Rates
 from app.services.backend import Backend
+from app.services.upkeep.readiness import readiness
 from app.settings import Settings
 from app.web import explanation, login, pages
 from app.web.errors import error_page
+
+READY_KEPT_S = 1.0
 
 DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
 
@@ -45,9 +52,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.backend = await run_in_threadpool(Backend.open, settings)
-        app.state.access = Authenticator(app.state.backend)
-        app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
+        begin(app, await run_in_threadpool(Backend.open, settings))
         yield
         await run_in_threadpool(app.state.backend.close)
 
@@ -83,6 +88,17 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.mount("/static", pages.static)
     app.openapi = described(app)  # type: ignore[method-assign]  # as FastAPI says to extend it
     return app
+
+
+def begin(app: FastAPI, backend: Backend) -> None:
+    """What the routes share, made when the server starts."""
+    app.state.backend = backend
+    app.state.access = Authenticator(backend)
+    app.state.ready = Probe(partial(readiness, backend), READY_KEPT_S)
+    app.state.watched = WeakValueDictionary()
+    app.state.spelled_tags = set()
+    app.state.table_places = asyncio.Semaphore(TABLES_AT_ONCE)
+    app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
 
 
 def operation_id(route: Any) -> str:

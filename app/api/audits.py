@@ -2,7 +2,9 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from typing import Annotated, Any
+from functools import partial
+from typing import Annotated, Any, NamedTuple
+from weakref import WeakValueDictionary
 
 from fastapi import APIRouter, Body, Depends, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -11,6 +13,7 @@ from starlette.responses import StreamingResponse
 from app.api.models import AuditIn, AuditOut, AuditPage
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
 from app.http.parameters import json_alone
+from app.http.probing import Probe
 from app.http.problems import responses
 from app.services.auditing import audits as service
 
@@ -30,12 +33,13 @@ router = APIRouter(tags=["audits"])
     "/audits",
     status_code=202,
     response_model=AuditOut,
-    responses=responses(400, 415, 422),
+    responses=responses(400, 409, 415, 422),
     dependencies=[Depends(json_alone)],
     summary="Start an audit",
 )
 def start(response: Response, backend: Services, caller: Caller, wanted: Wanted = EVERY_LOOP) -> Any:
-    """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it."""
+    """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it.
+    409 while far more loops wait for their audits than any plant has."""
     run = service.start_audit(backend, loop_filter(wanted), trigger="request", started_by=caller.who)
     response.headers["Location"] = f"/v1/audits/{run.id}"
     return run
@@ -70,13 +74,33 @@ def loop_filter(wanted: AuditIn) -> service.LoopFilter:
     return service.LoopFilter(None if wanted.tags is None else tuple(wanted.tags), wanted.unit, wanted.type)
 
 
+class Look(NamedTuple):
+    """A run as its streams tell it, and whether it has ended."""
+
+    told: str
+    ended: bool
+
+
+def look_at(backend: Services, audit_id: str) -> Look:
+    run = service.get_audit(backend, audit_id)
+    return Look(AuditOut.model_validate(run).model_dump_json(), run.ended)
+
+
+def watcher(request: Request, backend: Services, audit_id: str) -> Probe[Look]:
+    """One a run for all its streams: however many watch it, the data base is asked as for one."""
+    known: WeakValueDictionary[str, Probe[Look]] = request.app.state.watched
+    found = known.get(audit_id)
+    if found is None:
+        known[audit_id] = found = Probe(partial(look_at, backend, audit_id), LOOK_S)
+    return found
+
+
 async def watched(request: Request, backend: Services, audit_id: str) -> AsyncIterator[str]:
     """One event a change, a comment now and then so that a broken connection is noticed, and the end."""
-    last, quiet = "", 0
+    last, quiet, run = "", 0, watcher(request, backend, audit_id)
     while not await request.is_disconnected():
-        run = await run_in_threadpool(service.get_audit, backend, audit_id)
-        told = AuditOut.model_validate(run).model_dump_json()
-        if run.ended:
+        told, ended = await run.found()
+        if ended:
             yield f"event: end\ndata: {told}\n\n"
             return
         quiet = 0 if told != last else quiet + 1

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from fastapi import APIRouter
+from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse
 
 from app.api.models import ReadyOut
 from app.http.backend import Services
 from app.services.upkeep.metrics import Metric
 from app.services.upkeep.metrics import metrics as collected
-from app.services.upkeep.readiness import readiness
 
 PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -23,9 +23,10 @@ def healthz() -> dict[str, str]:
 
 
 @router.get("/readyz", response_model=ReadyOut, responses={503: {"model": ReadyOut}}, summary="Whether it can work")
-def readyz(backend: Services) -> Any:
-    """200 when ready or degraded (the broker is away: uploads are kept, audits wait), 503 otherwise."""
-    found = readiness(backend)
+async def readyz(request: Request) -> Any:
+    """200 when ready or degraded (the broker is away: uploads are kept, audits wait), 503 otherwise. The answer may be
+    a second old, or some while the next one is awaited."""
+    found = await request.app.state.ready.found()
     body = ReadyOut(state=found.state, checks=found.checks).model_dump(mode="json")
     return JSONResponse(body, status_code=503 if found.state == "not_ready" else 200)
 

@@ -4,6 +4,7 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
+from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
 
@@ -15,6 +16,7 @@ from app.http.backend import Services
 from app.http.problems import responses
 from app.services.audit_json.models import ReadingName, ReliabilityName, TableRow, VerdictName
 from app.services.auditing.audits import get_audit
+from app.services.backend import Backend
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.loops import RETIRED
@@ -30,6 +32,9 @@ SORTING = (
     f"One of {', '.join(service.sortable())}; `-` before it turns the order around. Of these {', '.join(ELSEWHERE)} "
     "are the loop's and stand in no row unless `columns` names them."
 )
+
+TABLES_AT_ONCE = 2  # with every row of a plant taken apart, an answer has near 200 MB
+FEW_ROWS = 1000
 
 router = APIRouter(tags=["reliability"])
 
@@ -80,6 +85,12 @@ class TableQuery(BaseModel):
         "audit_id any: what a run found stays.",
     )
 
+    @property
+    def held_in_memory(self) -> bool:
+        """Whether many rows are taken apart for it, and not written as they are stored."""
+        anew = self.format is Format.csv or self.columns is not None or self.audit_id is not None
+        return anew and self.limit > FEW_ROWS
+
     def filters(self) -> service.RowFilter:
         names = ("reliability", "unit", "type", "likely_cause", "table2_reading", "min_probability", "search")
         given = {name: getattr(self, name) for name in names}
@@ -111,7 +122,7 @@ Filters = Annotated[TableQuery, Query()]
     responses={**responses(400, 404, 422), **CSV, **NOT_MODIFIED},
     summary="The reliability table of the plant",
 )
-def reliability(
+async def reliability(
     request: Request,
     backend: Services,
     query: Filters,
@@ -124,6 +135,13 @@ def reliability(
     asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
+    if not query.held_in_memory:
+        return await run_in_threadpool(answered, request, backend, query)
+    async with request.app.state.table_places:
+        return await run_in_threadpool(answered, request, backend, query)
+
+
+def answered(request: Request, backend: Backend, query: TableQuery) -> Any:
     columns = query.wanted_columns()
     if query.audit_id is not None:
         get_audit(backend, query.audit_id)

@@ -1,5 +1,6 @@
 """What the command line says to a running service over HTTP."""
 
+import re
 import time
 from collections.abc import Callable
 from io import BytesIO
@@ -8,10 +9,12 @@ from typing import Any
 import httpx
 
 from app.client import Client, NoServiceError, ServiceError
-from app.client.connection import NO_PROBLEM, E
+from app.client.connection import NO_PROBLEM, E, shown_address
 from app.errors import DataError, RequestError
 
 ANSWERS_WITHIN_S = 30.0
+WHO_ASKS = re.compile("//.*@")
+"""Name and password in what is no address."""
 TRIES, PATIENCE_S = 31, 60.0
 """A busy service is asked for a minute: it says that it is to be asked again after two seconds."""
 
@@ -30,8 +33,8 @@ class ServiceClient(Client):
                 transport=transport,
             )
         except httpx.InvalidURL as error:
-            raise DataError("url", f"{url} is not an address: {error}") from error
-        self.url = url
+            raise DataError("url", f"{WHO_ASKS.sub('//', url)} is not an address: {error}") from error
+        self.url = shown_address(self._http.base_url)
 
     def loop_list(self) -> str:
         """All loops of the plant as CSV."""

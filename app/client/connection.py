@@ -274,7 +274,7 @@ class Client:
                     method, path, params=params, json=json, headers=headers, content=content, files=files
                 )
             except httpx.TransportError as error:
-                raise NoServiceError(_shown(self._http.base_url), error) from error
+                raise NoServiceError(shown_address(self._http.base_url), error) from error
             pause_s = _pause_s(answer)
             if answer.status_code not in BUSY or not left or time.monotonic() + pause_s > until:
                 break
@@ -290,7 +290,7 @@ def _body(stream: BinaryIO, mapping: bytes | None) -> dict[str, Any]:
     return {"files": {"file": stream, "mapping": ("mapping", mapping)}}
 
 
-def _shown(url: httpx.URL) -> str:
+def shown_address(url: httpx.URL) -> str:
     """Without what it may hold beside the address, such as a password."""
     return str(url.copy_with(userinfo=b"", query=None, fragment=None)).rstrip("/")
 

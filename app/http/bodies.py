@@ -19,6 +19,7 @@ UPLOADS = ("/v1/uploads", "/uploads")
 MAPPING = re.compile(r"/uploads/[^/]+/mapping")
 LIMIT_BYTES = 4 << 20
 DEADLINE_S = 30.0
+LOGIN, LOGIN_BYTES, LOGIN_DEADLINE_S = "/login", 16 << 10, 5.0
 LOOP_BYTES = 800
 """Of a line of the loop list with every column, as JSON: 320 where its texts are as long as a plant's usually are."""
 VALUE_BYTES = 48
@@ -66,6 +67,8 @@ class LimitBodies:
         """Bytes and seconds."""
         if path in UPLOADS:
             return self._max_upload_bytes, self._upload_deadline_s
+        if path == LOGIN:
+            return LOGIN_BYTES, min(LOGIN_DEADLINE_S, self._upload_deadline_s)
         for route, limit in LARGE:
             if route.fullmatch(path):
                 return limit, self._upload_deadline_s

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from contextlib import nullcontext
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
@@ -22,6 +23,7 @@ class Callers:
     def __init__(self, of: FastAPI) -> None:
         self._of = of
         self._rates: Rates = of.state.rates
+        self._one_by_one = asyncio.Lock()
         self._noting: set[asyncio.Task[None]] = set()
 
     @property
@@ -37,7 +39,7 @@ class Callers:
         key = key_of(asked.headers)
         if key is not None:
             found = self._access.remembered(key)
-            identity = found.identity if found else await run_in_threadpool(self._access.key, key)
+            identity = found.identity if found else await self._looked_up(key, asked)
             if identity is None and asked.permission.needs is not None:
                 await self._refuse_key(asked)
             return identity
@@ -48,6 +50,13 @@ class Callers:
             if identity is not None:
                 return identity
         return None if closed else ANYONE
+
+    async def _looked_up(self, key: str, asked: Asked) -> Identity | None:
+        """Of addresses that sent too many wrong keys one after the other: they take one thread and one connection. A
+        proxy may be such an address, with good keys behind it."""
+        wait_s = 0 if self._access.was_good(key) else await run_in_threadpool(self._rates.refused_s, asked.address)
+        async with self._one_by_one if wait_s else nullcontext():
+            return await run_in_threadpool(self._access.key, key)
 
     async def _refuse_key(self, asked: Asked) -> None:
         wait_s = await run_in_threadpool(self._rates.refusal_wait_s, asked.address)

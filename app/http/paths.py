@@ -4,9 +4,13 @@ from typing import Annotated
 from urllib.parse import unquote
 
 from fastapi import Depends, Path
+from fastapi.concurrency import run_in_threadpool
+from starlette.requests import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app.errors import NotFoundError
+from app.http.backend import Services
+from app.services.loops import spelling
 
 TAGGED = ("/v1/loops/", "/loops/")
 LONGEST_TAG = 500
@@ -35,4 +39,17 @@ async def decoded_tag(tag: Annotated[str, Path(description="Tag of the loop, per
     return decoded
 
 
-LoopTag = Annotated[str, Depends(decoded_tag)]
+async def tag_of_loop(request: Request, backend: Services, tag: Annotated[str, Depends(decoded_tag)]) -> str:
+    """As its loop is spelled: what comes of exports is told by great and small letters no more than that. A tag that no
+    loop has stays as it is."""
+    spelled: set[str] = request.app.state.spelled_tags
+    if tag in spelled:
+        return tag
+    found = await run_in_threadpool(spelling, backend, tag)
+    if found is None:
+        return tag
+    spelled.add(found)  # at most as many as there are loops, which stay
+    return found
+
+
+LoopTag = Annotated[str, Depends(tag_of_loop)]

@@ -30,6 +30,7 @@ STATUS_BY_CODE = {
     "media_type": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "content_encoding": HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     "wrong_state": HTTPStatus.CONFLICT,
+    "too_many_open": HTTPStatus.CONFLICT,
     "changed_meanwhile": HTTPStatus.PRECONDITION_FAILED,
 }
 

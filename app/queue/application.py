@@ -15,23 +15,26 @@ DELIVERY_HARD_LIMIT_S = 120
 READING_HARD_LIMIT_S = 4 * 3600
 VISIBILITY_TIMEOUT_S = 900
 """Shorter than reading may take: who is given the message once more finds the upload claimed, and leaves."""
+SOCKET_TIMEOUT_S = 30.0
+CONNECT_TIMEOUT_S = 5.0
 SWEEP_EXPIRES_S = 3600.0
 """By the clocks of two machines, which may differ: an hour's sweeps that nobody took are soon done."""
 
 TRANSPORT_ALIASES["folder"] = "app.queue.folder:Transport"
 
 
-def celery_application(settings: Settings, *, works: bool = False) -> Celery:
-    """An application for the broker of the settings. `works`: with its tasks, from the package `workers`."""
+def celery_application(settings: Settings, *, works: bool = False, answers_in_s: float = SOCKET_TIMEOUT_S) -> Celery:
+    """An application for the broker of the settings. `works`: with its tasks, from the package `workers`.
+    `answers_in_s`: a broker that says nothing for longer is away."""
     application = Celery("loopaudit", set_as_current=False, include=["workers.tasks"] if works else [])
     application.settings = settings
     queues = queue_names(settings)
     application.conf.update(
         broker_url=f"{FOLDER}localhost" if _in_folder(settings) else settings.resolved_broker_url,
-        broker_transport_options=_transport_options(settings),
+        broker_transport_options=_transport_options(settings, answers_in_s),
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
-        broker_connection_timeout=5,
+        broker_connection_timeout=min(CONNECT_TIMEOUT_S, answers_in_s),
         accept_content=["json"],
         task_serializer="json",
         task_ignore_result=True,
@@ -72,15 +75,15 @@ def _in_folder(settings: Settings) -> bool:
     return settings.resolved_broker_url.startswith(FOLDER)
 
 
-def _transport_options(settings: Settings) -> dict[str, Any]:
+def _transport_options(settings: Settings, answers_in_s: float) -> dict[str, Any]:
     if _in_folder(settings):
         return {"folder": settings.resolved_broker_url.removeprefix(FOLDER), "polling_interval": 0.2}
     if not settings.resolved_broker_url.startswith("redis"):
         return {}
     return {
         "visibility_timeout": VISIBILITY_TIMEOUT_S,
-        "socket_timeout": 30,
-        "socket_connect_timeout": 5,
+        "socket_timeout": answers_in_s,
+        "socket_connect_timeout": min(CONNECT_TIMEOUT_S, answers_in_s),
         "socket_keepalive": True,
         "health_check_interval": 25,
     }

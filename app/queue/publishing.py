@@ -1,6 +1,7 @@
 """Rings for a worker, after the commit; never fails its caller, because the sweeper rings again."""
 
 import logging
+import time
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,12 +15,18 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("loopaudit.queue")
 
+ANSWERS_IN_S = 2.0
+"""A request waits no longer than this for a broker that takes the connection and says nothing."""
+AWAY_S = 5.0
+"""After a failure it is not asked again for so long, by whoever rings: each would wait as long as the one before."""
+
 
 class Queue:
     """The door to the broker. The connection is made when it is first needed."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
+        self._away_until = 0.0
 
     def read_upload(self, upload_id: int) -> bool:
         return self._send(READ_UPLOAD, upload_id)
@@ -40,9 +47,11 @@ class Queue:
         """Whether the broker answers within a few seconds."""
         try:
             with self._application.connection_for_write() as connection:
-                connection.ensure_connection(max_retries=1, interval_start=0, timeout=3)
+                connection.ensure_connection(max_retries=1, interval_start=0, timeout=ANSWERS_IN_S)
         except (OperationalError, OSError):
+            self._away_until = time.monotonic() + AWAY_S
             return False
+        self._away_until = 0.0
         return True
 
     def close(self) -> None:
@@ -50,9 +59,13 @@ class Queue:
             self._application.close()
 
     def _send(self, job: str, *arguments: int) -> bool:
+        if time.monotonic() < self._away_until:
+            log.info("broker was away just now, %s%r waits for the sweeper", job, arguments)
+            return False
         try:
             self._application.send_task(job, args=arguments)
         except self._refusals as error:
+            self._away_until = time.monotonic() + AWAY_S
             log.warning("broker away, %s%r waits for the sweeper: %s", job, arguments, error)
             return False
         return True
@@ -67,4 +80,4 @@ class Queue:
     def _application(self) -> "Celery":
         from app.queue.application import celery_application
 
-        return celery_application(self._settings)
+        return celery_application(self._settings, answers_in_s=ANSWERS_IN_S)

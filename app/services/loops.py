@@ -8,7 +8,7 @@ from app.services.results import LoopView, Page
 from app.storage import loops
 from app.storage.loops import SETTABLE, ListFilter, LoopRow
 
-__all__ = ["RETIRED", "ListFilter", "OneLoop", "find", "get_loop", "list_loops", "unknown", "view_of"]
+__all__ = ["RETIRED", "ListFilter", "OneLoop", "find", "get_loop", "list_loops", "spelling", "unknown", "view_of"]
 
 RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
 """Which loops are asked for: those that are retired, those that are not, or both."""
@@ -43,6 +43,13 @@ def find(backend: Backend, loop: OneLoop) -> LoopRow:
     if row is None:
         raise unknown(loop)
     return row
+
+
+def spelling(backend: Backend, tag: str) -> str | None:
+    """The tag as its loop has it, which may be spelled in other letters, great or small; None: there is no such loop,
+    or several are meant."""
+    with backend.database.read() as connection:
+        return loops.as_spelled(connection, [tag]).get(tag)
 
 
 def unknown(tag: str) -> NotFoundError:

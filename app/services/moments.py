@@ -11,6 +11,8 @@ own."""
 FARTHEST_NS = 9 * 10**18
 """The years 1684 to 2255: in 64 bits, with room for the day before a time."""
 NO_DATE = "no date"
+AHEAD = timedelta(hours=1)
+"""Samples farther ahead of the clock than this are kept, but not looked at: their clock is wrong."""
 
 
 def epoch_ms(moment: datetime | None) -> int | None:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from app.services.backend import DATABASE_AWAY
+from app.services.backend import DATABASE_AWAY, no_room
 
 FIRST_PAUSE_S = 0.1
 LONGEST_PAUSE_S = 5.0
@@ -16,7 +16,8 @@ log = logging.getLogger("loopaudit.patience")
 
 
 def patiently(action: Callable[[], T], at_most_s: float) -> T:
-    """What `action` returns, tried again with growing pauses while the data base is away; then its exception.
+    """What `action` returns, tried again with growing pauses while the data base is away; then its exception. A disk
+    that is full is not waited for: that may last for days, and whoever is here has to give back what it holds.
 
     `action` is one transaction, or only reads: done twice it must have the effect of once, because a connection that
     breaks during the commit does not tell whether it was committed.
@@ -26,7 +27,7 @@ def patiently(action: Callable[[], T], at_most_s: float) -> T:
         try:
             return action()
         except DATABASE_AWAY as error:
-            if time.monotonic() + pause_s > until:
+            if no_room(error) or time.monotonic() + pause_s > until:
                 raise
             log.warning("data base away, trying again in %.1f s: %s", pause_s, type(error).__name__)
         time.sleep(pause_s)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Select, Update, bindparam, select, tuple_, update
+from sqlalchemy import Connection, Select, Update, bindparam, func, select, tuple_, update
 
 from app.storage.leases import Reopened, take_back
 from app.storage.tables import GOING_ON, audit_items, audits, loops
@@ -106,6 +106,12 @@ def reopen_expired(connection: Connection, max_attempts: int, lease_s: float, au
         claimed &= audit_items.c.audit_id == audit_id
     lost = {"code": "worker_lost", "text": text}
     return take_back(connection, audit_items, claimed, max_attempts, lease_s, lost, run=audit_items.c.audit_id)
+
+
+def count_open(connection: Connection, at_most: int) -> int:
+    """Loops that wait for their audit, in all runs; counted no further than asked for."""
+    waiting = select(audit_items.c.loop_id).where(audit_items.c.state == "open").limit(at_most).subquery()
+    return connection.scalar(select(func.count()).select_from(waiting)) or 0
 
 
 def failures(connection: Connection, audit_id: int, limit: int) -> list[FailureRow]:

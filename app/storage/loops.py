@@ -107,6 +107,18 @@ def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
     return {row.tag: row.id for row in connection.execute(query, asked)}
 
 
+def as_spelled(connection: Connection, tags: Sequence[str]) -> dict[str, str]:
+    """The tags of loops by those that are asked for: the same, or that of the only loop that is spelled in other
+    letters, great or small. Those of no loop are left out."""
+    found = {tag: tag for tag in ids_of(connection, tags)}
+    if missing := [tag for tag in tags if tag not in found]:
+        known: dict[str, list[str]] = {}
+        for tag in connection.scalars(select(loops.c.tag)):
+            known.setdefault(tag.casefold(), []).append(tag)
+        found |= {tag: alike[0] for tag in missing if len(alike := known.get(tag.casefold(), [])) == 1}
+    return found
+
+
 def by_tag(connection: Connection, tag: str, to_change: bool = False) -> LoopRow | None:
     """to_change: nobody else changes it until the transaction ends."""
     query = select(*COLUMNS).where(loops.c.tag == tag)

@@ -1,12 +1,13 @@
 """What is old: dropped in small batches, each its own short statement, so that nobody waits behind them."""
 
 from collections.abc import Iterable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
 
 from app.nanoseconds import NS_PER_S
+from app.storage.ahead import newest_of_all_until
 from app.storage.audits import ENDED
 from app.storage.locks import Lock, hold
 from app.storage.steps import HOLDING
@@ -29,6 +30,7 @@ from app.storage.tallies import UPLOAD_BYTES, tally
 from app.storage.types import now
 from app.storage.uploads import going, let_go, lock_bytes
 
+CLOCK_APART = timedelta(hours=1)
 UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
 
 
@@ -38,12 +40,13 @@ def one_at_a_time(connection: Connection) -> None:
     hold(connection, Lock.RETENTION)
 
 
-def drop_series(connection: Connection, kept_h: float, batch: int) -> int:
-    """Stretches that ended so long before the newest sample of their loop: an archive sent late stays whole.
+def drop_series(connection: Connection, kept_h: float, batch: int, until_ns: int) -> int:
+    """Stretches that ended so long before the newest sample of their loop, of those up to `until_ns`: an archive sent
+    late stays whole, and so does what a sample ahead of the clock would make old.
 
     Those stay that say which set point and mode held then: they hold until their next value, however old they are.
     """
-    since = loops.c.newest_ns - int(kept_h * 3600) * NS_PER_S
+    since = newest_of_all_until(connection, until_ns) - int(kept_h * 3600) * NS_PER_S
     old = (
         select(series.c.id)
         # + 0: else both data bases walk all stretches there are and look up the loop of each; so they walk the loops.
@@ -168,8 +171,9 @@ def must_keep(connection: Connection, fingerprint: str, before: datetime | None)
 
 
 def last_done(connection: Connection, action: str) -> datetime | None:
-    """When the schedule last did this to the end."""
-    return connection.scalar(select(func.max(trail.c.at)).where(trail.c.action == action, trail.c.outcome == "done"))
+    """When the schedule last did this to the end; not what a clock that was ahead says of it."""
+    told = (trail.c.action == action, trail.c.outcome == "done", trail.c.at <= now() + CLOCK_APART)
+    return connection.scalar(select(func.max(trail.c.at)).where(*told))
 
 
 def _drop_of_runs(connection: Connection, table: Any, before: datetime, batch: int) -> int:

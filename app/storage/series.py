@@ -14,6 +14,7 @@ import numpy as np
 from sqlalchemy import ColumnElement, Connection, Select, and_, bindparam, func, select, true, tuple_, update
 
 from app.nanoseconds import NS_PER_DAY, NS_PER_H
+from app.storage.ahead import newest_until
 from app.storage.bulk import among_many, columns_of, from_arrays, from_json, insert_new_rows
 from app.storage.samples import DamagedStretchError, Samples, merged, news, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
@@ -27,6 +28,7 @@ STORED_AT_ONCE = 1_000_000
 """Samples that are stored of loops and compared with what is sent of them together: some 30 MB."""
 LONG_PAUSE_NS = NS_PER_DAY
 """What is stored of a pause that is longer, between two samples that are sent, is not looked at."""
+EVER_NS = (1 << 63) - 1
 
 Key = tuple[int, str]
 """Of a stretch: its loop and its fingerprint."""
@@ -95,17 +97,26 @@ def add(
 
 
 def windows(
-    connection: Connection, loop_ids: Iterable[int], window_h: float, most_samples: int, hold_days: float = math.inf
+    connection: Connection,
+    loop_ids: Iterable[int],
+    window_h: float,
+    most_samples: int,
+    hold_days: float = math.inf,
+    until_ns: int = EVER_NS,
 ) -> dict[int, Samples]:
     """The newest samples of each loop, at most `window_h` hours back from its newest one and `most_samples` of them.
 
     A set point and a mode that were stated up to `hold_days` before are given to the first sample. A loop without
-    samples is left out. What is not in a window is let go before the next loop is read.
+    samples is left out, and so is what comes after `until_ns`, of a loop that has any before it. What is not in a
+    window is let go before the next loop is read.
     """
-    since = loops.c.newest_ns - int(window_h * NS_PER_H)
+    back_ns = int(window_h * NS_PER_H)
+    asked = sorted(set(loop_ids))
+    since = newest_until(connection, until_ns, asked) - back_ns
     cut, known = {}, {}
-    for loop_id, whole, since_ns in _back_to(connection, sorted(set(loop_ids)), since):
-        cut[loop_id] = _newest(whole, since_ns, most_samples)
+    for loop_id, read in _back_to(connection, asked, since):
+        whole = _until(read, until_ns)
+        cut[loop_id] = _newest(whole, int(whole.time_ns[-1]) - back_ns, most_samples)
         known[loop_id] = known_before(whole, cut[loop_id])
     return led_in(connection, cut, known, since, hold_days)
 
@@ -381,12 +392,10 @@ def _note_newest(connection: Connection, rows: list[dict[str, Any]]) -> None:
     )
 
 
-def _back_to(
-    connection: Connection, loop_ids: list[int], since: ColumnElement[int]
-) -> Iterator[tuple[int, Samples, int]]:
-    """Loop by loop, what its stretches hold that reach over that time, and that time."""
+def _back_to(connection: Connection, loop_ids: list[int], since: ColumnElement[int]) -> Iterator[tuple[int, Samples]]:
+    """Loop by loop, what its stretches hold that reach over that time."""
     query = (
-        select(series.c.loop_id, series.c.id, series.c.packed, since.label("since_ns"))
+        select(series.c.loop_id, series.c.id, series.c.packed)
         .join(loops, loops.c.id == series.c.loop_id)
         .where(series.c.end_ns >= since)
         .order_by(series.c.loop_id, *AS_RECEIVED)
@@ -395,8 +404,14 @@ def _back_to(
         some = query.where(series.c.loop_id.in_(loop_ids[start : start + LOOPS_AT_ONCE]))
         rows = connection.execute(some).all()  # a cursor that a fault leaves open would keep SQLite locked
         for loop_id, stretches in groupby(rows, key=attrgetter("loop_id")):
-            parts = [(unpack_stored(row.id, row.packed), row.since_ns) for row in stretches]
-            yield loop_id, merged([samples for samples, _ in parts]), parts[0][1]
+            yield loop_id, merged([unpack_stored(row.id, row.packed) for row in stretches])
+
+
+def _until(samples: Samples, until_ns: int) -> Samples:
+    """All of it, where there is none before."""
+    if samples.time_ns[-1] <= until_ns or samples.time_ns[0] > until_ns:
+        return samples
+    return samples.part(samples.time_ns <= until_ns)
 
 
 def _newest(samples: Samples, since_ns: int, most_samples: int) -> Samples:

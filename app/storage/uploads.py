@@ -266,12 +266,20 @@ def _held(claim: ReadingClaim) -> Any:
 
 
 def try_again(connection: Connection, upload_id: int) -> bool:
-    """Whether an upload that failed by a fault of ours was sent again, and is to be read again. It counts as received
-    now: others were read meanwhile, and took no heed of it."""
+    """Whether an upload that failed by a fault of ours was sent again, and is to be read again."""
+    return _anew(connection, upload_id, uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
+
+
+def read_anew(connection: Connection, upload_id: int) -> bool:
+    """Whether an upload that was read to its end is to be read again: what it brought is not there any more."""
+    return _anew(connection, upload_id, uploads.c.state == "done", ~going())
+
+
+def _anew(connection: Connection, upload_id: int, *such: ColumnElement[bool]) -> bool:
+    """It counts as received now: others were read meanwhile, and took no heed of it."""
     this = update(uploads).where(uploads.c.id == upload_id)
-    failed = this.where(uploads.c.state == "failed", uploads.c.error_code.in_(OUR_FAULTS))
     anew = {"attempts": 0, "ended_at": None, "error_code": None, "error_text": None, **NO_PAUSE}
-    again = connection.execute(failed.values(state="received", **anew)).rowcount == 1
+    again = connection.execute(this.where(*such).values(state="received", **anew)).rowcount == 1
     if again:
         connection.execute(this.values(receipt_number=next_number(connection)))
     return again

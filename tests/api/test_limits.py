@@ -141,6 +141,26 @@ def test_files_of_forms_are_spooled_where_the_disk_is_watched(client, settings, 
     assert len(list(settings.uploads_dir.iterdir())) == 1  # and nothing is left of what was spooled
 
 
+def test_slow_logins_of_one_address_shut_out_neither_the_styles_nor_the_other_addresses(client, monkeypatch):
+    monkeypatch.setattr(crowding, "OF_AN_ADDRESS", {"logins": 2, "files": 2})
+    sent = head("/login", 1000, "application/x-www-form-urlencoded") + b"key="
+    held = [socket.create_connection((client.base_url.host, client.base_url.port)) for _ in range(2)]
+    try:
+        for connection in held:
+            connection.sendall(sent)
+        time.sleep(0.1)
+        assert client.get("/login").status_code == 503
+        assert client.get("/static/loopaudit.css").status_code == 200
+    finally:
+        for connection in held:
+            connection.close()
+
+
+def test_a_login_has_few_bytes(client):
+    answer = client.post("/login", data={"key": "k" * bodies.LOGIN_BYTES})
+    assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
+
+
 def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch):
     inside, most, lock, receive = set(), [], threading.Lock(), receiving.service.receive
 

@@ -1,11 +1,15 @@
 """/healthz and /readyz while the servers behind the API go away and come back."""
 
+import asyncio
 import signal
+import time
 from pathlib import Path
 
 import httpx
 import pytest
 
+from app import main
+from app.http.probing import Probe
 from app.main import create_app
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
@@ -45,9 +49,31 @@ def test_each_tells_the_truth_and_goes_back_to_ready_by_itself(tmp_path: Path) -
         pytest.skip(str(missing))
 
 
-def test_an_older_schema_is_not_ready(serve, tmp_path: Path) -> None:
+def test_an_older_schema_is_not_ready(serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(main, "READY_KEPT_S", 0.0)
     settings = Settings(data_dir=tmp_path)
     with serve(create_app(settings)) as client:
         assert client.get("/readyz").status_code == 503
         migrate(settings)
         assert client.get("/readyz").json()["state"] == "ready"
+
+
+def test_a_crowd_that_asks_at_once_takes_one_thread() -> None:
+    asked: list[int] = []
+
+    def ask() -> int:
+        asked.append(len(asked) + 1)
+        time.sleep(0.05)
+        return asked[-1]
+
+    async def crowd(probe: Probe[int]) -> list[int]:
+        return await asyncio.gather(*(probe.found() for _ in range(60)))
+
+    async def twice() -> None:
+        probe = Probe(ask, 0.3)
+        assert set(await crowd(probe)) == {1}
+        await asyncio.sleep(0.3)
+        assert set(await crowd(probe)) == {1, 2}  # given while the next was awaited
+
+    asyncio.run(twice())
+    assert len(asked) == 2

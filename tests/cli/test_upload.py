@@ -164,6 +164,18 @@ def test_upload_waits_for_a_service_of_this_machine_that_starts(monkeypatch, cap
     assert f"nothing answers at http://127.0.0.1:{port} yet; waiting up to 30 s" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1:1", "127.0.0.1:port"])
+def test_the_password_of_an_address_is_not_told(tmp_path, monkeypatch, capsys, host):
+    monkeypatch.setattr("app.cli.client.PATIENCE_S", 0.0)
+    (tmp_path / "plant.csv").write_text(WIDE)
+    code, _, said = as_program(
+        monkeypatch, capsys, "upload", tmp_path / "plant.csv", "--url", f"http://who:secret@{host}"
+    )
+    assert code == 2
+    assert host in said
+    assert "secret" not in said
+
+
 @pytest.mark.parametrize("later", ["0", "Thu, 01 Jan 2026 00:00:00 GMT"])
 def test_a_service_that_is_busy_while_it_is_polled_fails_no_file(tmp_path, monkeypatch, later):
     monkeypatch.setattr("app.client.connection.PAUSE_S", 0.0)

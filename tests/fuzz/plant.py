@@ -1,6 +1,5 @@
 """A small plant that has something behind every route: loops with hostile names, verdicts, an explanation, keys."""
 
-import asyncio
 import csv
 import io
 from dataclasses import dataclass
@@ -9,10 +8,8 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
-from app.http.receiving import MAPPINGS_AT_ONCE
-from app.main import create_app
+from app.main import begin, create_app
 from app.services.access import keys
-from app.services.access.authentication import Authenticator
 from app.services.access.identity import Role
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -74,8 +71,7 @@ def build(folder: Path, database_url: str = "") -> Plant:
 def app_of(plant: Plant) -> FastAPI:
     """The app as it is once its server has started."""
     app = create_app(plant.settings)
-    app.state.backend, app.state.access = plant.backend, Authenticator(plant.backend)
-    app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
+    begin(app, plant.backend)
     return app
 
 

@@ -1,12 +1,14 @@
 """Backups of both data bases come back, older ones too, and what is no backup is refused."""
 
 import json
+import os
 import shutil
 import sqlite3
 import subprocess
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -146,6 +148,55 @@ def test_a_backup_is_made_while_others_write(plant, tmp_path):
         assert 0 < len(subjects) <= len(written)
     finally:
         again.close()
+
+
+def test_a_backup_of_sqlite_does_not_begin_anew_with_each_commit(empty_sqlite, tmp_path, monkeypatch):
+    settings = Settings(data_dir=tmp_path / "data")
+    settings.prepare_folders()
+    file = settings.data_dir / "loopaudit.db"
+    shutil.copy(empty_sqlite, file)
+    left: list[int] = []
+
+    class Beside(sqlite3.Connection):
+        """Somebody commits after each part that is copied, or tries to."""
+
+        def backup(self, target, progress=None, **how):
+            def committed(*told: int) -> None:
+                left.append(told[1])
+                assert len(left) < 10 * told[2]
+                with suppress(sqlite3.OperationalError):
+                    here.execute("UPDATE loops SET importance = importance + 1")
+                if progress:
+                    progress(*told)
+
+            super().backup(target, progress=committed, **how)
+
+    with closing(sqlite3.connect(file, isolation_level=None, timeout=0)) as here:
+        here.execute("INSERT INTO loops (tag, importance, retired, created_at) VALUES ('A', 1, 0, '2026-01-01')")
+        monkeypatch.setattr(backups, "COPIED_PAGES", 5)
+        monkeypatch.setattr(sqlite3, "connect", partial(sqlite3.connect, factory=Beside))
+        backups.backup(settings, tmp_path / "kept")
+    assert left[-1] == 0
+
+
+def test_two_backups_at_once_leave_each_other_alone(plant, tmp_path, monkeypatch):
+    kept = tmp_path / "kept"
+    old = tmp_path / ".kept.killed.part"
+    old.mkdir()
+    os.utime(old, (0, 0))
+    copy = backups._copy_uploads
+
+    def while_another_is_made(settings, target):
+        monkeypatch.setattr(backups, "_copy_uploads", copy)
+        backups.backup(settings, kept)
+        copy(settings, target)
+
+    monkeypatch.setattr(backups, "_copy_uploads", while_another_is_made)
+    with pytest.raises(RequestError) as refused:
+        backups.backup(plant.settings, kept)
+    assert refused.value.code == "backup_there"
+    assert [path.name for path in tmp_path.glob("*kept*")] == ["kept"]
+    assert (kept / "manifest.json").is_file()
 
 
 def test_a_backup_has_the_exports_and_nothing_else_of_their_folder(plant, tmp_path):
@@ -415,8 +466,9 @@ def test_names_of_what_was_written_are_on_disk_too(plant, tmp_path, monkeypatch)
     synced: list[Path] = []
     monkeypatch.setattr(backups, "sync_folder", synced.append)
     backups.backup(plant.settings, tmp_path / "new" / "kept")
-    draft = tmp_path / "new" / ".kept.part"
-    assert synced == [draft / "uploads", draft, draft.parent, tmp_path]
+    draft, parent = synced[1], tmp_path / "new"
+    assert draft.match(f"{parent}/.kept.*.part")
+    assert synced == [draft / "uploads", draft, parent, tmp_path]
     synced.clear()
     plant.database.close()
     backups.restore(plant.settings, tmp_path / "new" / "kept", force=True)

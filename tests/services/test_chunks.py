@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from sqlalchemy import Connection, select, update
+from sqlalchemy.exc import OperationalError
 
 from app.engine.audit import Audit
 from app.services.auditing import audits, chunks
@@ -247,3 +248,25 @@ def test_who_goes_on_by_itself_leaves_lost_workers_of_other_runs_to_a_sweep(
     assert not rung
     assert sweep(one_each).reopened == 1
     assert list(rung) == [int(other)]
+
+
+def test_a_full_disk_counts_no_attempt(
+    backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("FIC1", "FIC2")
+    run = audits.start_audit(backend)
+    tried: list[int] = []
+
+    def without_room(*_: Any) -> None:
+        tried.append(1)
+        raise OperationalError("INSERT INTO verdicts", {}, Exception("database or disk is full"))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(chunks.verdicts, "add", without_room)
+        with pytest.raises(OperationalError):
+            answer(backend, rung)
+    assert len(tried) == 1
+    assert not rung
+    assert items_of(backend) == [("open", 0, None)] * 2
+    chunks.audit_chunk(backend, int(run.id), "w")
+    assert [item[0] for item in items_of(backend)] == ["done"] * 2

@@ -290,3 +290,15 @@ def announced_after(backend: Backend, seconds: float) -> bool:
     with backend.database.write() as connection:
         connection.execute(update(uploads_table).values(announced_s=clock_s() - seconds))
         return bool(stored.to_announce(connection, 20.0, 40.0))
+
+
+def test_a_full_disk_is_not_waited_for() -> None:
+    calls: list[int] = []
+
+    def action() -> None:
+        calls.append(1)
+        raise OperationalError("INSERT", {}, Exception("database or disk is full"))
+
+    with pytest.raises(OperationalError):
+        patiently(action, 60.0)
+    assert len(calls) == 1

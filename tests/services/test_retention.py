@@ -11,6 +11,7 @@ from sqlalchemy import insert, select, update
 
 from app.errors import RequestError
 from app.services.access import trail
+from app.services.access.identity import SCHEDULE
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.intake.reading import read_upload
@@ -249,6 +250,14 @@ def test_it_runs_once_a_night_in_batches_and_stands_in_the_trail(plant):
     assert retention.retain_if_due(plant, datetime.now(UTC) + timedelta(days=1)) is not None
     row = trail.list_trail(plant, action=retention.ACTION).rows[-1]
     assert (row.who, row.outcome, row.detail["details"]) == ("schedule", "done", 1)
+
+
+def test_a_sweep_by_a_clock_that_was_ahead_does_not_count(plant):
+    trail.record(plant, SCHEDULE, retention.ACTION, "", "done")
+    with plant.database.write() as connection:
+        connection.execute(update(tables.trail).values(at=datetime.now(UTC) + timedelta(days=400)))
+    assert retention.retain_if_due(plant) is not None
+    assert retention.retain_if_due(plant) is None
 
 
 def test_without_time_left_the_rest_waits_for_the_next_sweep(plant):

@@ -4,11 +4,17 @@ import hashlib
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from sqlalchemy import delete, select
 
 from app.services.backend import Backend
 from app.services.intake import content, uploads
 from app.services.intake.uploads import ReadingOptions
+from app.storage import series
+from app.storage.tables import series as series_table
 from tests.services.sent_uploads import export, of_one_tag, packed, read, send
+from tests.services.spoiled import loop_id_of, spoil
+
+EVER = (-(1 << 62), 1 << 62)
 
 
 def test_the_same_content_under_the_same_name_is_the_same_upload(backend: Backend) -> None:
@@ -132,3 +138,29 @@ def test_an_upload_that_is_known_by_its_packed_bytes_stays_the_same(backend: Bac
     assert first.fingerprint == hashlib.sha256(sent).hexdigest()
     assert send(backend, sent, name=name).id == first.id
     assert send(backend, packed(export(), 2), name=name).id != first.id
+
+
+def test_content_that_is_sent_again_is_read_again_where_its_samples_are_damaged(backend: Backend) -> None:
+    first = read(backend, send(backend, export()))
+    assert send(backend, export()).state == "done"
+    loop_id = loop_id_of(backend, "FIC1")
+    with backend.database.read() as connection:
+        before = series.between(connection, loop_id, *EVER)
+        start_ns = connection.scalar(select(series_table.c.start_ns).where(series_table.c.loop_id == loop_id))
+    spoil(backend, loop_id, start_ns)
+    again = send(backend, export())
+    assert (again.id, again.state) == (first.id, "received")
+    read(backend, again)
+    with backend.database.read() as connection:
+        after = series.between(connection, loop_id, *EVER)
+    assert after.fingerprint == before.fingerprint
+    assert send(backend, export()).state == "done"
+
+
+def test_content_that_is_sent_again_is_read_again_where_its_samples_were_dropped(backend: Backend) -> None:
+    first = read(backend, send(backend, export()))
+    with backend.database.write() as connection:
+        connection.execute(delete(series_table))
+    again = send(backend, export())
+    assert (again.id, again.state) == (first.id, "received")
+    assert read(backend, again).samples_added == first.samples_added

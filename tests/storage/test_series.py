@@ -161,7 +161,7 @@ def test_the_set_point_that_was_received_later_held_before_the_window(database: 
     add_as(database, "FIC1", ramp(0, 4000), Place(3))
     assert first(window(database, "FIC1", hours=0.5), "sp") == 2.0
     with database.write() as connection:
-        retention.drop_series(connection, 1.0, 500)
+        retention.drop_series(connection, 1.0, 500, series.EVER_NS)
     assert first(window(database, "FIC1", hours=0.5), "sp") == 2.0
 
 
@@ -263,8 +263,8 @@ def test_what_still_holds_outlives_retention(database: Database, name: str) -> N
     add(database, "FIC1", ramp(-8500, -7900))
     add(database, "FIC1", ramp(0, 4000), steps(name, (3900, 3.0)))  # what was known before is needed for what is kept
     with database.write() as connection:
-        assert retention.drop_series(connection, 1.0, 500) == 3
-        assert retention.drop_series(connection, 1.0, 500) == 0
+        assert retention.drop_series(connection, 1.0, 500, series.EVER_NS) == 3
+        assert retention.drop_series(connection, 1.0, 500, series.EVER_NS) == 0
     assert first(window(database, "FIC1", hours=0.5), name) == 2.0
 
 
@@ -385,3 +385,36 @@ def test_what_was_sent_again_is_not_told_as_damaged(database: Database) -> None:
         found = series.readable(connection, loop_id, START * SECOND, (START + 59) * SECOND)
     assert found.samples is not None
     assert (len(found.samples), found.damaged) == (60, ())
+
+
+STRAY = 10**7
+UNTIL_NS = (START + 9000) * SECOND
+
+
+def seen(database: Database, hours: float) -> Samples:
+    with database.read() as connection:
+        loop_id = loops.ids_of(connection, ["FIC1"])["FIC1"]
+        return series.windows(connection, [loop_id], hours, 10**6, until_ns=UNTIL_NS)[loop_id]
+
+
+def test_a_sample_ahead_of_the_clock_hides_nothing_from_the_window(database: Database) -> None:
+    stray = merged([ramp(2000, 4000), ramp(STRAY, STRAY + 1)])
+    add(database, "FIC1", ramp(0, 2000), steps("sp", (-50, 7.0)), stray)
+    found = seen(database, 1.0)
+    assert found.time_ns[[0, -1]].tolist() == [(START + 399) * SECOND, (START + 3999) * SECOND]
+    assert first(found, "sp") == 7.0
+    add(database, "FIC1", ramp(4000, 5000))
+    assert seen(database, 1.0).time_ns[[0, -1]].tolist() == [(START + 1399) * SECOND, (START + 4999) * SECOND]
+    assert window(database, "FIC1", hours=1e6).time_ns[-1] == (START + STRAY) * SECOND  # kept all the same
+
+
+def test_a_loop_that_has_nothing_but_samples_ahead_is_looked_at_as_it_stands(database: Database) -> None:
+    add(database, "FIC1", ramp(STRAY, STRAY + 4000))
+    assert len(seen(database, 1.0)) == 3601
+
+
+def test_a_sample_ahead_of_the_clock_makes_nothing_old(database: Database) -> None:
+    add(database, "FIC1", ramp(-9000, -8000), ramp(0, 2000), merged([ramp(2000, 4000), ramp(STRAY, STRAY + 1)]))
+    with database.write() as connection:
+        assert retention.drop_series(connection, 1.0, 500, UNTIL_NS) == 1
+    assert seen(database, 100.0).time_ns[[0, -1]].tolist() == [START * SECOND, (START + 3999) * SECOND]

@@ -47,18 +47,24 @@ class Authenticator:
     def __init__(self, backend: Backend, clock: Callable[[], float] = time.monotonic) -> None:
         self._backend = backend
         self._clock = clock
-        self._found: dict[str, Believed] = {}
+        self._good: dict[str, Believed] = {}
+        self._wrong: dict[str, Believed] = {}
         self._noted_s: dict[int, float] = {}
         self._lock = Lock()
 
     def remembered(self, secret: str) -> Believed | None:
         """What is known of a key or a session's token without asking the data base; None: it has to be asked."""
-        found = self._found.get(hashed(secret))
+        hash_ = hashed(secret)
+        found = self._good.get(hash_) or self._wrong.get(hash_)
         if found is None or found.until_s < self._clock():
             return None
         if found.identity and found.identity.expires_at and found.identity.expires_at <= now():
             return Believed(None, found.until_s)
         return found
+
+    def was_good(self, secret: str) -> bool:
+        """Whether it was, when the data base was last asked, however long ago."""
+        return hashed(secret) in self._good
 
     def key(self, text: str) -> Identity | None:
         """Whose key this is; None where it is none, or has ended."""
@@ -104,7 +110,7 @@ class Authenticator:
     def close_session(self, token: str) -> None:
         with self._backend.database.write() as connection:
             keys.close_session(connection, hashed(token))
-        self._found.pop(hashed(token), None)
+        self._good.pop(hashed(token), None)
 
     def due_to_note(self, identity: Identity) -> bool:
         """Whether the use of this key is to be written now; at most once a minute."""
@@ -122,10 +128,13 @@ class Authenticator:
             keys.note_use(connection, key_id, USE_NOTED_EVERY_S)
 
     def _remember(self, secret: str, identity: Identity | None) -> Identity | None:
+        believed = Believed(identity, self._clock() + self._backend.settings.key_recheck_s)
+        kept, other = (self._wrong, self._good) if identity is None else (self._good, self._wrong)
         with self._lock:
-            if len(self._found) >= LARGEST_CACHE:
-                self._found.clear()
-            self._found[hashed(secret)] = Believed(identity, self._clock() + self._backend.settings.key_recheck_s)
+            if len(kept) >= LARGEST_CACHE:  # of wrong ones there may be any number, and they push out no good one
+                kept.clear()
+            kept[hashed(secret)] = believed
+            other.pop(hashed(secret), None)
         return identity
 
 

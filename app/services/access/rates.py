@@ -3,6 +3,7 @@
 import logging
 import math
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from limits import RateLimitItem, RateLimitItemPerMinute
@@ -45,16 +46,24 @@ class Rates:
         be called away from the event loop."""
         return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{address}")
 
+    def refused_s(self, address: str) -> int:
+        """The same without counting one: 0, or the seconds for which this address should stay away."""
+        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{address}"
+        return self._asked(lambda limiter: limiter.test(item, name), item, name)
+
     def _hit(self, item: RateLimitItem, name: str) -> int:
+        return self._asked(lambda limiter: limiter.hit(item, name), item, name)
+
+    def _asked(self, ask: Callable[[SlidingWindowCounterRateLimiter], bool], item: RateLimitItem, name: str) -> int:
         limiter = self._limiter()
         try:
-            if limiter.hit(item, name):
+            if ask(limiter):
                 return 0
             return max(1, math.ceil(limiter.get_window_stats(item, name).reset_time - time.time()))
         except _errors(limiter) as error:
             log.warning("the storage of rate limits is away, this process counts alone: %s", type(error).__name__)
             self._away_until_s = time.monotonic() + WITHOUT_STORAGE_S
-            return self._hit(item, name)
+            return self._asked(ask, item, name)
 
     def _limiter(self) -> SlidingWindowCounterRateLimiter:
         return self._own if time.monotonic() < self._away_until_s else self._shared

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 from sqlalchemy import Connection
 
@@ -16,6 +17,8 @@ from app.storage import audits, items, loops
 from app.storage.audits import AuditRow, LoopFilter, Progress
 
 LISTED_FAILURES = 100
+MOST_OPEN = 100_000
+"""Loops that may wait when one more run is asked for: some runs of a large plant."""
 
 __all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "whole_run"]
 
@@ -32,11 +35,11 @@ def start_audit(
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
 
     The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. unless_going_on: while
-    a run of the whole plant goes on it is that one. Raises RequestError
-    ("unknown_loops") where a named tag is not there, ("no_loops") where a filter leaves no loop with samples.
+    a run of the whole plant goes on it is that one. Raises RequestError ("too_many_open") where somebody asks and far
+    more loops wait than any plant has, ("unknown_loops") where a named tag is not there, ("no_loops") where a filter
+    leaves no loop with samples.
     """
-    wanted = wanted or LoopFilter()
-    _check_tags(backend, wanted)
+    wanted = _spelled(backend, wanted or LoopFilter())
     settings, config = backend.settings, AuditConfig()
     values = {
         "trigger": trigger,
@@ -53,6 +56,8 @@ def start_audit(
         going_on = audits.whole_going_on(connection) if unless_going_on else None
         if going_on is not None:
             return _seen(connection, str(going_on))
+        if trigger == "request":
+            _refuse_flood(connection)
         audit_id = audits.plan(connection, values, wanted)
         _refuse_none(connection, audit_id, wanted)
         night = None if audit_id is not None else audits.by_night(connection, settings.plant, nightly_for or "")
@@ -119,15 +124,23 @@ def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
     return run
 
 
-def _check_tags(backend: Backend, wanted: LoopFilter) -> None:
+def _spelled(backend: Backend, wanted: LoopFilter) -> LoopFilter:
+    """With the tags as their loops have them."""
     if wanted.tags is None:
-        return
+        return wanted
     with backend.database.read() as connection:
-        known = loops.ids_of(connection, wanted.tags)
+        known = loops.as_spelled(connection, wanted.tags)
     missing = [tag for tag in wanted.tags if tag not in known]
     if missing:
         shown = ", ".join(repr(tag) for tag in missing[:5])
         raise RequestError("unknown_loops", f"{len(missing)} of {len(wanted.tags)} tags are not there: {shown}")
+    return replace(wanted, tags=tuple(dict.fromkeys(known[tag] for tag in wanted.tags)))
+
+
+def _refuse_flood(connection: Connection) -> None:
+    if items.count_open(connection, MOST_OPEN) >= MOST_OPEN:
+        text = f"{MOST_OPEN} loops and more wait for their audits; wait for the runs that go on, or cancel some"
+        raise RequestError("too_many_open", text)
 
 
 def _refuse_none(connection: Connection, audit_id: int | None, wanted: LoopFilter) -> None:

@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from app.engine.audit import audit
@@ -16,8 +17,8 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
-from app.services.backend import DATABASE_AWAY, Backend, commit_lost
-from app.services.moments import PlantClock, moment_of
+from app.services.backend import DATABASE_AWAY, Backend, commit_lost, no_room
+from app.services.moments import AHEAD, PlantClock, moment_of, ns_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdict_writing
 from app.storage.audits import AuditRow
@@ -66,7 +67,12 @@ def audit_chunk(
     done, replaced = 0, False
     with about(run=audit_id):
         while claims := _claim(backend, audit_id, owner, calls_successor):
-            begun, replaced = _work_off(backend, run, config, claims, until, watchdog)
+            try:
+                begun, replaced = _work_off(backend, run, config, claims, until, watchdog)
+            except DATABASE_AWAY as error:
+                if no_room(error):
+                    _give_back(backend, claims)
+                raise
             done += begun
             if replaced or time.monotonic() > until:
                 break
@@ -122,6 +128,14 @@ def _work_off(
     return begun, not _write(backend, results, [])
 
 
+def _give_back(backend: Backend, claims: Sequence[Claim]) -> None:
+    """The disk was full, which is no fault of the loops: this attempt does not count. Nobody is called: a sweep does so
+    after a while."""
+    log.error("no room on the disk to write verdicts: loops are given back, make room", extra={"loops": len(claims)})
+    with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # which may find no room either
+        items.hand_back(connection, claims)
+
+
 def _load(backend: Backend, run: AuditRow, config: AuditConfig, claims: Sequence[Claim]) -> list[Work]:
     with backend.database.read() as connection:
         known = loops.by_ids(connection, [claim.loop_id for claim in claims])
@@ -143,9 +157,9 @@ def _windows_together(
 
 
 def _windows(backend: Backend, run: AuditRow, config: AuditConfig, known: Mapping[int, LoopRow]) -> dict[int, Window]:
-    hold_days = backend.settings.hold_days
+    hold_days, until_ns = backend.settings.hold_days, ns_of(now() + AHEAD)
     with backend.database.read() as connection:
-        samples = series.windows(connection, known, run.window_h, run.window_samples, hold_days)
+        samples = series.windows(connection, known, run.window_h, run.window_samples, hold_days, until_ns)
         found = windows_since_repair(connection, known, samples, hold_days, config)
     return {loop_id: found.get(loop_id, Window(None)) for loop_id in known}
 

@@ -24,7 +24,7 @@ from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
 from app.settings import Settings, sync_folder
-from app.storage import uploads
+from app.storage import lost, uploads
 from app.storage.types import storable
 from app.storage.uploads import UploadRow
 
@@ -92,6 +92,8 @@ class Receiving:
         while (registered := self._register(fingerprints, named, correction)) is None:
             named = self._takes_its_name()
         receipt, unread = registered
+        if not unread and (again := _read_anew(self._backend, receipt.upload)):
+            receipt, unread = Receipt(again, receipt.created), True
         if unread:
             self._backend.queue.read_upload(int(receipt.upload.id))
         return receipt
@@ -152,6 +154,23 @@ class Receiving:
                 raise
         finally:
             self._draft.unlink(missing_ok=True)
+
+
+def _read_anew(backend: Backend, upload: UploadView) -> UploadView | None:
+    """The upload, to be read again because what it brought was dropped or cannot be read; None: it is all there."""
+    if upload.state != "done" or not upload.samples_added:
+        return None
+    id_ = int(upload.id)
+    with backend.database.read() as connection:
+        gone = not lost.has_stretches(connection, id_)
+        damaged = lost.damaged_of(connection, id_)
+    if not gone and not damaged:
+        return None
+    with backend.database.write() as connection:
+        if not uploads.read_anew(connection, id_):
+            return None
+        lost.drop_stretches(connection, damaged)
+        return _whole(connection, upload.id)
 
 
 def receive(

@@ -7,9 +7,12 @@ import os
 import shutil
 import sqlite3
 import subprocess
+import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from glob import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,6 +32,9 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
+ANEW = 3
+"""So many times its parts may be copied before nobody is let in between any more."""
+PART, KILLED_S = ".part", 24 * 3600
 UNUSABLE = (DatabaseError, sqlite3.Error)
 """What is raised of a file that is no data base."""
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
@@ -51,12 +57,12 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
     every export that the copy knows is there to be copied.
     """
     refuse_missing(settings)
+    refusal = RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
     if folder.exists():
-        raise RequestError("backup_there", f"{folder} is there already; a backup is written into a new folder")
-    draft = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(draft, ignore_errors=True)
-    made = [parent for parent in draft.parents if not parent.exists()]
-    draft.mkdir(mode=0o700, parents=True)
+        raise refusal
+    made = [parent for parent in folder.parents if not parent.exists()]
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = _draft_of(folder)
     try:
         with away_in_words(*UNUSABLE):
             kind, revision = _copy_database(settings, draft)
@@ -66,6 +72,8 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         told = {"database": kind, "schema": revision, "made_at": now().isoformat(), "files": files}
         _write(draft / MANIFEST, json.dumps({**told, "loopaudit": version("loopaudit")}, indent=1, sort_keys=True))
         _sync_names(draft)
+        if folder.exists():
+            raise refusal  # another backup into it was done first
         draft.rename(folder)
         for changed in (folder.parent, *(parent.parent for parent in made)):
             _sync_names(changed)
@@ -73,6 +81,15 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         shutil.rmtree(draft, ignore_errors=True)
         raise
     return BackupReport(folder, revision, len(files), size)
+
+
+def _draft_of(folder: Path) -> Path:
+    """A new place for this backup alone; those of backups into the same folder that were killed long ago go."""
+    name, parent = f".{folder.name}.", folder.parent
+    for left in parent.glob(f"{escape(name)}*{PART}"):
+        if left.stat().st_mtime < time.time() - KILLED_S:
+            shutil.rmtree(left, ignore_errors=True)
+    return Path(tempfile.mkdtemp(prefix=name, suffix=PART, dir=parent))
 
 
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
@@ -161,11 +178,43 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
 
 
 def _copy_sqlite(source: Path, target: Path) -> None:
-    """SQLite's own online backup: one instant, while others read and write."""
-    with sqlite3.connect(f"file:{source}?mode=ro", uri=True, timeout=30) as there, sqlite3.connect(target) as here:
-        there.backup(here, pages=COPIED_PAGES, sleep=0.01)
-    there.close()
-    here.close()
+    """SQLite's own online backup: one instant, while others read and write.
+
+    It begins anew at each commit of theirs, unless it holds on to that instant; and where there is no write-ahead log,
+    nobody can commit while it does. So there others write between its parts, as long as they leave it the time.
+    """
+    address = f"file:{source}?mode=ro"
+    with (
+        closing(sqlite3.connect(address, uri=True, timeout=30, isolation_level=None)) as there,
+        closing(sqlite3.connect(target)) as here,
+    ):
+        has_log = there.execute("PRAGMA journal_mode").fetchone()[0] == "wal"
+        if not has_log and _copied_in_parts(there, here):
+            return
+        there.execute("BEGIN")
+        there.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        there.backup(here, pages=COPIED_PAGES)
+
+
+def _copied_in_parts(there: sqlite3.Connection, here: sqlite3.Connection) -> bool:
+    """False where it would go on beginning anew."""
+    parts = 0
+
+    def counted(_: int, __: int, pages: int) -> None:
+        nonlocal parts
+        parts += 1
+        if parts > ANEW * (pages // COPIED_PAGES + 1):
+            raise _BegunAnewError
+
+    try:
+        there.backup(here, pages=COPIED_PAGES, progress=counted)
+    except _BegunAnewError:
+        return False
+    return True
+
+
+class _BegunAnewError(Exception):
+    """Others wrote again and again."""
 
 
 def _put_sqlite(source: Path, target: Path) -> None:

@@ -2,15 +2,19 @@
 
 import asyncio
 import re
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from datetime import timedelta
 
 import pytest
 
 from app.main import create_app
-from app.services.access import key_text, keys
+from app.services.access import authentication, key_text, keys
+from app.services.access.authentication import Authenticator
 from app.services.access.identity import Role
-from app.services.access.rates import Rates
+from app.services.access.rates import REFUSALS_PER_MINUTE, Rates
 from app.services.access.trail import list_trail
 from app.storage import trail as stored_trail
 from tests.api.access.conftest import bearer
@@ -152,3 +156,37 @@ def test_wrong_keys_are_counted_away_from_the_event_loop(serve, settings, monkey
     with serve(create_app(settings)) as client:
         assert client.request(method, path, **sent).status_code == 429
     assert looped == []
+
+
+def test_keys_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(serve, settings, monkeypatch, texts):
+    inside, most, lock, look = [], [], threading.Lock(), Authenticator.key
+
+    def counted(self, text: str):
+        with lock:
+            inside.append(text)
+            most.append(len(inside))
+        time.sleep(0.02)
+        with lock:
+            inside.remove(text)
+        return look(self, text)
+
+    wrong = [key_text.make(Role.read).text for _ in range(REFUSALS_PER_MINUTE + 12)]
+    with serve(create_app(settings)) as client, ThreadPoolExecutor(12) as pool:
+
+        def answered(key: str) -> int:
+            return client.get("/v1/loops", headers=bearer(key)).status_code
+
+        assert {answered(key) for key in wrong[:REFUSALS_PER_MINUTE]} == {401}
+        monkeypatch.setattr(Authenticator, "key", counted)
+        assert set(pool.map(answered, wrong[REFUSALS_PER_MINUTE:])) == {429}
+        assert max(most) == 1
+        assert answered(texts[Role.read]) == 200
+
+
+def test_wrong_keys_push_out_no_good_one(backend, texts, monkeypatch):
+    monkeypatch.setattr(authentication, "LARGEST_CACHE", 3)
+    access = Authenticator(backend, clock=lambda: 0.0)
+    assert access.key(texts[Role.read])
+    for _ in range(5):
+        assert access.key(key_text.make(Role.read).text) is None
+    assert access.remembered(texts[Role.read])

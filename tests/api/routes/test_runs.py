@@ -1,9 +1,14 @@
 """Runs: started, counted, followed."""
 
+import asyncio
 import json
+from types import SimpleNamespace
+from weakref import WeakValueDictionary
 
 import pytest
 
+from app.api import audits as events
+from app.services.auditing import audits
 from app.services.auditing.chunks import audit_chunk
 
 
@@ -79,3 +84,52 @@ def test_only_a_run_that_goes_on_is_cancelled(client, plant):
     assert client.get(f"/v1/audits/{plant['id']}").json() == plant
     missing = client.post("/v1/audits/99999/cancel")
     assert (missing.status_code, missing.json()["code"]) == (404, "unknown_audit")
+
+
+def test_far_more_loops_than_a_plant_has_are_not_taken_on(client, plant, backend, monkeypatch):
+    waiting = client.post("/v1/audits", json={"tags": ["FIC101"]}).json()
+    monkeypatch.setattr(audits, "MOST_OPEN", 1)
+    before = client.get("/v1/audits?limit=1").json()["rows"]
+    answer = client.post("/v1/audits", json={"tags": ["FIC101"]})
+    assert (answer.status_code, answer.json()["code"]) == (409, "too_many_open")
+    assert client.get("/v1/audits?limit=1").json()["rows"] == before
+    monkeypatch.undo()
+    client.post(f"/v1/audits/{waiting['id']}/cancel")
+
+
+def test_a_loop_may_be_spelled_in_other_letters(client, plant, backend):
+    run = client.post("/v1/audits", json={"tags": ["fic101", "FIC101"]}).json()
+    assert run["total"] == 1
+    client.post(f"/v1/audits/{run['id']}/cancel")
+    for rest in ("", "/health", "/verdicts"):
+        own = client.get(f"/v1/loops/FIC101{rest}")
+        assert client.get(f"/v1/loops/fic101{rest}").json() == own.json()
+    assert client.get("/v1/loops/fic999").status_code == 404
+
+
+def test_many_streams_of_a_run_ask_the_data_base_as_one(backend, monkeypatch):
+    looked, get = [], audits.get_audit
+    monkeypatch.setattr(audits, "get_audit", lambda *given: looked.append(1) or get(*given))
+    monkeypatch.setattr(events, "LOOK_S", 0.05)
+    run = audits.start_audit(backend)
+
+    async def answered() -> bool:
+        return False
+
+    request = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(watched=WeakValueDictionary())))
+    request.is_disconnected = answered
+
+    async def first_of(stream) -> str:
+        told = await anext(stream)
+        await stream.aclose()
+        return told
+
+    async def crowd() -> list[str]:
+        streams = [events.watched(request, backend, run.id) for _ in range(30)]
+        return await asyncio.gather(*map(first_of, streams))
+
+    told = asyncio.run(crowd())
+    assert len(set(told)) == 1
+    assert len(looked) <= 3
+    assert not request.app.state.watched
+    audits.cancel_audit(backend, run.id)

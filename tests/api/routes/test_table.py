@@ -3,9 +3,13 @@
 import csv
 import io
 import re
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from app.api import reliability
 from tests.api.routes.exports import HOSTILE
 
 
@@ -140,3 +144,23 @@ def test_every_order_is_told_and_what_stands_in_no_row(client, plant):
         assert client.get("/v1/reliability", params={"sort": f"-{name}", "limit": 1}).status_code == 200, name
     absent = set(orders) - set(client.get("/v1/reliability").json()["rows"][0])
     assert absent == set(re.search(r"Of these (.*) are the loop's", told)[1].split(", "))
+
+
+def test_few_whole_tables_are_taken_apart_at_a_time(client, plant, monkeypatch):
+    inside, most, lock, page = [], [], threading.Lock(), reliability.service.reliability_page
+
+    def counted(*given, **named):
+        with lock:
+            inside.append(1)
+            most.append(len(inside))
+        time.sleep(0.1)
+        with lock:
+            inside.pop()
+        return page(*given, **named)
+
+    monkeypatch.setattr(reliability.service, "reliability_page", counted)
+    asked = {"format": "csv", "limit": 20_000}
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(lambda _: client.get("/v1/reliability", params=asked).status_code, range(8)))
+    assert set(answers) == {200}
+    assert max(most) == reliability.TABLES_AT_ONCE
