@@ -25,6 +25,7 @@ class Given:
     plant: gain, time constants, dead time. deviation: relative standard deviation of its time constants, and, where
     `late_deviation` is None, of its dead time; where `gain_deviation` is None, of its gain.
     second_order, integrating: its structure, which the refit keeps. behind_stem: our own, found behind a stem.
+    further: how many lags of an autoregression the noise beside it has beyond its poles and zeros.
     """
 
     plant: Plant
@@ -34,6 +35,7 @@ class Given:
     behind_stem: bool = False
     late_deviation: float | None = None
     gain_deviation: float | None = None
+    further: int = 0
 
     @property
     def own(self) -> bool:
