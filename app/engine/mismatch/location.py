@@ -7,7 +7,8 @@ from app.engine.mismatch.compare.comparison import Comparison, glimpse, mended, 
 from app.engine.mismatch.compare.patterns import find_patterns
 from app.engine.mismatch.compare.preparing import prepare
 from app.engine.mismatch.compare.read_back import without_read_backs
-from app.engine.mismatch.compete.competition import glance
+from app.engine.mismatch.compete.competition import Scanned, glance
+from app.engine.mismatch.compete.richer_noise import ANSWERING
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.refitting import CODE, offered_beside
 from app.engine.mismatch.fit.windows import active_mask, whole, windows_along
@@ -40,9 +41,17 @@ def first_location(comparison: Comparison) -> Location:
     return replace(found, evidence=(*said, *found.evidence))
 
 
+def paying_in_a_scan(base: Fit, blocks: tuple[Block, ...]) -> list[Scanned]:
+    return [scanned for scanned in glance(base, blocks) if scanned.gain > scanned.block.penalty]
+
+
 def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     """The place, windows and condition of the block whose scan gains most, or nowhere where none pays."""
-    paying = [scanned for scanned in glance(base, blocks) if scanned.gain > scanned.block.penalty]
+    paying = paying_in_a_scan(base, blocks)
+    answering = tuple(scanned.block for scanned in paying if scanned.block.place in ANSWERING)
+    if answering and not base.given.own:
+        richer = {scanned.block.name for scanned in paying_in_a_scan(base.beside_richer_noise, answering)}
+        paying = [s for s in paying if s.block.place not in ANSWERING or s.block.name in richer]
     if not paying:
         return Location(None, (), "nowhere", None)
     # A term that names nothing bends with whatever is there: it is said where no name pays.

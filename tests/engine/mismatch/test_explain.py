@@ -385,7 +385,7 @@ def test_what_richer_noise_would_take_is_no_gain() -> None:
     record = experiment(TS, 40.0 + op, recorded(op))
     fitted = fit_linear(record, Given(TRUE))
     poor = replace(fitted, noise=NoiseModel(deviation=float(np.std(fitted.residual))))
-    block = valve_deadband.BLOCKS[0]
+    block = replace(valve_deadband.BLOCKS[0], place="disturbance")  # what answers OP: test_richer_noise
     assert predictable(fitted) < 15.0 < predictable(poor)
     assert taken_by_noise(Contender(block, fitted, 20.0, poor)) == pytest.approx(
         predictable(poor) - predictable(fitted)

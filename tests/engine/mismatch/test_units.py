@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compare.preparing import prepare
 from app.engine.mismatch.fit.fitting import quiet_noise
 from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.loop.block import Context
@@ -110,3 +112,32 @@ def test_tanks_under_a_pump_that_counts_down_get_the_same_name(shared_dir: Path)
 
 def names(said: Explanation) -> list[str]:
     return [effect.code for effect in said.effects]
+
+
+def test_a_simulation_in_another_unit_is_no_gain_that_a_load_hides() -> None:
+    """PV over a trace in another unit, by least squares, is half the gain where OP works against a load."""
+    rng = np.random.default_rng(0)
+    sp, load = np.repeat(rng.uniform(-5.0, 5.0, 12), 200), 3.0 * lfilter([0.243], [1.0, -0.97], rng.normal(size=2400))
+    op, pv = controlled(sp, load, 0.1 * rng.normal(size=2400))
+    trace = run_process(op, LOADED, TS)
+    given = [prepare(Comparison("unit", TS, op, pv, sp, trace=unit * trace)) for unit in (1.0, 100.0)]
+    assert given[0].off == ()
+    assert [reason.code for reason in given[1].off] == ["parameters_off"]
+    assert given[1].share == pytest.approx(0.01, rel=0.15)
+    assert pytest.approx(given[0].base.plant.K, rel=0.15) == given[1].base.plant.K
+
+
+LOADED = Plant(K=1.0, tau=15.0, theta=3.0)
+
+
+def controlled(sp: FloatArray, load: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """OP and PV (N,) of a PI loop around LOADED, a load (N,) beside OP."""
+    op, pv, stay, integral = np.zeros(len(sp)), np.zeros(len(sp)), np.exp(-TS / LOADED.tau), 0.0
+    level = 0.0
+    for t in range(len(sp)):
+        pv[t] = level + noise[t]
+        error = sp[t] - pv[t]
+        integral += error / 15.0
+        op[t] = error + integral
+        level = stay * level + (1.0 - stay) * ((op[t - 3] if t >= 3 else 0.0) + load[t])
+    return op, pv

@@ -12,7 +12,7 @@ from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.refitting import off_in_words
 from app.engine.mismatch.fit.shifting import InStep, in_step
-from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.fit.task import OWN_DEVIATION, Given
 from app.engine.mismatch.judge.conclude import unrelated
 from app.engine.mismatch.loop.beginning import answers_the_record
 from app.engine.mismatch.loop.chain import simulate
@@ -63,17 +63,15 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
         behind = laid.behind
         record = record.resting(behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
-        share = scale_of(record, behind.given)
+        base, share = refit_in_its_unit(record, behind.given, behind.rest)
         record = record.resting(share * behind.rest)
-        base = fit_linear(record, scaled(behind.given, share))
         off = (*laid.said, *off_by(behind.given, share))
         plant = as_pv_begins(record, behind.given)
         return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind), plant, laid=laid, share=share)
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))
-        share = scale_of(record, given)
-        base = fit_linear(record, scaled(given, share))
+        base, share = refit_in_its_unit(record, given)
         plant = as_pv_begins(record, given)
         trace = simulate(record, plant) + record.pv_mid
         return Prepared(record, patterns, trace, base, off_by(given, share), given=plant)
@@ -90,8 +88,8 @@ def without_hidden(record: Experiment, patterns: tuple[Pattern, ...]) -> Experim
 
 
 def scale_of(record: Experiment, given: Given) -> float:
-    """By how much the given gain is to be multiplied where it is in another unit; 1 where it is of PV's size over the
-    record or a stretch of it: where PV follows no further, for a limit, OP and the simulation go far.
+    """By how much the given gain is to be multiplied, roughly, where it is in another unit; 1 where it is of PV's size
+    over the record or a stretch of it: where PV follows no further, for a limit, OP and the simulation go far.
     """
     if given.integrating:
         return 1.0
@@ -125,8 +123,30 @@ def share_of(simulated: FloatArray, pv: FloatArray) -> Share:
     return Share(both / max(power, 1e-300), both / max(np.sqrt(power * float(shown @ shown)), 1e-300))
 
 
+def refit_in_its_unit(record: Experiment, given: Given, rest: FloatArray | None = None) -> tuple[Fit, float]:
+    """The refit of a given model, and by how much its gain, and what (N,) its trace holds beside it (rest), is
+    multiplied: by a fit under coloured noise where it is in another unit, which `scale_of` only tells.
+    """
+
+    def refit(share: float) -> Fit:
+        beside = record if rest is None else record.resting(share * rest)
+        return fit_linear(beside, scaled(given, share))
+
+    share = scale_of(record, given)
+    base = refit(share)
+    if share == 1.0:
+        return base, share
+    share = base.plant.K / given.plant.K
+    return refit(share), share
+
+
 def scaled(given: Given, share: float) -> Given:
-    return replace(given, plant=given.plant.changed(K=share * given.plant.K))
+    """The given model with its gain in the unit of PV: our own guess then, from the same record, and short of the true
+    one where a load moves PV, because OP works against it.
+    """
+    if share == 1.0:
+        return given
+    return replace(given, plant=given.plant.changed(K=share * given.plant.K), gain_deviation=OWN_DEVIATION)
 
 
 def off_by(given: Given, share: float) -> tuple[Reason, ...]:

@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.fit.fitting import Fit, descend, finish, fit, polish, quiet_noise, task_of
-from app.engine.mismatch.fit.noise import fit_noise
+from app.engine.mismatch.fit.fitting import Fit, descend, finish, fit, noise_left, polish, quiet_noise, task_of
 from app.engine.mismatch.fit.scan import Start, at_given, ground, scan, task_with
 from app.engine.mismatch.fit.task import Task, start_at
 from app.engine.mismatch.loop.block import Block, Context, Part
@@ -131,10 +130,9 @@ def begin(scanned: Scanned, found: Fit) -> list[Fit]:
 
 def descended(task: Task, x: FloatArray, steps: int) -> Fit:
     """A first descent from coordinates x, under the noise that is left there."""
-    record = task.record
-    noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable)
+    noise = noise_left(task, x)
     x = descend(task, polish(task, x, noise), noise, steps)
-    return finish(task, x, fit_noise(record.pv_deviation - task.simulated(x), record.usable, noise))
+    return finish(task, x, noise_left(task, x, noise))
 
 
 def pursue(block: Block, begun: list[Fit]) -> Fit:

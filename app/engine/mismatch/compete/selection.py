@@ -18,6 +18,7 @@ from app.engine.mismatch.compete.pairs import (
 )
 from app.engine.mismatch.compete.ranking import best_of_each_code, by_worth, ranked
 from app.engine.mismatch.compete.restarting import with_stems_shown
+from app.engine.mismatch.compete.richer_noise import noise_takes
 from app.engine.mismatch.compete.searching import searched
 from app.engine.mismatch.compete.worth import (
     LEAST_OF_PENALTY,
@@ -91,7 +92,7 @@ def select(
     effects = (first_of(best, beside.get(best.second.block.name)), believed(best.second, best.names))
     ordered = tuple(sorted(effects, key=lambda effect: -effect.gain))
     both = Selection(best.second.fit, ordered, names, single if pays else None)
-    return both if stands(both) else single
+    return both if stands(both) and not noise_takes(both.fit, single.fit) else single
 
 
 def deepened(ranking: tuple[Contender, ...], blocks: tuple[Block, ...]) -> tuple[Contender, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
+FURTHER, FURTHER_ROUNDS, FURTHER_STEPS = 32, 4, 6
 STILL = 1e-12  # of PV's span: the deviation of noise where PV stands
 
 
@@ -41,6 +43,16 @@ class Fit:
     @property
     def score(self) -> float:
         return self.likelihood - sum(part.block.penalty for part in self.parts)
+
+    @cached_property
+    def beside_richer_noise(self) -> "Fit":
+        """The same with an autoregression beside the poles and zeros of its noise, all its numbers fitted again.
+
+        As long as the record is short beside what the noise model lacks, it is enough; a longer one shows the rest,
+        and under feedback OP holds it.
+        """
+        given = replace(self.given, further=FURTHER)
+        return fit(task_of(replace(self, given=given)), self.x, None, FURTHER_ROUNDS, FURTHER_STEPS)
 
 
 def task_of(found: Fit) -> Task:
@@ -178,6 +190,12 @@ def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
     )
 
 
+def noise_left(task: Task, x: FloatArray, start: NoiseModel | None = None) -> NoiseModel:
+    """The noise of what the simulation at coordinates x (P,) leaves, refined from a start where there is one."""
+    record = task.record
+    return fit_noise(record.pv_deviation - task.simulated(x), record.usable, start, task.given.further)
+
+
 def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int = 2, steps: int = 8) -> Fit:
     """Simulation and noise model in turn, `rounds` times, from coordinates x (P,), in `steps` descents at most each
     time; ends early where a round gains hardly anything.
@@ -186,14 +204,12 @@ def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int 
     Soderstrom 1974, doi 10.1016/0005-1098(74)90063-1; output error with a noise model is the prediction error method of
     Ljung.
     """
-    record = task.record
     if noise is None:
-        noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable)
-    best = finish(task, x, fit_noise(record.pv_deviation - task.simulated(x), record.usable, noise))
+        noise = noise_left(task, x)
+    best = finish(task, x, noise_left(task, x, noise))
     for _ in range(rounds):
         x = descend(task, polish(task, best.x, best.noise), best.noise, steps)
-        residual = record.pv_deviation - task.simulated(x)
-        fitted = finish(task, x, fit_noise(residual, record.usable, best.noise))
+        fitted = finish(task, x, noise_left(task, x, best.noise))
         gained = fitted.likelihood - best.likelihood
         if gained > 0.0:
             best = fitted

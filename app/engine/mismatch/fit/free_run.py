@@ -7,8 +7,8 @@ a loop that hardly follows OP: what a load leaves is told apart from what a mode
 import numpy as np
 from scipy.ndimage import median_filter
 
-from app.engine.mismatch.fit.fitting import Fit, descend, finish, polish, quiet_noise, task_of
-from app.engine.mismatch.fit.noise import NoiseModel, fit_noise, whiten
+from app.engine.mismatch.fit.fitting import Fit, descend, finish, noise_left, polish, quiet_noise, task_of
+from app.engine.mismatch.fit.noise import NoiseModel, whiten
 from app.engine.mismatch.loop.chain import signal_after
 from app.engine.recording import BoolArray, FloatArray
 
@@ -100,7 +100,7 @@ def by_free_run(found: Fit) -> Fit:
     """The same model fitted by its free run alone, with the noise that it then leaves."""
     task = task_of(found)
     x = white_fit(found)
-    return finish(task, x, fit_noise(found.record.pv_deviation - task.simulated(x), found.record.usable))
+    return finish(task, x, noise_left(task, x))
 
 
 def white_fit(found: Fit) -> FloatArray:

@@ -2,14 +2,16 @@
 
 H(q) = (1 - z1 q^-1)(1 - z2 q^-1) / ((1 - p1 q^-1)(1 - p2 q^-1)), poles and zeros real: sums of two first-order
 disturbances and white measurement noise have this form. Complex poles are left out on purpose: they would take in an
-oscillation as noise.
+oscillation as noise. Where that is asked for, an autoregression of the innovations stands beside it (`further`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numba import njit
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.signals.sampled import REORDERED_SUMS
@@ -18,6 +20,8 @@ POLE_MAX = 0.9995
 ZERO_MAX = 0.97
 Four = tuple[float, float, float, float]
 LONG_GAP = 4
+SAMPLES_A_LAG = 20
+RIDGE = 1e-9
 SETTLING, SHARE_OF_SETTLING = 3, 20
 FIRST_STEPS, LAST_STEPS, PURSUED = 8, 17, 2
 STARTS = (
@@ -32,11 +36,14 @@ STARTS = (
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Poles and zeros of H, and the standard deviation of the innovations in the unit of PV."""
+    """Poles and zeros of H, and the standard deviation of the innovations in the unit of PV. further: weights of the
+    innovations before, by which those of H foretell themselves.
+    """
 
     poles: tuple[float, float] = (0.0, 0.0)
     zeros: tuple[float, float] = (0.0, 0.0)
     deviation: float = 1.0
+    further: tuple[float, ...] = ()
 
     @cached_property
     def shape(self) -> FloatArray:
@@ -46,6 +53,10 @@ class NoiseModel:
     def numbers(self) -> FloatArray:
         """The shape and the deviation, as the kernels read them."""
         return np.array([*self.poles, *self.zeros, self.deviation])
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        return np.array(self.further, dtype=np.float64)
 
 
 @njit(cache=True, nogil=True)
@@ -104,6 +115,17 @@ def compared_samples(usable: BoolArray) -> BoolArray:
         compared[t] = usable[t] and hidden < LONG_GAP
         hidden = 0 if usable[t] else hidden + 1
     return compared
+
+
+@njit(cache=True, nogil=True)
+def _less_foretold(e: FloatArray, compared: BoolArray, weights: FloatArray) -> None:
+    """Takes off innovations (N,) what those before foretell of them by weights (M,), in place."""
+    for t in range(len(e) - 1, 0, -1):
+        if compared[t]:
+            foretold = 0.0
+            for k in range(min(len(weights), t)):
+                foretold += weights[k] * e[t - 1 - k]
+            e[t] -= foretold
 
 
 @njit(cache=True, nogil=True)
@@ -186,17 +208,26 @@ def whiten(r: FloatArray, usable: BoolArray, noise: NoiseModel) -> FloatArray:
     """Innovations (N,) of the residual r (N,) under a noise model; zero where `usable` (N,) is False."""
     e = np.empty(len(r))
     _whiten(np.ascontiguousarray(r), usable, noise.shape, e)
+    if noise.further:
+        _less_foretold(e, compared_samples(usable), noise.weights)
     return e
 
 
 @njit(cache=True, nogil=True)
 def _scaled_innovations(
-    pv: FloatArray, simulated: FloatArray, usable: BoolArray, numbers: FloatArray, less: FloatArray, rows: FloatArray
+    pv: FloatArray,
+    simulated: FloatArray,
+    usable: BoolArray,
+    numbers: FloatArray,
+    weights: FloatArray,
+    less: FloatArray,
+    rows: FloatArray,
 ) -> None:
     """Innovations of pv (N,) less simulations (L, N), over their deviation and less a row, into the beginnings of rows;
-    the first are left out. numbers: the noise's shape and deviation.
+    the first are left out. numbers: the noise's shape and deviation. weights: its further ones.
     """
     n, deviation = len(pv), numbers[4]
+    compared = compared_samples(usable) if len(weights) else usable
     skip = min(SETTLING, n // SHARE_OF_SETTLING)
     r, e = np.empty(n), np.empty(n)
     for k in range(len(simulated)):
@@ -204,6 +235,8 @@ def _scaled_innovations(
         for t in range(n):
             r[t] = pv[t] - there[t]
         _whiten(r, usable, numbers, e)
+        if len(weights):
+            _less_foretold(e, compared, weights)
         for t in range(n - skip):
             row[t] = kept[t] / deviation - less[t]
 
@@ -214,7 +247,7 @@ def scaled_innovations(
     """Writes the innovations of pv (N,) less simulations (L, N) over their deviation, less a row (N or more,), into the
     rows (L, N or more), without those that `settling_samples` counts.
     """
-    _scaled_innovations(pv, np.ascontiguousarray(simulated), usable, noise.numbers, less, rows)
+    _scaled_innovations(pv, np.ascontiguousarray(simulated), usable, noise.numbers, noise.weights, less, rows)
 
 
 @njit(cache=True, nogil=True)
@@ -233,6 +266,7 @@ def _colour(e: FloatArray, shape: FloatArray) -> FloatArray:
 
 def coloured(e: FloatArray, noise: NoiseModel) -> FloatArray:
     """Noise (N,) made of innovations e (N,): what `whiten` undoes."""
+    e = lfilter([1.0], [1.0, *-noise.weights], e) if noise.further else e
     return _colour(np.ascontiguousarray(e, dtype=np.float64), noise.shape)
 
 
@@ -248,14 +282,50 @@ def compared_count(usable: BoolArray) -> int:
     return int(np.sum(compared_samples(usable)[settling_samples(len(usable)) :]))
 
 
-def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None) -> NoiseModel:
+def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None, further: int = 0) -> NoiseModel:
     """The noise model of the residual r (N,) by least squares of its innovations over the samples compared.
 
     From a `start` only that one is refined; without, several starts are tried, because slow noise under white noise
-    has two optima.
+    has two optima. further: so many lags of an autoregression of the innovations beside it.
     Source of the form: Box, Jenkins, Reinsel, Ljung, Time Series Analysis, doi 10.1002/9781118619193, chapter 3.
     """
     r = np.ascontiguousarray(r, dtype=np.float64)
+    found = fit_poles_and_zeros(r, usable, start)
+    return with_further(r, usable, found, further) if further else found
+
+
+def with_further(r: FloatArray, usable: BoolArray, found: NoiseModel, lags: int) -> NoiseModel:
+    """A noise model with so many lags of an autoregression of its innovations beside it, fewer where there are few
+    samples.
+    """
+    lags = min(lags, compared_count(usable) // SAMPLES_A_LAG)
+    e = np.empty(len(r))
+    _whiten(r, usable, found.shape, e)
+    covariances = autocovariances(e[settling_samples(len(r)) :], lags)
+    if lags == 0 or not covariances[0] > 0.0:
+        return found
+    richer = replace(found, further=tuple(autoregression(covariances).tolist()))
+    cost = _energy(whiten(r, usable, richer), settling_samples(len(r)))
+    return model_of(found.shape, cost, compared_count(usable), richer.further)
+
+
+def autoregression(covariances: FloatArray) -> FloatArray:
+    """Weights (M,) of the samples before by which a series, not all zero, foretells itself best, from the sums
+    (M + 1,) of `autocovariances`, by the equations of Yule and Walker. Source: Box, Jenkins, Reinsel, Ljung,
+    doi 10.1002/9781118619193, chapter 3.
+    """
+    return np.asarray(solve_toeplitz(covariances[:-1], covariances[1:]), dtype=np.float64)
+
+
+def autocovariances(series: FloatArray, order: int) -> FloatArray:
+    """(order + 1,) sums of products at the lags 0 to order, the first a trifle larger, as a ridge."""
+    sums = np.array([series[lag:] @ series[: len(series) - lag] for lag in range(order + 1)])
+    sums[0] *= 1.0 + RIDGE
+    return sums
+
+
+def fit_poles_and_zeros(r: FloatArray, usable: BoolArray, start: NoiseModel | None) -> NoiseModel:
+    """As `fit_noise`, without any autoregression."""
     skip, count = settling_samples(len(r)), compared_count(usable)
     if start is not None:
         shape = np.array(start.shape)
@@ -270,7 +340,7 @@ def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None)
     return model_of(best, best_cost, count)
 
 
-def model_of(shape: FloatArray, cost: float, count: int) -> NoiseModel:
+def model_of(shape: FloatArray, cost: float, count: int, further: tuple[float, ...] = ()) -> NoiseModel:
     """The model of a shape whose innovations, so many, have this sum of squares."""
     p1, p2, z1, z2 = shape.tolist()
-    return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(cost, 1e-300) / max(count, 1))))
+    return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(cost, 1e-300) / max(count, 1))), further)

@@ -22,9 +22,10 @@ BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 class Given:
     """The linear model to start from, and how far to trust it.
 
-    plant: gain, time constants, dead time. deviation: relative standard deviation of its gain and time constants, and,
-    where `late_deviation` is None, of its dead time.
+    plant: gain, time constants, dead time. deviation: relative standard deviation of its time constants, and, where
+    `late_deviation` is None, of its dead time; where `gain_deviation` is None, of its gain.
     second_order, integrating: its structure, which the refit keeps. behind_stem: our own, found behind a stem.
+    further: how many lags of an autoregression the noise beside it has beyond its poles and zeros.
     """
 
     plant: Plant
@@ -33,6 +34,8 @@ class Given:
     integrating: bool = False
     behind_stem: bool = False
     late_deviation: float | None = None
+    gain_deviation: float | None = None
+    further: int = 0
 
     @property
     def own(self) -> bool:
@@ -65,7 +68,8 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     """The free numbers of the linear plant, with what is known of them from the given simulation."""
     g, ts, span = given.plant, record.sampling_interval_s, record.pv_span
     wide = max(5.0 * given.deviation, 0.3)
-    free = [Free("K", g.K, 1.0, max(given.deviation, gain_deviation), 0.05, 20.0)]
+    gain_trusted = given.deviation if given.gain_deviation is None else given.gain_deviation
+    free = [Free("K", g.K, 1.0, max(gain_trusted, gain_deviation), 0.05, 20.0)]
     if not given.integrating:
         free.append(Free("tau", g.tau, 0.0, given.deviation, -wide, wide, log=True))
     for name, lag in (("tau2", g.tau2), ("tau3", g.tau3)):

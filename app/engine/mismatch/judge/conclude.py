@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.mismatch.compete.richer_noise import ANSWERING
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.fitting import Fit, fit, fit_linear, task_of
 from app.engine.mismatch.fit.given import TraceModel
@@ -14,7 +15,6 @@ from app.engine.mismatch.judge.result import Effect, Improvement, Verdict
 from app.engine.mismatch.loop.experiment import Experiment
 
 LEAST_ANSWER = 10.0
-ANSWERING = ("valve", "process")
 LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
 ROUNDING = 1e-9

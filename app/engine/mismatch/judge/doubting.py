@@ -37,11 +37,15 @@ def reviewed(base: Fit, selection: Selection) -> Selection:
     left = lack_of_fit(selection.fit)
     if not left:
         return selection
-    named = max(named_score(base, selection), 0.0)
     # A linear loop of our own is a guess from the same record: terms would mend that as well.
     own = base.given.own
     unnamed = None if own else without_name(base, lack_of_fit(base) if selection.effects else left)
-    if unnamed is not None and unnamed.score > named + CLEARLY and not runs_astray(selection.fit, unnamed.fit):
+    if (
+        unnamed is not None
+        and says_more(unnamed.fit, selection.fit, base)
+        and not runs_astray(selection.fit, unnamed.fit)
+    ):
+        named = max(named_score(base, selection), 0.0)
         return Selection(unnamed.fit, (in_place_of(selection, unnamed, named),), selection.ranking)
     half_sure = HALF_SURE_OWN if own else HALF_SURE
     return replace(selection, effects=tuple(doubted(effect, left, half_sure) for effect in selection.effects))
@@ -57,6 +61,14 @@ def runs_astray(names: Fit, unnamed: Fit) -> bool:
         gain = unseen_gain(before, after, held)
         runs.append(FreeRuns(before.simulated, after.simulated, held, gain, after, ()))
     return mostly_worse(pv, runs)
+
+
+def says_more(unnamed: Fit, names: Fit, base: Fit) -> bool:
+    """Whether terms without a name clearly say more than names do, or than the linear refit where these say less;
+    under a richer noise too, because terms that answer OP take what the noise model lacks.
+    """
+    richer = [fit.beside_richer_noise for fit in (unnamed, names, base)]
+    return all(terms.score > max(n.score, b.score) + CLEARLY for terms, n, b in ((unnamed, names, base), richer))
 
 
 def named_score(base: Fit, selection: Selection) -> float:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.mismatch.compete.competition import descended
-from app.engine.mismatch.fit.fitting import Fit, descend, fit, fit_linear
+from app.engine.mismatch.fit.fitting import Fit, descend, fit, fit_linear, noise_left
 from app.engine.mismatch.fit.free_run import beside_load, settle, stem_swing
 from app.engine.mismatch.fit.given import own_again
-from app.engine.mismatch.fit.noise import compared_samples, fit_noise, whiten
+from app.engine.mismatch.fit.noise import compared_samples, whiten
 from app.engine.mismatch.fit.task import Given, make_task, start_at
 from app.engine.mismatch.fit.windows import active_mask
 from app.engine.mismatch.judge.residuals import ResidualTests
@@ -178,7 +178,7 @@ def refit_without(found: Fit, held: BoolArray, given: Given | None = None) -> Fi
     task = make_task(record, given, tuple(part.block for part in found.parts))
     known = [part.values for part in found.parts]
     x = found.x if given is found.given else start_at(task, found.plant, np.concatenate(known))
-    noise = fit_noise(record.pv_deviation - task.simulated(x), record.usable, found.noise)
+    noise = noise_left(task, x, found.noise)
     smooth = [k for k, free in enumerate(task.free) if "." not in free.name or free.linear]
     begun = descended(task, descend(task, x, noise, STEPS, smooth), STEPS)
     blind = settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))

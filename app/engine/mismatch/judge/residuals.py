@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
-from app.engine.mismatch.compete.richer_noise import autoregression
-from app.engine.mismatch.fit.noise import compared_samples, fit_noise, whiten
+from app.engine.mismatch.fit.noise import autocovariances, autoregression, compared_samples, fit_noise, whiten
 from app.engine.recording import BoolArray, FloatArray, IntArray
 
 LAGS = 20
@@ -93,7 +92,7 @@ def independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsT
     if largest == 0.0:
         return None
     moves = moves / largest
-    a = np.convolve(moves, np.concatenate(([1.0], -autoregression(moves, OP_ORDER))))[: len(op)]
+    a = np.convolve(moves, np.concatenate(([1.0], -autoregression(autocovariances(moves, OP_ORDER)))))[: len(op)]
     energy = np.array([np.sum(a[before(at, lag)] ** 2) for lag in range(1, lags + 1)])
     told = energy > 0.0
     if not np.any(told):
