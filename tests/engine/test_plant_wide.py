@@ -171,9 +171,42 @@ def test_in_step_means_the_same_frequency_at_the_same_time():
 
 def test_a_pair_among_many_loops_may_be_chance():
     many = [wave("L" * (number + 3), 150.0 * 1.06**number) for number in range(30)]
-    pair = [group for group in groups([wave("A", 300.0), wave("BB", 300.0, phase=1.0), *many]) if group.in_step]
+    pair = [group for group in groups([wave("A", 300.0), wave("BB", 304.0, phase=1.0), *many]) if group.in_step]
     assert pair
     assert all(group.by_chance for group in pair)
+
+
+def hunting(tag: str, seed: int, period_s: float) -> Candidate:
+    """A valve that sticks in a limit cycle of its own, whose period wanders."""
+    rng, time_s = np.random.default_rng(seed), np.arange(600) * 10.0
+    phase = 2 * np.pi * time_s / period_s + 0.15 * np.cumsum(rng.normal(size=600))
+    record = UniformRecord(10.0, np.sin(phase), -np.sin(phase), None, np.zeros(600, dtype=np.bool_), 0.0)
+    swing = swing_of(record, replace(detect(record), period_s=period_s, regularity=5.0))
+    assert swing is not None
+    return Candidate(tag, swing, 0.99)
+
+
+@pytest.mark.parametrize("others", [0, 60])
+def test_valves_that_stick_at_about_a_shared_period_are_no_source_of_it(others):
+    """Among few loops a near period alone is rarely chance: there what they share has to be what the valve does."""
+    many = [wave("L" * (number + 3), 60.0 * 1.05**number) for number in range(others)]
+    outside = [wave(f"TIC{number}", 300.0, phase=0.2 * number) for number in range(5)]
+    for seed in range(12):
+        valves = [hunting(f"PIC{number}", 10 * seed + number, 300.0) for number in range(3)]
+        found = groups([*outside, *valves, *many])
+        together = [group for group in found if {"TIC0", "TIC1"} <= {suspect.tag for suspect in group.suspects}]
+        assert [(group.source, group.by_chance, group.shaken) for group in together] == [(None, False, ())]
+        assert {"TIC2", "TIC3", "TIC4"} <= {suspect.tag for suspect in together[0].suspects}
+
+
+def test_a_valve_that_sticks_by_itself_is_not_said_to_be_shaken():
+    """It swings without another's help: only as one with the source it may be doubted for it."""
+    source = replace(wave("A", 300.0), stiction_probability=0.999)
+    found = groups([source, *(wave(f"BB{number}", 300.0, phase=1.0) for number in range(2)), hunting("C", 5, 300.0)])
+    in_step = {suspect.tag: suspect.coherence for suspect in found[0].suspects[1:]}
+    assert found[0].source == "A"
+    assert 0.7 < in_step["C"] < 0.95
+    assert {suspect.tag for suspect in found[0].shaken} == {"BB0", "BB1"}
 
 
 def test_no_source_is_named_where_the_period_may_be_shared_by_chance():

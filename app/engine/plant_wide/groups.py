@@ -15,6 +15,10 @@ IN_STEP = 0.7
 one pair of a thousand (17 lines under a Hann window have some 11 independent ones; (1 - 0.49)^10). Two limit cycles of
 nearly one period hold so few lines that it reaches it often: there the probability of a shared period has to tell."""
 
+AS_ONE = 0.95
+"""Coherence from which one swing may be nothing but the answer to another. Of 43 simulated valves that shake others
+each has 0.98 and more with them; valves that stick by themselves, at one period by coincidence, have up to 0.93."""
+
 CHANCE = 0.01
 """A group counts as shown where chance would bring so many loops together with less than this probability."""
 
@@ -34,6 +38,10 @@ valves that stick in nearly pure limit cycles, and what they shake, are told fro
 
 HANN_SHARE = 11.0 / 17.0
 """How many independent lines a line under a Hann window is."""
+
+PURE = 0.5
+"""The exponent for two swings of hardly more than a line: a frequency, one real number, is all in which they differ. Of
+two within a line and a half under a Hann window a share of 0.75 (1 - c^2)^(1/2) is more coherent than c."""
 
 GRID = 512
 _LARGEST = 4000
@@ -73,6 +81,16 @@ class Suspect:
     coherence: float
     lag_s: float | None
 
+    @property
+    def sticks(self) -> bool:
+        """Likelier than not."""
+        return (self.stiction_probability or 0.0) > _NOTHING_STICKS
+
+    @property
+    def may_be_shaken(self) -> bool:
+        """By the likeliest source. A valve that sticks swings by itself: it is shaken only if it does nothing else."""
+        return self.coherence >= (AS_ONE if self.sticks else IN_STEP)
+
 
 @dataclass(frozen=True)
 class Group:
@@ -82,14 +100,18 @@ class Group:
     chance_probability: that so many of the candidates share a period by chance, if periods are spread evenly (in their
     logarithm) over what the candidates have, at least a factor of 20; in step, that they are as coherent besides. Pairs
     among many loops mostly are chance, unless what they share wanders.
+    accounted: whether what the likeliest source does may be what the others share. It is not where none of them can be
+    shaken by it, and where they are AS_ONE with each other and not with it.
     source: tag of the likeliest source; None where the loops share their period by chance with more than UNNAMED,
-    and where no member is likelier to stick than not: the source is then outside of the loops that were judged.
+    where no member is likelier to stick than not, and where that one does not account for the others: the source is
+    then outside of the loops that were judged, or there are several.
     """
 
     period_s: float
     in_step: bool
     chance_probability: float
     suspects: tuple[Suspect, ...]
+    accounted: bool = True
 
     @property
     def by_chance(self) -> bool:
@@ -98,8 +120,8 @@ class Group:
     @property
     def source(self) -> str | None:
         best = self.suspects[0]
-        sticks = (best.stiction_probability or 0.0) > _NOTHING_STICKS
-        return best.tag if sticks and self.chance_probability <= UNNAMED else None
+        told = best.sticks and self.accounted and self.chance_probability <= UNNAMED
+        return best.tag if told else None
 
     @property
     def shaken(self) -> tuple[Suspect, ...]:
@@ -108,7 +130,7 @@ class Group:
         """
         if self.source is None or not self.in_step:
             return ()
-        return tuple(suspect for suspect in self.suspects[1:] if suspect.coherence >= IN_STEP)
+        return tuple(suspect for suspect in self.suspects[1:] if suspect.may_be_shaken)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,22 +204,25 @@ class _Company:
         return float(np.min(_as_many(self._as_coherent(one, rows[others], links[others]))))
 
     def beyond_chance(self, one: int, rows: IntArray, links: ComplexArray) -> IntArray:
-        """The rows linked to one that hardly come by chance, each for itself or several together."""
+        """The rows linked to one that hardly come by chance, each for itself or several together: where several do, the
+        nearest of them alone would tell as little as one, and belong to them all the same."""
         loops = self._as_coherent(one, rows, links)
-        return rows[(loops <= UNNAMED) | ((loops <= TOGETHER) & (_as_many(loops) <= CHANCE))]
+        near = loops[loops <= TOGETHER]
+        shown = len(near) > 0 and float(_as_many(near).min()) <= CHANCE
+        return rows[loops <= (TOGETHER if shown else UNNAMED)]
 
     def _as_coherent(self, one: int, others: IntArray, links: ComplexArray) -> FloatArray:
         """(K,) how many others chance brings to the period of one, as coherent with it as each of `others` (K,) is.
 
         Of swings that wander by themselves over n independent lines a share of (1 - c^2)^(n - 1) is more coherent than
         c; n is less where the two were recorded together for a part of the time only. A limit cycle is hardly more than
-        one line: to be coherent with it tells little.
+        one line: to be coherent with it tells little, unless as nearly as two of one frequency are.
         """
         end_s = np.minimum(self.end_s[others], self.end_s[one])
         together = np.maximum(0.0, end_s - np.maximum(self.start_s[others], self.start_s[one]))
         lines = np.minimum(self.lines_a_second[others], self.lines_a_second[one]) * together
         apart = np.maximum(1.0 - np.minimum(1.0, np.abs(links)) ** 2, _LEAST_APART)
-        return np.asarray(apart ** np.maximum(lines - 1.0, 0.0) * self.expected[one])
+        return np.asarray(apart ** np.maximum(lines - 1.0, PURE) * self.expected[one])
 
 
 def _as_many(expected: FloatArray) -> FloatArray:
@@ -366,7 +391,19 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, member
     ]
     chance = company.by_chance(best, rows, links) if in_step else company.of_one_period(members[0], len(members) - 1)
     others = sorted((s for k, s in enumerate(suspects) if k != place), key=lambda s: (-s.score, s.tag))
-    return Group(period_s, in_step, chance, (suspects[place], *others))
+    shaken = [row for row, suspect in zip(members, suspects, strict=True) if row != best and suspect.may_be_shaken]
+    accounted = not in_step or _accounts_for(waves, best, shaken)
+    return Group(period_s, in_step, chance, (suspects[place], *others), accounted)
+
+
+def _accounts_for(waves: _Waves, source: int, shaken: list[int]) -> bool:
+    """Whether what the source does may be all that these rows share: not where one of them, the strongest, is as one
+    with the others and the source is not. A single one tells nothing of that."""
+    if len(shaken) < 2:
+        return len(shaken) == 1
+    among, rest = shaken[0], np.sort(shaken[1:])
+    of_source, of_one_of_them = (float(np.median(np.abs(waves.coherence(one, rest)))) for one in (source, among))
+    return of_source >= AS_ONE or of_one_of_them < AS_ONE
 
 
 def _score(candidate: Candidate, late_s: float, resolution_s: float) -> float:
