@@ -247,6 +247,23 @@ def test_what_was_recorded_together_for_a_moment_only_is_hardly_in_step():
     assert len(doubted) <= 8
 
 
+def test_what_one_step_of_their_set_points_leaves_behind_is_no_common_swing():
+    """Loops that answer one step alike are coherent over the whole record, and by no chance; they do not oscillate."""
+
+    def stepped(tag: str, seed: int, at: int) -> Candidate:
+        rng, k = np.random.default_rng(seed), np.arange(2880)
+        answer = np.where(k > at, np.exp(-(k - at) / 120.0) * np.sin(2 * np.pi * (k - at) / 170.0), 0.0)
+        pv = answer + 0.03 * rng.normal(size=2880)
+        record = UniformRecord(5.0, pv, -pv, None, np.zeros(2880, dtype=np.bool_), 0.0)
+        swing = swing_of(record, replace(detect(record), period_s=850.0, regularity=1.5))
+        assert swing is not None
+        return Candidate(tag, swing, 0.1)
+
+    assert groups([stepped(f"L{seed}", seed, 960) for seed in range(5)]) == ()
+    found = groups([wave("A", 300.0), wave("BB", 300.0), *(stepped(f"L{k}", k, 960) for k in range(5))])
+    assert [{suspect.tag for suspect in group.suspects} for group in found] == [{"A", "BB"}]
+
+
 def test_too_few_cycles_make_no_group():
     assert groups([wave("A", 900.0), wave("BB", 900.0)]) == ()
 

@@ -32,6 +32,10 @@ ALIKE = 0.8
 FEWEST_CYCLES = 10.0
 """Below so many cycles everything regular looks in step with everything of about its period."""
 
+PASSING = 1.0 / 3.0
+"""Of so little of its record a swing is what one event left behind, as a step of the set point does, unless it has
+FEWEST_CYCLES there: what is driven wanders over half of it, a limit cycle has all of it."""
+
 TOGETHER = 0.5
 """How many loops so coherent chance may bring at most where as many as there are come by chance with less than CHANCE:
 valves that stick in nearly pure limit cycles, and what they shake, are told from others only together."""
@@ -255,7 +259,8 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     so many loops. Then the same whatever chance brings. Then, of what is left: the same unit (loops without one count
     as of one), the same period (within 3 % and resolution) and spectra alike from a third of the frequency upwards.
     Cost: M x GRID complex numbers, and M products of that length, up to M^2 where all have one period; of more than
-    4,000 candidates the strongest are taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two
+    4,000 candidates the strongest are taken, and none of fewer than ten cycles, nor one that swings for a moment only:
+    set points that step at one time are answered alike. Misleads on pairs of pure sines: two
     periods that a record cannot tell apart are in step as far as it shows.
     Sources: Thornhill, Shah, Huang, Vishnubhotla 2002, Control Eng. Practice 10, 1247-1258,
     doi 10.1016/S0967-0661(02)00090-5 (spectra alike); Thornhill 2005, J. Process Control 15, 309-324,
@@ -266,7 +271,7 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     if len(chosen) < 2:
         return ()
     waves = _waves([c.swing for c in chosen])
-    free = _Free(np.ones(len(chosen), dtype=np.bool_))
+    free = _Free(np.array([_lasts(waves, row, one.swing.cycles) for row, one in enumerate(chosen)]))
     company = _Company.of(chosen)
     # In a large plant some are coherent enough by chance to hide which belong together: those that are not come first.
     _gather_in_step(chosen, waves, free, company.beyond_chance)
@@ -421,8 +426,31 @@ def _clipped(probability: float) -> float:
     return min(max(probability, 0.01), 0.99)
 
 
+def _lasts(waves: _Waves, row: int, cycles: float) -> bool:
+    """Whether a swing has enough cycles where it swings; so many of its record have its power: (sum p)^2 / (n sum p^2).
+    True where there is too little to tell.
+    """
+    envelope, _ = _envelope(waves, row)
+    power = envelope**2
+    if not power.any():
+        return True
+    share = float(np.sum(power) ** 2 / (len(power) * np.sum(power**2)))
+    return share >= PASSING or share * cycles >= FEWEST_CYCLES
+
+
 def _onset_s(waves: _Waves, row: int) -> float | None:
-    """When the envelope first stays above half of its usual height; None where it is there from the start.
+    """When the envelope first stays above half of its usual height; None where it is there from the start."""
+    envelope, time_s = _envelope(waves, row)
+    usual = float(np.median(envelope[len(envelope) // 2 :])) if len(envelope) else 0.0
+    if usual <= 0.0 or envelope[0] > _ONSET_RISE * usual:
+        return None
+    below = np.flatnonzero(envelope < 0.5 * usual)
+    early = below[below < len(envelope) // 2]
+    return float(time_s[early[-1]]) if len(early) else None
+
+
+def _envelope(waves: _Waves, row: int) -> tuple[FloatArray, FloatArray]:
+    """How high a swing is, and when, (n,) each; empty of a record that has less than 32 points of the grid.
 
     The Hann window that the lines were taken with is taken out again; the outermost eighths, where it is near zero,
     are not looked at.
@@ -430,15 +458,10 @@ def _onset_s(waves: _Waves, row: int) -> float | None:
     inside = np.flatnonzero(waves.inside[row])
     n = len(inside)
     if n < 32:
-        return None
+        return np.empty(0), np.empty(0)
     seen = slice(n // 8, n - n // 8)
-    envelope = np.abs(waves.values[row, inside])[seen] / np.hanning(n)[seen]
-    usual = float(np.median(envelope[len(envelope) // 2 :]))
-    if usual <= 0.0 or envelope[0] > _ONSET_RISE * usual:
-        return None
-    below = np.flatnonzero(envelope < 0.5 * usual)
-    early = below[below < len(envelope) // 2]
-    return float(waves.time_s[row, inside[seen][early[-1]]]) if len(early) else None
+    height = np.abs(waves.values[row, inside]).astype(np.float64)
+    return height[seen] / np.hanning(n)[seen], waves.time_s[row, inside[seen]]
 
 
 def _lag_s(link: complex, period_s: float) -> float:
