@@ -123,9 +123,9 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
 
 @router.get("/groups")
 def groups(backend: Services) -> HTMLResponse:
-    found = grouped.soon(backend)
-    shaken, by_chance = grouped.told_apart(found or ())
-    told = {"groups": shaken, "by_chance": by_chance, "known": found is not None}
+    found = grouped.shown(backend)
+    shaken, by_chance = grouped.told_apart(found.groups or ())
+    told = {"groups": shaken, "by_chance": by_chance, "known": found.groups is not None, "before": found.before}
     return page("groups.html", backend.clock, in_step_from=IN_STEP, **told)
 
 

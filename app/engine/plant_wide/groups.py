@@ -67,6 +67,11 @@ class Candidate:
     unit: str | None = None
 
 
+def may_be_shaken(coherence: float, sticks: bool) -> bool:
+    """Whether a loop may be shaken by one that it is so coherent with. sticks: whether its own valve likely does."""
+    return coherence >= (AS_ONE if sticks else IN_STEP)
+
+
 @dataclass(frozen=True)
 class Suspect:
     """A member of a group, as a possible source.
@@ -93,7 +98,7 @@ class Suspect:
     @property
     def may_be_shaken(self) -> bool:
         """By the likeliest source. A valve that sticks swings by itself: it is shaken only if it does nothing else."""
-        return self.coherence >= (AS_ONE if self.sticks else IN_STEP)
+        return may_be_shaken(self.coherence, self.sticks)
 
 
 @dataclass(frozen=True)
