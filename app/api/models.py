@@ -284,6 +284,8 @@ class AuditOut(Read):
     failed: int = Field(description="Loops that failed; in a cancelled run also those that were called off.")
     cancelled: int = Field(0, description="How many of the failed ones were called off with the run.")
     failures: list[FailureOut] = Field(description="The first of the failed loops, and why.")
+    night: str | None = Field(None, description="The date whose nightly run it is; null: it was asked for.")
+    part: str = Field("", description="Which part of the plant was asked for, in words.")
 
 
 class AuditPage(Read):
@@ -330,7 +332,8 @@ class GroupOut(Read):
     by_chance: bool = Field(description="So many loops may share a period by chance; false: they hardly do.")
     chance_probability: float = Field(description="Probability that so many loops share a period by chance, 0 to 1.")
     source: str | None = Field(
-        description="The likeliest source; null where no member probably sticks, or chance_probability is above 0.1."
+        description="The likeliest source; null where no member probably sticks, where what the others share is not "
+        "what that one does, or chance_probability is above 0.1."
     )
     set_points_together: bool = Field(
         False, description="Where no source is named: the set points of most members move at the same times."

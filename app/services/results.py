@@ -113,7 +113,8 @@ class LoopsChanged:
 @dataclass(frozen=True)
 class AuditView:
     """A run and its progress: total = open + done + failed (claimed loops count as open); cancelled: of the failed
-    ones those that were called off with the run."""
+    ones those that were called off with the run. night: the date whose nightly run it is. part: which part of the
+    plant was asked for, in words."""
 
     id: str
     state: AuditState
@@ -127,6 +128,8 @@ class AuditView:
     failures: list[FailureView]
     started_by: str | None = None
     cancelled: int = 0
+    night: str | None = None
+    part: str = ""
 
     @property
     def ended(self) -> bool:
