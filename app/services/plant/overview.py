@@ -1,7 +1,7 @@
 """The plant as it stands: counts over all its loops, its units, and the tiles of its map."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,7 +67,7 @@ def overview(backend: Backend) -> Overview:
         reliable=told.reliable,
         refused=told.refused,
         units=_units(counted),
-        health=_mean_health(counted),
+        health=mean_health(counted),
         retired=retired,
     )
 
@@ -107,10 +107,10 @@ def _unit(unit: str | None, rows: list[Any]) -> UnitView:
     counted: Counter[str] = Counter()
     for row in rows:
         counted[row.verdict] += row.loops
-    return UnitView(unit, counted.total(), dict(counted), _mean_health(rows), sum(row.importance for row in rows))
+    return UnitView(unit, counted.total(), dict(counted), mean_health(rows), sum(row.importance for row in rows))
 
 
-def _mean_health(rows: list[Any]) -> float | None:
+def mean_health(rows: Sequence[Any]) -> float | None:
     """Weighted by importance; loops whose verdict has no health are left out."""
     told = [row for row in rows if row.weighted_health is not None]
     weight = sum(row.weight for row in told)
