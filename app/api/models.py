@@ -293,6 +293,28 @@ class AuditPage(Read):
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
+class NightOfUnitOut(Read):
+    unit: str | None = Field(description="Plant unit as it is now; null: none is named.")
+    sticking: int = Field(description="Valves that stick, to be relied on.")
+
+
+class NightOut(Read):
+    """What the last run of the whole plant of a date said, of the loops that are in service."""
+
+    date: str = Field(description="By the plant's clock.")
+    run: str = Field(description="Identifier of the run.")
+    audited: int = Field(description="Loops with a verdict.")
+    sticking: int = Field(description="Valves that stick, to be relied on.")
+    health: float | None = Field(description="Mean health, weighted by importance; null: no loop has one.")
+    in_manual: int = Field(description="Loops that could not be judged because they were not in automatic.")
+    units: list[NightOfUnitOut] = Field(description="The same of each unit, as far as it is told.")
+
+
+class NightsPage(Read):
+    rows: list[NightOut] = Field(description="The newest fourteen dates, the oldest first.")
+    next_cursor: str | None = Field(description="Always null: all fit into one page.")
+
+
 class TrailRowOut(Read):
     """One thing that somebody did, or was refused."""
 

@@ -79,3 +79,19 @@ def test_only_a_run_that_goes_on_is_cancelled(client, plant):
     assert client.get(f"/v1/audits/{plant['id']}").json() == plant
     missing = client.post("/v1/audits/99999/cancel")
     assert (missing.status_code, missing.json()["code"]) == (404, "unknown_audit")
+
+
+def test_the_plant_is_told_night_by_night(client, plant, backend):
+    run = client.post("/v1/audits", json={}).json()
+    audit_chunk(backend, int(run["id"]), "test")
+    told = client.get("/v1/nights").json()
+    assert told["next_cursor"] is None
+    night = told["rows"][-1]
+    assert (night["run"], night["audited"]) == (run["id"], run["total"])
+    assert night["sticking"] == sum(unit["sticking"] for unit in night["units"])
+
+
+def test_the_plant_asked_for_twice_is_one_run(client, plant):
+    first, second = (client.post("/v1/audits", json={}) for _ in range(2))
+    assert (second.status_code, second.json()["id"]) == (202, first.json()["id"])
+    assert client.post("/v1/audits", json={"tags": ["FIC101"]}).json()["id"] != first.json()["id"]
