@@ -95,6 +95,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/plant/tiles"): READ,
     ("GET", "/table"): PAGE,
     ("GET", "/groups"): PAGE,
+    ("GET", "/nights"): PAGE,
     ("GET", "/glossary"): PAGE,
     ("GET", "/loop-list"): PAGE,
     ("POST", "/loop-list"): audits("loops.change", page=True),
