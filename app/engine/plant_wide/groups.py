@@ -53,6 +53,7 @@ _ONSET_RISE = 0.35
 _ONSET_WEIGHT = 1.5
 _NOTHING_STICKS = 0.5
 _ALIKE_APART = (0.03, 0.75)  # periods of loops that look alike: by a share of them and so many lines
+_SAME_TIMES = 0.05  # of the shorter record
 _LEAST_APART = 1e-4  # of 1 - c^2: no two swings of a plant are one
 _LEAST_SPREAD = float(np.log(20.0))
 
@@ -81,6 +82,8 @@ class Suspect:
     coherence: with the likeliest source, 0..1; 0 where their records do not overlap.
     lag_s: how long after the likeliest source its PV swings, within half a period to either side; None where the two
     are not in step. It says nothing on which one shakes which: a loop may answer a slow upset ahead of it.
+    same_times: whether its record is of the times of the likeliest source's. Windows over other times let two loops
+    that are one be as little as IN_STEP.
     """
 
     tag: str
@@ -89,6 +92,7 @@ class Suspect:
     onset_s: float | None
     coherence: float
     lag_s: float | None
+    same_times: bool = True
 
     @property
     def sticks(self) -> bool:
@@ -98,7 +102,7 @@ class Suspect:
     @property
     def may_be_shaken(self) -> bool:
         """By the likeliest source. A valve that sticks swings by itself: it is shaken only if it does nothing else."""
-        return may_be_shaken(self.coherence, self.sticks)
+        return may_be_shaken(self.coherence, self.sticks and self.same_times)
 
 
 @dataclass(frozen=True)
@@ -396,21 +400,28 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, member
             onset,
             1.0 if row == best else round(min(1.0, abs(by_row[row])), 3),
             _lag_s(by_row[row], period_s) if in_step else None,
+            _same_times(chosen[row].swing, chosen[best].swing),
         )
         for row, score, onset in zip(members, scores, onsets, strict=True)
     ]
     chance = company.by_chance(best, rows, links) if in_step else company.of_one_period(members[0], len(members) - 1)
     others = sorted((s for k, s in enumerate(suspects) if k != place), key=lambda s: (-s.score, s.tag))
     shaken = [row for row, suspect in zip(members, suspects, strict=True) if row != best and suspect.may_be_shaken]
-    accounted = not in_step or _accounts_for(waves, best, shaken)
+    alike = [row for row in shaken if _same_times(chosen[row].swing, chosen[best].swing)]
+    accounted = not in_step or (bool(shaken) and _accounts_for(waves, best, alike))
     return Group(period_s, in_step, chance, (suspects[place], *others), accounted)
+
+
+def _same_times(one: Swing, other: Swing) -> bool:
+    apart_s = abs(one.start_s - other.start_s) + abs(one.length_s - other.length_s)
+    return apart_s <= _SAME_TIMES * min(one.length_s, other.length_s)
 
 
 def _accounts_for(waves: _Waves, source: int, shaken: list[int]) -> bool:
     """Whether what the source does may be all that these rows share: not where one of them, the strongest, is as one
-    with the others and the source is not. A single one tells nothing of that."""
+    with the others and the source is not. Less than two tell nothing of that."""
     if len(shaken) < 2:
-        return len(shaken) == 1
+        return True
     among, rest = shaken[0], np.sort(shaken[1:])
     of_source, of_one_of_them = (float(np.median(np.abs(waves.coherence(one, rest)))) for one in (source, among))
     return of_source >= AS_ONE or of_one_of_them < AS_ONE
