@@ -38,9 +38,12 @@ router = APIRouter(tags=["audits"])
     summary="Start an audit",
 )
 def start(response: Response, backend: Services, caller: Caller, wanted: Wanted = EVERY_LOOP) -> Any:
-    """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it.
+    """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it. While
+    a run of the whole plant goes on, and no upload was read since it began, the plant asked for again is that run.
     409 while far more loops wait for their audits than any plant has."""
-    run = service.start_audit(backend, loop_filter(wanted), trigger="request", started_by=caller.who)
+    asked = loop_filter(wanted)
+    whole = asked == service.LoopFilter()
+    run = service.start_audit(backend, asked, trigger="request", started_by=caller.who, unless_going_on=whole)
     response.headers["Location"] = f"/v1/audits/{run.id}"
     return run
 

@@ -286,11 +286,35 @@ class AuditOut(Read):
     failed: int = Field(description="Loops that failed; in a cancelled run also those that were called off.")
     cancelled: int = Field(0, description="How many of the failed ones were called off with the run.")
     failures: list[FailureOut] = Field(description="The first of the failed loops, and why.")
+    night: str | None = Field(None, description="The date whose nightly run it is; null: it was asked for.")
+    part: str = Field("", description="Which part of the plant was asked for, in words.")
 
 
 class AuditPage(Read):
     rows: list[AuditOut] = Field(description="Runs, the newest first.")
     next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
+
+
+class NightOfUnitOut(Read):
+    unit: str | None = Field(description="Plant unit as it is now; null: none is named.")
+    sticking: int = Field(description="Valves that stick, to be relied on.")
+
+
+class NightOut(Read):
+    """What the last run of the whole plant of a date said, of the loops that are in service."""
+
+    date: str = Field(description="By the plant's clock.")
+    run: str = Field(description="Identifier of the run.")
+    audited: int = Field(description="Loops with a verdict.")
+    sticking: int = Field(description="Valves that stick, to be relied on.")
+    health: float | None = Field(description="Mean health, weighted by importance; null: no loop has one.")
+    in_manual: int = Field(description="Loops that could not be judged because they were not in automatic.")
+    units: list[NightOfUnitOut] = Field(description="The same of each unit, as far as it is told.")
+
+
+class NightsPage(Read):
+    rows: list[NightOut] = Field(description="The newest fourteen dates, the oldest first.")
+    next_cursor: str | None = Field(description="Always null: all fit into one page.")
 
 
 class TrailRowOut(Read):
@@ -332,7 +356,8 @@ class GroupOut(Read):
     by_chance: bool = Field(description="So many loops may share a period by chance; false: they hardly do.")
     chance_probability: float = Field(description="Probability that so many loops share a period by chance, 0 to 1.")
     source: str | None = Field(
-        description="The likeliest source; null where no member probably sticks, or chance_probability is above 0.1."
+        description="The likeliest source; null where no member probably sticks, where what the others share is not "
+        "what that one does, or chance_probability is above 0.1."
     )
     set_points_together: bool = Field(
         False, description="Where no source is named: the set points of most members move at the same times."

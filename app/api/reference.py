@@ -45,6 +45,8 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("A run to start", "body of `POST /v1/audits`", models.AuditIn),
     ("A run", "`GET /v1/audits/{id}`", models.AuditOut),
     ("A failed loop", "`failures` of a run", models.FailureOut),
+    ("A night of the plant", "`GET /v1/nights`", models.NightOut),
+    ("A unit in a night", "`units` of a night", models.NightOfUnitOut),
     ("A group", "`GET /v1/groups`", models.GroupOut),
     ("A member of a group", "`members` of a group", models.GroupMemberOut),
     ("A question for an explanation", "body of `POST /v1/loops/{tag}/explanations`", ExplanationIn),

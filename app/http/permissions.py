@@ -77,6 +77,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("DELETE", "/v1/loops/{tag:path}/notes/{note_id}/shelving"): audits("shelving.withdraw"),
     ("GET", "/v1/loops/{tag:path}/report"): READ,
     ("GET", "/v1/report"): READ,
+    ("GET", "/v1/nights"): READ,
     ("GET", "/v1/loops/{tag:path}"): READ,
     ("PATCH", "/v1/loops/{tag:path}"): audits("loop.change"),
     # The table, and audits
@@ -94,6 +95,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/plant/tiles"): READ,
     ("GET", "/table"): PAGE,
     ("GET", "/groups"): PAGE,
+    ("GET", "/nights"): PAGE,
     ("GET", "/glossary"): PAGE,
     ("GET", "/loop-list"): PAGE,
     ("POST", "/loop-list"): audits("loops.change", page=True),

@@ -4,6 +4,8 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from app.services.results import GroupView
@@ -16,6 +18,14 @@ PARTING_S = 5.0
 """So long `close` waits for a search that goes on: a process that is told to stop has not much longer."""
 
 
+@dataclass(frozen=True)
+class Known:
+    """Groups, and when they had been found."""
+
+    groups: Groups
+    at: datetime
+
+
 class FoundGroups:
     """Found once for a state of the verdicts: who asks again, for a page or a dashboard, gets the same answer at once,
     and who asks while they are sought waits for that search. One at a time, each in a thread of its own: a page need
@@ -23,6 +33,7 @@ class FoundGroups:
 
     def __init__(self) -> None:
         self._found: dict[State, Future[Groups]] = {}
+        self._last: Known | None = None
         self._searches: list[threading.Thread] = []
         self._looking = threading.Lock()
         self._one_at_a_time = threading.Lock()
@@ -46,6 +57,12 @@ class FoundGroups:
         with self._looking:
             return state not in self._found and any(not finding.done() for finding in self._found.values())
 
+    @property
+    def last(self) -> Known | None:
+        """Those that were found last, of whichever state: what there is to show until those of the newest are."""
+        with self._looking:
+            return self._last
+
     def close(self, parting_s: float = PARTING_S) -> None:
         """Ends with the search that goes on, or after parting_s seconds; those that wait for their turn are called
         off."""
@@ -62,7 +79,10 @@ class FoundGroups:
                 if self._closed:
                     finding.cancel()
                 else:
-                    finding.set_result(search())
+                    found = search()
+                    with self._looking:
+                        self._last = Known(found, datetime.now(UTC))
+                    finding.set_result(found)
         except BaseException as error:  # noqa: BLE001 - whoever waits is told
             with self._looking:
                 self._found.pop(state, None)  # and whoever comes next asks anew

@@ -113,7 +113,8 @@ class LoopsChanged:
 @dataclass(frozen=True)
 class AuditView:
     """A run and its progress: total = open + done + failed (claimed loops count as open); cancelled: of the failed
-    ones those that were called off with the run."""
+    ones those that were called off with the run. night: the date whose nightly run it is. part: which part of the
+    plant was asked for, in words."""
 
     id: str
     state: AuditState
@@ -127,6 +128,8 @@ class AuditView:
     failures: list[FailureView]
     started_by: str | None = None
     cancelled: int = 0
+    night: str | None = None
+    part: str = ""
 
     @property
     def ended(self) -> bool:
@@ -229,9 +232,13 @@ class GroupMember:
     onset: str | None
 
 
+EVEN = 0.5
+
+
 @dataclass(frozen=True)
 class GroupView:
-    """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks.
+    """Loops that oscillate together, the likeliest source first. `source` is None where no member probably sticks, and
+    where what the others share is not what it does.
 
     `by_chance`: so many loops may share a period without having anything to do with each other; where that is likelier
     than `app.engine.plant_wide.groups.UNNAMED`, no source is named. `set_points_together`: whether, where none is, the
@@ -246,6 +253,11 @@ class GroupView:
     source: str | None
     members: list[GroupMember]
     set_points_together: bool = False
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the member that comes first sticks likelier than not, though it is not named as the source."""
+        return (self.members[0].stiction_probability or 0.0) > EVEN
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
 from app.storage.locks import Lock, hold
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import GOING_ON, audit_items, audits, in_words, loops
+from app.storage.tables import GOING_ON, audit_items, audits, in_words, loops, uploads
 from app.storage.types import clock_s, long_ago, now
 
 WITH_RESULTS = ("done", "partial")
@@ -56,6 +56,7 @@ class AuditRow:
     ended_at: datetime | None
     total: int
     started_by: str
+    filter_json: str
 
 
 @dataclass(frozen=True)
@@ -136,21 +137,23 @@ def newest_night(
 
 def newest_whole(connection: Connection) -> AuditRow | None:
     """The run of the whole plant that goes on, or else the newest one, of whatever state; one without loops is none."""
-    query = select(*COLUMNS).where(_whole(), audits.c.total > 0)
+    query = select(*COLUMNS).where(of_the_whole_plant(), audits.c.total > 0)
     going_on_first = (GOING_ON.desc(), audits.c.id.desc())
     row = connection.execute(query.order_by(*going_on_first).limit(1)).one_or_none()
     return None if row is None else AuditRow(*row)
 
 
 def whole_going_on(connection: Connection) -> int | None:
-    """The run of the whole plant that goes on. Until the transaction has ended nobody else is told that there is none:
-    of two who ask at once only one starts a run."""
+    """The run of the whole plant that goes on, unless samples have come since it began: loops that it is done with
+    would lack them. Until the transaction has ended nobody else is told that there is none: of two who ask at once only
+    one starts a run."""
     hold(connection, Lock.ONE_RUN)
-    going_on = select(audits.c.id).where(_whole(), GOING_ON)
+    came_since = select(uploads.c.id).where(uploads.c.state == "done", uploads.c.ended_at > audits.c.created_at)
+    going_on = select(audits.c.id).where(of_the_whole_plant(), GOING_ON, ~exists(came_since.correlate(audits)))
     return connection.scalar(going_on.order_by(audits.c.id.desc()).limit(1))
 
 
-def _whole() -> ColumnElement[bool]:
+def of_the_whole_plant() -> ColumnElement[bool]:
     return or_(of_a_night(), audits.c.filter_json.in_((WHOLE, "{}")))
 
 

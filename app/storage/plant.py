@@ -14,11 +14,12 @@ from sqlalchemy import (
     and_,
     case,
     func,
+    not_,
     or_,
     select,
 )
 
-from app.storage.audits import WITH_RESULTS, of_a_night
+from app.storage.audits import WITH_RESULTS, of_a_night, of_the_whole_plant
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, unanswered, worst_first
@@ -33,6 +34,7 @@ _NEWEST = loops.join(rows, and_(is_newest(rows), IN_SERVICE))
 
 
 COMPLAINTS = ("stiction", "inconclusive")
+UNJUDGED = ("inconclusive", "not_auditable")
 
 
 class ChangedRow(NamedTuple):
@@ -109,15 +111,32 @@ def complains(said: FromClause) -> ColumnElement[bool]:
 
 def counts(connection: Connection) -> list[UnitCount]:
     """By unit, verdict, reliability and likely cause."""
-    by = [loops.c.unit, rows.c.verdict, rows.c.reliability, rows.c.likely_cause]
+    return [UnitCount._make(row) for row in connection.execute(_counted(rows).select_from(_NEWEST))]
+
+
+def counts_of_run(connection: Connection, audit_id: int) -> list[UnitCount]:
+    """The same of what one run said of the loops that are in service, and of the units that these have now."""
+    of_run = loops.join(verdicts, and_(verdicts.c.loop_id == loops.c.id, IN_SERVICE))
+    query = _counted(verdicts).select_from(of_run).where(verdicts.c.audit_id == audit_id)
+    return [UnitCount._make(row) for row in connection.execute(query)]
+
+
+def _counted(said: FromClause) -> Select[Any]:
+    by = [loops.c.unit, said.c.verdict, said.c.reliability, said.c.likely_cause]
     figures = [
         func.count().label("loops"),
         func.sum(loops.c.importance).label("importance"),
-        func.sum(case((rows.c.health.is_not(None), loops.c.importance), else_=0.0)).label("weight"),
-        func.sum(loops.c.importance * rows.c.health).label("weighted_health"),
+        func.sum(case((said.c.health.is_not(None), loops.c.importance), else_=0.0)).label("weight"),
+        func.sum(loops.c.importance * said.c.health).label("weighted_health"),
     ]
-    query = select(*by, *figures).select_from(_NEWEST).group_by(*by)
-    return [UnitCount._make(row) for row in connection.execute(query)]
+    return select(*by, *figures).group_by(*by)
+
+
+def whole_runs(connection: Connection, most: int) -> list[tuple[int, datetime]]:
+    """The newest ended runs of the whole plant, the newest first: id and when each began."""
+    ended = audits.c.state.in_(WITH_RESULTS)
+    query = select(audits.c.id, audits.c.created_at).where(ended, of_the_whole_plant(), audits.c.total > 0)
+    return [(row.id, row.created_at) for row in connection.execute(query.order_by(audits.c.id.desc()).limit(most))]
 
 
 def worst_of_units(
@@ -188,12 +207,13 @@ def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequ
     """Loops whose newest verdict, of `since_audit` or later, is another one than their last verdict before that run;
     `left_out`: not these loops, by id.
 
-    The worst of them first, by importance x health.
+    Those that are said to stick first, then the worst of them, by importance x health.
     """
     listed = _changed(since_audit)
     listed = listed.where(rows.c.loop_id.not_in(left_out)) if left_out else listed
     # Verdicts are looked up for those that are listed: in a night of a new method every loop may be news.
-    found = listed.order_by(*worst_first(rows)).limit(limit).subquery()
+    sticks_first = case((rows.c.verdict == "stiction", 0), else_=1)
+    found = listed.order_by(sticks_first, *worst_first(rows)).limit(limit).subquery()
     joined = found.join(newest, and_(newest.c.loop_id == found.c.loop_id, newest.c.audit_id == found.c.audit_id))
     query = select(
         *(found.c.tag, found.c.unit, found.c.verdict_before, found.c.verdict, found.c.health),
@@ -203,7 +223,8 @@ def changes(connection: Connection, since_audit: int, limit: int, left_out: Sequ
             before, and_(before.c.loop_id == found.c.loop_id, before.c.audit_id == found.c.before_audit_id)
         )
     )
-    ordered = query.order_by(found.c.priority.desc().nulls_last(), found.c.tag)
+    sticks_first = case((found.c.verdict == "stiction", 0), else_=1)
+    ordered = query.order_by(sticks_first, found.c.priority.desc().nulls_last(), found.c.tag)
     return [ChangedRow(*row) for row in connection.execute(ordered)]
 
 
@@ -230,7 +251,18 @@ def _changed(since_audit: int) -> Select[Any]:
     ).select_from(NEWEST_ROWS)
     # Asked of the loop itself, SQLite would begin with the loops and look up the wide row of each.
     in_service = rows.c.loop_id.not_in(select(loops.c.id).where(loops.c.retired))
-    return listed.where(rows.c.audit_id >= since_audit, news, in_service)
+    because = _last_before(since_audit, verdicts.c.likely_cause)
+    same = unjudged_as_before(rows.c.verdict, verdict_before, rows.c.likely_cause, because)
+    return listed.where(rows.c.audit_id >= since_audit, news, in_service, not_(same))
+
+
+def unjudged_as_before(
+    verdict: ColumnElement[Any], verdict_before: Any, because: ColumnElement[Any], because_before: Any
+) -> ColumnElement[bool]:
+    """Whether a loop that could not be judged before is not judged now for the same reason: a dead transmitter is no
+    news the second night, whichever of the two verdicts it gets."""
+    judged_neither = (verdict.in_(UNJUDGED), func.coalesce(verdict_before, "").in_(UNJUDGED))
+    return and_(*judged_neither, func.coalesce(because, "") == func.coalesce(because_before, "-"))
 
 
 def second_nights(connection: Connection, audit_id: int, limit: int) -> list[SecondNight]:

@@ -16,6 +16,7 @@ from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant import reliability
 from app.services.plant.arrivals import arrivals
+from app.services.plant.course import course
 from app.services.plant.glossary import FIGURES
 from app.services.plant.judged import judged
 from app.services.plant.nights import nights
@@ -30,7 +31,7 @@ from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
 ROWS_A_PAGE = 100
-CHANGES, GROUPS = 10, 5
+CHANGES, GROUPS, UNITS = 10, 5, 12
 
 router = APIRouter(include_in_schema=False)
 for module in (loop, loop_list, runs, uploads):
@@ -131,10 +132,16 @@ def cause_to_ask_for(code: str) -> tuple[str, str]:
 
 @router.get("/groups")
 def groups(backend: Services) -> HTMLResponse:
-    found = grouped.soon(backend)
-    shaken, by_chance = grouped.told_apart(found or ())
-    told = {"groups": shaken, "by_chance": by_chance, "known": found is not None}
+    found = grouped.shown(backend)
+    shaken, by_chance = grouped.told_apart(found.groups or ())
+    told = {"groups": shaken, "by_chance": by_chance, "known": found.groups is not None, "before": found.before}
     return page("groups.html", backend.clock, in_step_from=IN_STEP, **told)
+
+
+@router.get("/nights")
+def by_night(backend: Services) -> HTMLResponse:
+    """A page of its own: it reads the verdicts of a fortnight."""
+    return page("nights.html", backend.clock, course=course(backend), units=plants.unit_names(backend)[:UNITS])
 
 
 @router.get("/glossary")

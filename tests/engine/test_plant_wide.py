@@ -171,9 +171,42 @@ def test_in_step_means_the_same_frequency_at_the_same_time():
 
 def test_a_pair_among_many_loops_may_be_chance():
     many = [wave("L" * (number + 3), 150.0 * 1.06**number) for number in range(30)]
-    pair = [group for group in groups([wave("A", 300.0), wave("BB", 300.0, phase=1.0), *many]) if group.in_step]
+    pair = [group for group in groups([wave("A", 300.0), wave("BB", 304.0, phase=1.0), *many]) if group.in_step]
     assert pair
     assert all(group.by_chance for group in pair)
+
+
+def hunting(tag: str, seed: int, period_s: float) -> Candidate:
+    """A valve that sticks in a limit cycle of its own, whose period wanders."""
+    rng, time_s = np.random.default_rng(seed), np.arange(600) * 10.0
+    phase = 2 * np.pi * time_s / period_s + 0.15 * np.cumsum(rng.normal(size=600))
+    record = UniformRecord(10.0, np.sin(phase), -np.sin(phase), None, np.zeros(600, dtype=np.bool_), 0.0)
+    swing = swing_of(record, replace(detect(record), period_s=period_s, regularity=5.0))
+    assert swing is not None
+    return Candidate(tag, swing, 0.99)
+
+
+@pytest.mark.parametrize("others", [0, 60])
+def test_valves_that_stick_at_about_a_shared_period_are_no_source_of_it(others):
+    """Among few loops a near period alone is rarely chance: there what they share has to be what the valve does."""
+    many = [wave("L" * (number + 3), 60.0 * 1.05**number) for number in range(others)]
+    outside = [wave(f"TIC{number}", 300.0, phase=0.2 * number) for number in range(5)]
+    for seed in range(12):
+        valves = [hunting(f"PIC{number}", 10 * seed + number, 300.0) for number in range(3)]
+        found = groups([*outside, *valves, *many])
+        together = [group for group in found if {"TIC0", "TIC1"} <= {suspect.tag for suspect in group.suspects}]
+        assert [(group.source, group.by_chance, group.shaken) for group in together] == [(None, False, ())]
+        assert {"TIC2", "TIC3", "TIC4"} <= {suspect.tag for suspect in together[0].suspects}
+
+
+def test_a_valve_that_sticks_by_itself_is_not_said_to_be_shaken():
+    """It swings without another's help: only as one with the source it may be doubted for it."""
+    source = replace(wave("A", 300.0), stiction_probability=0.999)
+    found = groups([source, *(wave(f"BB{number}", 300.0, phase=1.0) for number in range(2)), hunting("C", 5, 300.0)])
+    in_step = {suspect.tag: suspect.coherence for suspect in found[0].suspects[1:]}
+    assert found[0].source == "A"
+    assert 0.7 < in_step["C"] < 0.95
+    assert {suspect.tag for suspect in found[0].shaken} == {"BB0", "BB1"}
 
 
 def test_no_source_is_named_where_the_period_may_be_shared_by_chance():
@@ -212,6 +245,23 @@ def test_what_was_recorded_together_for_a_moment_only_is_hardly_in_step():
     late = [wandering(f"B{k}", 60 + k, 1.01 * period_s, 16_200.0) for k, period_s in enumerate(periods)]
     doubted = [suspect.tag for group in groups([*early, *late]) for suspect in group.shaken]
     assert len(doubted) <= 8
+
+
+def test_what_one_step_of_their_set_points_leaves_behind_is_no_common_swing():
+    """Loops that answer one step alike are coherent over the whole record, and by no chance; they do not oscillate."""
+
+    def stepped(tag: str, seed: int, at: int) -> Candidate:
+        rng, k = np.random.default_rng(seed), np.arange(2880)
+        answer = np.where(k > at, np.exp(-(k - at) / 120.0) * np.sin(2 * np.pi * (k - at) / 170.0), 0.0)
+        pv = answer + 0.03 * rng.normal(size=2880)
+        record = UniformRecord(5.0, pv, -pv, None, np.zeros(2880, dtype=np.bool_), 0.0)
+        swing = swing_of(record, replace(detect(record), period_s=850.0, regularity=1.5))
+        assert swing is not None
+        return Candidate(tag, swing, 0.1)
+
+    assert groups([stepped(f"L{seed}", seed, 960) for seed in range(5)]) == ()
+    found = groups([wave("A", 300.0), wave("BB", 300.0), *(stepped(f"L{k}", k, 960) for k in range(5))])
+    assert [{suspect.tag for suspect in group.suspects} for group in found] == [{"A", "BB"}]
 
 
 def test_too_few_cycles_make_no_group():

@@ -10,8 +10,9 @@ from app.services.backend import Backend
 from app.services.loops import find
 from app.services.plant import groups, loop_sheet, plant_sheet
 from app.services.plant.arrivals import arrivals
-from app.services.plant.groups import groups_of, plant_groups
+from app.services.plant.groups import groups_of, plant_groups, shaken_by
 from app.services.reports.documents import loop_report, plant_report
+from app.services.results import GroupMember, GroupView
 from app.services.stating.properties import patch_loop
 from app.services.stating.shelving import shelf
 
@@ -22,6 +23,25 @@ def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict
     assert group.in_step
     assert plant_groups(backend) is plant_groups(backend)  # found once
     assert groups_of(plant_groups(backend), "A") == [group]
+
+
+@pytest.mark.parametrize(
+    ("said", "coherence", "probability", "shaken"),
+    [
+        (("no_stiction", "reliable"), 0.8, 0.1, "S"),
+        (("stiction", "not_reliable"), 0.97, 0.9, "S"),
+        (("stiction", "not_reliable"), 0.8, 0.9, None),  # it swings by itself
+        (("stiction", "reliable"), 0.97, 0.99, None),  # nobody is sent elsewhere from a valve that surely sticks
+    ],
+)
+def test_a_loop_is_sent_to_the_source_where_that_may_be_what_shakes_it(said, coherence, probability, shaken):
+    members = [GroupMember("S", None, 0.99, 4.0, 1.0, 0.0, None)]
+    members += [GroupMember("A", None, probability, 0.0, coherence, 1.0, None)]
+    row = {"loop": "A", "verdict": said[0], "reliability": said[1]}
+    assert shaken_by([GroupView("1", 300.0, True, False, 0.001, "S", members)], row) == shaken
+    assert shaken_by([GroupView("1", 300.0, False, True, 0.03, "S", members)], row) is None
+    assert shaken_by([GroupView("1", 300.0, True, False, 0.001, None, members)], row) is None
+    assert shaken_by([GroupView("1", 300.0, True, False, 0.001, "S", members)], row | {"loop": "S"}) is None
 
 
 def test_groups_know_the_units_that_loops_have_now(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
@@ -85,14 +105,20 @@ def test_reports_wait_for_the_groups(
         lambda backend: loop_sheet.loop_sheet(backend, find(backend, "A"), None, shelf(backend)),
     ],
 )
-def test_a_page_does_not_list_groups_beside_the_word_that_they_are_not_known(
+def test_while_the_newest_groups_are_worked_out_those_before_are_shown_with_their_time(
     backend: Backend, two_runs: tuple[dict[str, int], int], monkeypatch: pytest.MonkeyPatch, sheet: object
 ) -> None:
-    known_meanwhile = iter([None, plant_groups(backend)])
-    for module in (groups, loop_sheet):
-        monkeypatch.setattr(module, "soon", lambda backend: next(known_meanwhile))
+    monkeypatch.setattr(groups, "soon", lambda backend: None)
     told = sheet(backend)
-    assert (told["groups_known"], told["groups"]) == (False, [])
+    assert (told["groups_known"], told["groups"], told["groups_before"]) == (False, [], None)
+    monkeypatch.undo()
+    found = list(plant_groups(backend))
+    told = sheet(backend)
+    assert (told["groups_known"], told["groups"], told["groups_before"]) == (True, found, None)
+    monkeypatch.setattr(groups, "soon", lambda backend: None)
+    told = sheet(backend)
+    assert (told["groups_known"], told["groups"]) == (True, found)
+    assert told["groups_before"]
 
 
 def test_a_search_for_groups_that_failed_is_made_again(

@@ -1,15 +1,16 @@
 """What the plant's page and report say of the newest run: whether the night ran, goes on, or failed in part."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 
-from sqlalchemy import update
+from sqlalchemy import insert, update
 
 from app.services.auditing.audits import LoopFilter, cancel_audit, start_audit
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
 from app.services.plant.newest_run import newest_run
 from app.services.reports.documents import plant_report
-from app.storage.tables import audit_items, audits, loops
+from app.storage.tables import audit_items, audits, loops, uploads
+from app.storage.types import now
 from tests.services.audited_plant import AddLoops, audited
 
 AN_HOUR = timedelta(hours=1)
@@ -86,3 +87,19 @@ def test_who_asks_for_the_whole_plant_twice_has_one_run(backend: Backend, add_lo
     assert start_audit(backend, unless_going_on=True).id == first.id
     cancel_audit(backend, first.id)
     assert start_audit(backend, unless_going_on=True).id != first.id
+
+
+def test_a_run_that_began_before_newer_samples_came_is_not_joined(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", n=600)
+    first = start_audit(backend, unless_going_on=True)
+    read = {"content_key": "k", "fingerprint": "f", "filename": "a.csv", "size_bytes": 1, "state": "done"}
+    with backend.database.write() as connection:
+        connection.execute(insert(uploads).values(**read, received_at=now(), ended_at=now() + AN_HOUR))
+    assert start_audit(backend, unless_going_on=True).id != first.id
+
+
+def test_a_run_says_of_which_night_and_which_part_of_the_plant_it_is(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", "B", n=600, unit="U1")
+    assert nightly(backend, date(2026, 1, 31)).night == "2026-01-31"
+    parts = {LoopFilter(): "the whole plant", LoopFilter(unit="U1"): "unit U1", LoopFilter(tags=("A",)): "loop A"}
+    assert [start_audit(backend, wanted).part for wanted in parts] == list(parts.values())

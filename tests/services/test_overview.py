@@ -8,6 +8,7 @@ from app.services.backend import Backend
 from app.services.plant import glossary, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.loop_verdicts import loop_health, newest_failure
+from app.services.stating.shelving import shelf
 from app.storage import items, loops
 from app.storage.items import Failure
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
@@ -102,3 +103,23 @@ def test_every_key_figure_is_defined() -> None:
     defined = {figure.field for figure in glossary.FIGURES}
     assert set(KeyFigures.__dataclass_fields__) <= defined
     assert all(figure.definition for figure in glossary.FIGURES)
+
+
+def test_valves_that_stick_reliably_come_first_and_loops_that_were_not_judged_are_not_among_the_worst(
+    backend: Backend, add_loops: AddLoops
+) -> None:
+    ids = add_loops("A", "B", "C", "D", "E", n=600)
+    run = audited(backend)
+    said = {
+        "A": {"verdict": "not_auditable", "likely_cause": "manual", "reliability": "not_reliable", "health": 20.0},
+        "B": {"verdict": "stiction", "reliability": "reliable", "health": 70.0},
+        "C": {"verdict": "inconclusive", "reliability": "not_reliable", "health": 30.0},
+        "D": {"verdict": "stiction", "reliability": "not_reliable", "health": 40.0},
+        "E": {"verdict": "stiction", "reliability": "reliable", "health": 60.0},
+    }
+    for tag, fields in said.items():
+        rewrite(backend, run, ids[tag], **{"likely_cause": None, **fields})
+        rewrite_newest(backend, ids[tag], **{"likely_cause": None, **fields})
+    assert [row["loop"] for row in worst.worst(backend)] == ["E", "B", "C", "D"]
+    assert [row["loop"] for row in worst.worst(backend, 2, beside={"E"})] == ["B", "C"]
+    assert worst.worst_tags(backend, None, shelf(backend)) == ["E", "B", "C", "D"]

@@ -51,6 +51,13 @@ def test_the_same_figures_agree_with_a_valve_that_is_cleared():
     assert found["other explanations"] == "·"
 
 
+@pytest.mark.parametrize(("verdict", "mark"), [("stiction", "✗"), ("no_stiction", "✓"), ("inconclusive", None)])
+def test_a_loop_that_another_may_shake_is_not_said_to_be_moved_by_none(verdict, mark):
+    found = [point for point in points(*told(verdict), shaken_by="P1") if point.text.startswith("other loops")]
+    assert [point.mark for point in found] == ([mark] if mark else [])
+    assert all("in step with P1" in point.text for point in found)
+
+
 @pytest.mark.parametrize(
     ("code", "point"),
     [("few_cycles", "length"), ("uncoupled", "PV and OP"), ("evidence_not_clear", "shapes"), ("filled_share", "record"),

@@ -27,6 +27,7 @@ PAGES = [
     "/",
     "/table",
     "/groups",
+    "/nights",
     "/glossary",
     "/runs",
     "/runs/1",

@@ -1,5 +1,7 @@
 """What pages say of loops that oscillate together."""
 
+from dataclasses import replace
+
 import pytest
 
 from app.services.plant import groups, loop_sheet
@@ -51,6 +53,15 @@ def test_of_healthy_loops_the_set_points_are_asked_first(client, web_backend, mo
     told = client.get("/groups").text
     assert said in told
     assert ("look outside" in told) is not moves
+
+
+def test_of_valves_that_stick_each_by_itself_none_is_said_to_shake_the_others(client, web_backend, monkeypatch):
+    members = [replace(member, stiction_probability=0.99) for member in plant_groups(web_backend)[0].members]
+    several = GroupView("1", 300.0, True, False, 0.001, None, members)
+    monkeypatch.setattr(groups, "soon", lambda backend: (several,))
+    told = client.get("/groups").text
+    assert "Members stick, but none does what the others share" in told
+    assert "No member probably sticks" not in told
 
 
 def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):

@@ -94,6 +94,9 @@ def test_groups_that_are_not_known_yet_are_said_to_be(client, monkeypatch):
     for path in ("/", "/loops/FIC101"):
         assert 'id="groups-awaited"' not in client.get(path).text
     monkeypatch.setattr(groups, "soon", lambda backend: None)
-    monkeypatch.setattr("app.services.plant.loop_sheet.soon", lambda backend: None)
+    for path in ("/", "/loops/FIC101", "/groups"):
+        assert 'id="groups-before"' in client.get(path).text
+    for shown in ("app.services.plant.groups.shown", "app.services.plant.loop_sheet.shown"):
+        monkeypatch.setattr(shown, lambda backend: groups.Shown(None))
     for path in ("/", "/loops/FIC101"):
         assert 'id="groups-awaited"' in client.get(path).text

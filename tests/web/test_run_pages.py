@@ -34,3 +34,12 @@ def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend
     assert {"a local user without a key", "the nightly schedule", "not known"} <= set(texts)
     for ended in (run["id"], again.rpartition("/")[2], whole.rpartition("/")[2], night.id):
         audit_chunk(web_backend, int(ended), "test")
+
+
+def test_the_plant_is_told_night_by_night(client, web_backend):
+    run = client.post("/runs").headers["location"].rpartition("/")[2]
+    audit_chunk(web_backend, int(run), "test")
+    html = client.get("/nights").text
+    assert f'<a href="/runs/{run}">{run}</a>' in html
+    assert "No run of the whole plant has ended yet" not in html
+    assert 'href="/nights"' in client.get("/").text

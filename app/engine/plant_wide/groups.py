@@ -15,6 +15,10 @@ IN_STEP = 0.7
 one pair of a thousand (17 lines under a Hann window have some 11 independent ones; (1 - 0.49)^10). Two limit cycles of
 nearly one period hold so few lines that it reaches it often: there the probability of a shared period has to tell."""
 
+AS_ONE = 0.95
+"""Coherence from which one swing may be nothing but the answer to another. Of 43 simulated valves that shake others
+each has 0.98 and more with them; valves that stick by themselves, at one period by coincidence, have up to 0.93."""
+
 CHANCE = 0.01
 """A group counts as shown where chance would bring so many loops together with less than this probability."""
 
@@ -28,6 +32,10 @@ ALIKE = 0.8
 FEWEST_CYCLES = 10.0
 """Below so many cycles everything regular looks in step with everything of about its period."""
 
+PASSING = 1.0 / 3.0
+"""Of so little of its record a swing is what one event left behind, as a step of the set point does, unless it has
+FEWEST_CYCLES there: what is driven wanders over half of it, a limit cycle has all of it."""
+
 TOGETHER = 0.5
 """How many loops so coherent chance may bring at most where as many as there are come by chance with less than CHANCE:
 valves that stick in nearly pure limit cycles, and what they shake, are told from others only together."""
@@ -35,12 +43,17 @@ valves that stick in nearly pure limit cycles, and what they shake, are told fro
 HANN_SHARE = 11.0 / 17.0
 """How many independent lines a line under a Hann window is."""
 
+PURE = 0.5
+"""The exponent for two swings of hardly more than a line: a frequency, one real number, is all in which they differ. Of
+two within a line and a half under a Hann window a share of 0.75 (1 - c^2)^(1/2) is more coherent than c."""
+
 GRID = 512
 _LARGEST = 4000
 _ONSET_RISE = 0.35
 _ONSET_WEIGHT = 1.5
 _NOTHING_STICKS = 0.5
 _ALIKE_APART = (0.03, 0.75)  # periods of loops that look alike: by a share of them and so many lines
+_SAME_TIMES = 0.05  # of the shorter record
 _LEAST_APART = 1e-4  # of 1 - c^2: no two swings of a plant are one
 _LEAST_SPREAD = float(np.log(20.0))
 
@@ -55,6 +68,11 @@ class Candidate:
     unit: str | None = None
 
 
+def may_be_shaken(coherence: float, sticks: bool) -> bool:
+    """Whether a loop may be shaken by one that it is so coherent with. sticks: whether its own valve likely does."""
+    return coherence >= (AS_ONE if sticks else IN_STEP)
+
+
 @dataclass(frozen=True)
 class Suspect:
     """A member of a group, as a possible source.
@@ -64,6 +82,8 @@ class Suspect:
     coherence: with the likeliest source, 0..1; 0 where their records do not overlap.
     lag_s: how long after the likeliest source its PV swings, within half a period to either side; None where the two
     are not in step. It says nothing on which one shakes which: a loop may answer a slow upset ahead of it.
+    same_times: whether its record is of the times of the likeliest source's. Windows over other times let two loops
+    that are one be as little as IN_STEP.
     """
 
     tag: str
@@ -72,6 +92,17 @@ class Suspect:
     onset_s: float | None
     coherence: float
     lag_s: float | None
+    same_times: bool = True
+
+    @property
+    def sticks(self) -> bool:
+        """Likelier than not."""
+        return (self.stiction_probability or 0.0) > _NOTHING_STICKS
+
+    @property
+    def may_be_shaken(self) -> bool:
+        """By the likeliest source. A valve that sticks swings by itself: it is shaken only if it does nothing else."""
+        return may_be_shaken(self.coherence, self.sticks and self.same_times)
 
 
 @dataclass(frozen=True)
@@ -82,14 +113,18 @@ class Group:
     chance_probability: that so many of the candidates share a period by chance, if periods are spread evenly (in their
     logarithm) over what the candidates have, at least a factor of 20; in step, that they are as coherent besides. Pairs
     among many loops mostly are chance, unless what they share wanders.
+    accounted: whether what the likeliest source does may be what the others share. It is not where none of them can be
+    shaken by it, and where they are AS_ONE with each other and not with it.
     source: tag of the likeliest source; None where the loops share their period by chance with more than UNNAMED,
-    and where no member is likelier to stick than not: the source is then outside of the loops that were judged.
+    where no member is likelier to stick than not, and where that one does not account for the others: the source is
+    then outside of the loops that were judged, or there are several.
     """
 
     period_s: float
     in_step: bool
     chance_probability: float
     suspects: tuple[Suspect, ...]
+    accounted: bool = True
 
     @property
     def by_chance(self) -> bool:
@@ -98,8 +133,8 @@ class Group:
     @property
     def source(self) -> str | None:
         best = self.suspects[0]
-        sticks = (best.stiction_probability or 0.0) > _NOTHING_STICKS
-        return best.tag if sticks and self.chance_probability <= UNNAMED else None
+        told = best.sticks and self.accounted and self.chance_probability <= UNNAMED
+        return best.tag if told else None
 
     @property
     def shaken(self) -> tuple[Suspect, ...]:
@@ -108,7 +143,7 @@ class Group:
         """
         if self.source is None or not self.in_step:
             return ()
-        return tuple(suspect for suspect in self.suspects[1:] if suspect.coherence >= IN_STEP)
+        return tuple(suspect for suspect in self.suspects[1:] if suspect.may_be_shaken)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,22 +217,25 @@ class _Company:
         return float(np.min(_as_many(self._as_coherent(one, rows[others], links[others]))))
 
     def beyond_chance(self, one: int, rows: IntArray, links: ComplexArray) -> IntArray:
-        """The rows linked to one that hardly come by chance, each for itself or several together."""
+        """The rows linked to one that hardly come by chance, each for itself or several together: where several do, the
+        nearest of them alone would tell as little as one, and belong to them all the same."""
         loops = self._as_coherent(one, rows, links)
-        return rows[(loops <= UNNAMED) | ((loops <= TOGETHER) & (_as_many(loops) <= CHANCE))]
+        near = loops[loops <= TOGETHER]
+        shown = len(near) > 0 and float(_as_many(near).min()) <= CHANCE
+        return rows[loops <= (TOGETHER if shown else UNNAMED)]
 
     def _as_coherent(self, one: int, others: IntArray, links: ComplexArray) -> FloatArray:
         """(K,) how many others chance brings to the period of one, as coherent with it as each of `others` (K,) is.
 
         Of swings that wander by themselves over n independent lines a share of (1 - c^2)^(n - 1) is more coherent than
         c; n is less where the two were recorded together for a part of the time only. A limit cycle is hardly more than
-        one line: to be coherent with it tells little.
+        one line: to be coherent with it tells little, unless as nearly as two of one frequency are.
         """
         end_s = np.minimum(self.end_s[others], self.end_s[one])
         together = np.maximum(0.0, end_s - np.maximum(self.start_s[others], self.start_s[one]))
         lines = np.minimum(self.lines_a_second[others], self.lines_a_second[one]) * together
         apart = np.maximum(1.0 - np.minimum(1.0, np.abs(links)) ** 2, _LEAST_APART)
-        return np.asarray(apart ** np.maximum(lines - 1.0, 0.0) * self.expected[one])
+        return np.asarray(apart ** np.maximum(lines - 1.0, PURE) * self.expected[one])
 
 
 def _as_many(expected: FloatArray) -> FloatArray:
@@ -230,7 +268,8 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     so many loops. Then the same whatever chance brings. Then, of what is left: the same unit (loops without one count
     as of one), the same period (within 3 % and resolution) and spectra alike from a third of the frequency upwards.
     Cost: M x GRID complex numbers, and M products of that length, up to M^2 where all have one period; of more than
-    4,000 candidates the strongest are taken, and none of fewer than ten cycles. Misleads on pairs of pure sines: two
+    4,000 candidates the strongest are taken, and none of fewer than ten cycles, nor one that swings for a moment only:
+    set points that step at one time are answered alike. Misleads on pairs of pure sines: two
     periods that a record cannot tell apart are in step as far as it shows.
     Sources: Thornhill, Shah, Huang, Vishnubhotla 2002, Control Eng. Practice 10, 1247-1258,
     doi 10.1016/S0967-0661(02)00090-5 (spectra alike); Thornhill 2005, J. Process Control 15, 309-324,
@@ -241,7 +280,7 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     if len(chosen) < 2:
         return ()
     waves = _waves([c.swing for c in chosen])
-    free = _Free(np.ones(len(chosen), dtype=np.bool_))
+    free = _Free(np.array([_lasts(waves, row, one.swing.cycles) for row, one in enumerate(chosen)]))
     company = _Company.of(chosen)
     # In a large plant some are coherent enough by chance to hide which belong together: those that are not come first.
     _gather_in_step(chosen, waves, free, company.beyond_chance)
@@ -361,12 +400,31 @@ def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, member
             onset,
             1.0 if row == best else round(min(1.0, abs(by_row[row])), 3),
             _lag_s(by_row[row], period_s) if in_step else None,
+            _same_times(chosen[row].swing, chosen[best].swing),
         )
         for row, score, onset in zip(members, scores, onsets, strict=True)
     ]
     chance = company.by_chance(best, rows, links) if in_step else company.of_one_period(members[0], len(members) - 1)
     others = sorted((s for k, s in enumerate(suspects) if k != place), key=lambda s: (-s.score, s.tag))
-    return Group(period_s, in_step, chance, (suspects[place], *others))
+    shaken = [row for row, suspect in zip(members, suspects, strict=True) if row != best and suspect.may_be_shaken]
+    alike = [row for row in shaken if _same_times(chosen[row].swing, chosen[best].swing)]
+    accounted = not in_step or (bool(shaken) and _accounts_for(waves, best, alike))
+    return Group(period_s, in_step, chance, (suspects[place], *others), accounted)
+
+
+def _same_times(one: Swing, other: Swing) -> bool:
+    apart_s = abs(one.start_s - other.start_s) + abs(one.length_s - other.length_s)
+    return apart_s <= _SAME_TIMES * min(one.length_s, other.length_s)
+
+
+def _accounts_for(waves: _Waves, source: int, shaken: list[int]) -> bool:
+    """Whether what the source does may be all that these rows share: not where one of them, the strongest, is as one
+    with the others and the source is not. Less than two tell nothing of that."""
+    if len(shaken) < 2:
+        return True
+    among, rest = shaken[0], np.sort(shaken[1:])
+    of_source, of_one_of_them = (float(np.median(np.abs(waves.coherence(one, rest)))) for one in (source, among))
+    return of_source >= AS_ONE or of_one_of_them < AS_ONE
 
 
 def _score(candidate: Candidate, late_s: float, resolution_s: float) -> float:
@@ -384,8 +442,31 @@ def _clipped(probability: float) -> float:
     return min(max(probability, 0.01), 0.99)
 
 
+def _lasts(waves: _Waves, row: int, cycles: float) -> bool:
+    """Whether a swing has enough cycles where it swings; so many of its record have its power: (sum p)^2 / (n sum p^2).
+    True where there is too little to tell.
+    """
+    envelope, _ = _envelope(waves, row)
+    power = envelope**2
+    if not power.any():
+        return True
+    share = float(np.sum(power) ** 2 / (len(power) * np.sum(power**2)))
+    return share >= PASSING or share * cycles >= FEWEST_CYCLES
+
+
 def _onset_s(waves: _Waves, row: int) -> float | None:
-    """When the envelope first stays above half of its usual height; None where it is there from the start.
+    """When the envelope first stays above half of its usual height; None where it is there from the start."""
+    envelope, time_s = _envelope(waves, row)
+    usual = float(np.median(envelope[len(envelope) // 2 :])) if len(envelope) else 0.0
+    if usual <= 0.0 or envelope[0] > _ONSET_RISE * usual:
+        return None
+    below = np.flatnonzero(envelope < 0.5 * usual)
+    early = below[below < len(envelope) // 2]
+    return float(time_s[early[-1]]) if len(early) else None
+
+
+def _envelope(waves: _Waves, row: int) -> tuple[FloatArray, FloatArray]:
+    """How high a swing is, and when, (n,) each; empty of a record that has less than 32 points of the grid.
 
     The Hann window that the lines were taken with is taken out again; the outermost eighths, where it is near zero,
     are not looked at.
@@ -393,15 +474,10 @@ def _onset_s(waves: _Waves, row: int) -> float | None:
     inside = np.flatnonzero(waves.inside[row])
     n = len(inside)
     if n < 32:
-        return None
+        return np.empty(0), np.empty(0)
     seen = slice(n // 8, n - n // 8)
-    envelope = np.abs(waves.values[row, inside])[seen] / np.hanning(n)[seen]
-    usual = float(np.median(envelope[len(envelope) // 2 :]))
-    if usual <= 0.0 or envelope[0] > _ONSET_RISE * usual:
-        return None
-    below = np.flatnonzero(envelope < 0.5 * usual)
-    early = below[below < len(envelope) // 2]
-    return float(waves.time_s[row, inside[seen][early[-1]]]) if len(early) else None
+    height = np.abs(waves.values[row, inside]).astype(np.float64)
+    return height[seen] / np.hanning(n)[seen], waves.time_s[row, inside[seen]]
 
 
 def _lag_s(link: complex, period_s: float) -> float:

@@ -2,7 +2,9 @@
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from sqlalchemy import Connection
 
@@ -13,6 +15,7 @@ from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc
 from app.services.results import AuditView, FailureView, Page
+from app.services.telling.naming import named
 from app.storage import audits, items, loops
 from app.storage.audits import AuditRow, LoopFilter, Progress
 
@@ -35,9 +38,9 @@ def start_audit(
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
 
     The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. unless_going_on: while
-    a run of the whole plant goes on it is that one. Raises RequestError ("too_many_open") where somebody asks and far
-    more loops wait than any plant has, ("unknown_loops") where a named tag is not there, ("no_loops") where a filter
-    leaves no loop with samples.
+    a run of the whole plant goes on, and nothing has come since it began, it is that one. Raises RequestError
+    ("too_many_open") where somebody asks and far more loops wait than any plant has, ("unknown_loops") where a named
+    tag is not there, ("no_loops") where a filter leaves no loop with samples.
     """
     wanted = _spelled(backend, wanted or LoopFilter())
     settings, config = backend.settings, AuditConfig()
@@ -178,4 +181,14 @@ def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> Audit
         cancelled=progress.cancelled,
         failures=failed,
         started_by=row.started_by or None,
+        night=row.nightly_for,
+        part=_part(json.loads(row.filter_json)),
     )
+
+
+def _part(wanted: Mapping[str, Any]) -> str:
+    """Which part of the plant a run was asked for."""
+    told = [f"{name} {wanted[name]}" for name in ("unit", "type") if wanted.get(name) is not None]
+    tags = wanted.get("tags")
+    told += [f"{'loop' if len(tags) == 1 else 'loops'} {named(tags)}"] if tags is not None else []
+    return ", ".join(told) or "the whole plant"

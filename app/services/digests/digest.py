@@ -16,7 +16,7 @@ from app.services.cursors import identifier
 from app.services.digests.doings import Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.arrivals import LATE, arrivals
-from app.services.plant.changes import change_of, for_all, kind_of, second_night
+from app.services.plant.changes import TOLD_FIRST, change_of, for_all, kind_of, second_night
 from app.services.plant.judged import Judged, ToManual, judged, to_manual
 from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import Repairs, RepairView, repairs
@@ -231,9 +231,6 @@ def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
     if newest is None or int(run.id) >= newest or run.ended_at is None:
         return None
     return datetime.fromisoformat(run.ended_at)
-
-
-TOLD_FIRST = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
 
 
 def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> Changed:

@@ -23,6 +23,7 @@ FEWER_SAMPLES = 0.8
 SECOND_NIGHT = "said for the second night"
 NEWS_FROM = 0.3
 """By so much the probability has moved where a change that is not to be relied on is news."""
+TOLD_FIRST: dict[Kind, int] = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
 LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 
@@ -56,7 +57,7 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES, together: AsOne = ALO
         found = plant.changes(connection, since, limit + 1, changed.left_out) if compared else []
         again = plant.second_nights(connection, run.id, limit) if compared and not first else []
     told = [for_all(change_of(row, backend.clock), changed) for row in found[:limit]]
-    rows = quiet_last([*told, *second_night(again, found, backend.clock)])
+    rows = news_first([*told, *second_night(again, found, backend.clock)])
     manual = to_manual(backend, since, and_since=True) if compared else []
     return Changes(str(run.id), iso_utc(run.created_at), rows, len(found) > limit, compared, manual, first)
 
@@ -70,9 +71,9 @@ def for_all(change: ChangeView, together: AsOne) -> ChangeView:
     return replace(change, because=f"{change.because}; {more}{group.words}")
 
 
-def quiet_last(changes: Sequence[ChangeView]) -> list[ChangeView]:
-    """What wavers is listed behind what is news."""
-    return sorted(changes, key=lambda change: change.kind == "wavers")
+def news_first(changes: Sequence[ChangeView]) -> list[ChangeView]:
+    """Valves that are newly said to stick are listed first, and what wavers behind all that is news."""
+    return sorted(changes, key=lambda change: TOLD_FIRST[change.kind])
 
 
 def kind_of(row: ChangedRow) -> Kind:
@@ -169,8 +170,6 @@ def _cause(why: ChangedBy, row: ChangedRow) -> str:
         return LONGER_WORDS
     if why != "auditable":
         return WHY_WORDS[why]
-    if row.likely_cause == UNANSWERED == row.likely_cause_before:
-        return f"still: {cause_words(UNANSWERED)}"
     if row.verdict == "not_auditable":
         return f"cannot be audited now: {cause_words(row.likely_cause or 'data')}"
     return f"could not be audited before: {cause_words(row.likely_cause_before or 'data')}"

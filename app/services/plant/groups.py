@@ -1,21 +1,31 @@
 """Loops that oscillate together: found among what the newest verdicts kept of their oscillations."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, wait
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
-from app.engine.plant_wide.groups import UNNAMED, Group, groups
+from app.engine.plant_wide.groups import UNNAMED, Group, groups, may_be_shaken
 from app.nanoseconds import NS_PER_S
 from app.services.audit_json.swings import candidates
 from app.services.backend import Backend
 from app.services.found_groups import Groups, State
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.set_points import set_points_together
-from app.services.results import GroupMember, GroupView
+from app.services.results import EVEN, GroupMember, GroupView
 from app.storage import verdicts
 
 PATIENCE_S = 0.1
 LOOKED_INTO = 20
+
+
+@dataclass(frozen=True)
+class Shown:
+    """groups: None where none are known yet. before: as of when they are (ISO 8601, UTC), while newer ones are being
+    worked out; None: these are the newest."""
+
+    groups: Groups | None
+    before: str | None = None
 
 
 def plant_groups(backend: Backend) -> Groups:
@@ -32,6 +42,13 @@ def soon(backend: Backend, wait_s: float = PATIENCE_S) -> Groups | None:
     finding = _begun(backend, state)
     wait((finding,), wait_s)
     return finding.result() if finding.done() else None
+
+
+def shown(backend: Backend) -> Shown:
+    """What a page shows, which cannot wait: those that were found before where the newest are not known soon."""
+    found = soon(backend)
+    last = backend.found_groups.last if found is None else None
+    return Shown(found) if last is None else Shown(last.groups, iso_utc(last.at))
 
 
 def _state(backend: Backend) -> State:
@@ -66,6 +83,20 @@ def _asked_of_set_points(backend: Backend, found: Sequence[GroupView]) -> list[G
 def groups_of(found: Groups | None, tag: str) -> list[GroupView]:
     """Those that the loop belongs to; none where they are not known yet."""
     return [group for group in found or () if any(member.loop == tag for member in group.members)]
+
+
+def shaken_by(groups: Sequence[GroupView], row: Mapping[str, Any]) -> str | None:
+    """The source that may be what shakes a loop, of the groups that it belongs to. None where its own record tells
+    reliably that its valve sticks: nobody is then sent elsewhere first."""
+    if row["verdict"] == "stiction" and row["reliability"] == "reliable":
+        return None
+    for group in groups:
+        own = next((member for member in group.members if member.loop == row["loop"]), None)
+        if own is None or not group.in_step or group.source in (None, own.loop):
+            continue
+        if may_be_shaken(own.coherence, (own.stiction_probability or 0.0) > EVEN):
+            return group.source
+    return None
 
 
 def told_apart(groups: Sequence[GroupView]) -> tuple[list[GroupView], list[GroupView]]:

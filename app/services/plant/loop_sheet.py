@@ -8,7 +8,7 @@ from app.services.backend import Backend
 from app.services.plant import glossary, loop_verdicts
 from app.services.plant.arrivals import newest_in_words
 from app.services.plant.before_after import compared, newest_repair
-from app.services.plant.groups import groups_of, soon
+from app.services.plant.groups import groups_of, shaken_by, shown
 from app.services.plant.judged import judged
 from app.services.plant.periods import periods
 from app.services.plant.stood_together import as_one
@@ -44,23 +44,27 @@ def loop_sheet(
     row = loop_verdicts.loop_health(backend, it.tag, shelved)
     detail = loop_verdicts.verdict_detail(backend, found, row["audit_id"])
     repair = newest_repair(backend, found)
-    together = soon(backend)
+    together = shown(backend)
+    mine = groups_of(together.groups, it.tag)
+    shaking = shaken_by(mine, row)
     return {
         "it": it,
         "row": row,
         "detail": detail,
         "disagrees": contradiction(row, explained) or names_otherwise(row, explained),
-        "points": points(row, detail),
+        "points": points(row, detail, shaking),
         "derivative": derivative(row, explained),
         "size": size_in_words(row, detail),
         "judged": judged(backend, [it.tag]).get(it.tag),
         "periods": periods(backend, found, row, detail),
         "why_first": why_first(detail.get("rivals", ()), row["rival_winner"]),
-        "groups_known": together is not None,
+        "groups_known": together.groups is not None,
+        "groups_before": together.before,
         "figures": [told for told in glossary.figures(row, it.pv_unit) if told[1] is not None],
         "most_nights": NIGHTS,
         "history": loop_verdicts.chained_history(backend, found, NIGHTS),
-        "groups": groups_of(together, it.tag),
+        "groups": mine,
+        "shaken_by": shaking,
         "stood_with": _stood_with(backend, row),
         "repair": repair,
         "compared": compared(backend, found, repair, it.pv_unit),

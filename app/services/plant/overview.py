@@ -68,7 +68,7 @@ def overview(backend: Backend) -> Overview:
         reliable=told.reliable,
         refused=told.refused,
         units=_units(counted),
-        health=_mean_health(counted),
+        health=mean_health(counted),
         retired=retired,
     )
 
@@ -108,10 +108,10 @@ def _unit(unit: str | None, rows: Sequence[UnitCount]) -> UnitView:
     counted: Counter[str] = Counter()
     for row in rows:
         counted[row.verdict] += row.loops
-    return UnitView(unit, counted.total(), dict(counted), _mean_health(rows), sum(row.importance for row in rows))
+    return UnitView(unit, counted.total(), dict(counted), mean_health(rows), sum(row.importance for row in rows))
 
 
-def _mean_health(rows: Sequence[UnitCount]) -> float | None:
+def mean_health(rows: Sequence[UnitCount]) -> float | None:
     """Weighted by importance; loops whose verdict has no health are left out."""
     told = [(row.weight, row.weighted_health) for row in rows if row.weighted_health is not None]
     weight = sum(of_unit for of_unit, _ in told)

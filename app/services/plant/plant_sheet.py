@@ -19,7 +19,7 @@ def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
     seen, shelved = overview(backend), shelf(backend)
     together = as_one(backend, shelved, since_ns=reach.current_ns)
     changed = changes(backend, together=together)
-    found = groups.soon(backend)
+    found = groups.shown(backend)
     newest_run = None if changed.run_id is None else int(changed.run_id)
     return {
         "seen": seen,
@@ -28,8 +28,9 @@ def plant_sheet(backend: Backend, reach: Arrivals) -> dict[str, Any]:
         "arrivals": of_now(backend, newest_run, reach) if seen.audited else [],
         "late_days": LATE.days,
         "newest_run": newest_run_of(backend),
-        "groups_known": found is not None,
+        "groups_known": found.groups is not None,
+        "groups_before": found.before,
         "repairs": repairs(backend),
         "shelf": shelved,
-        "groups": groups.surely_together(found),
+        "groups": groups.surely_together(found.groups),
     }

@@ -1,16 +1,17 @@
 """The loops that are looked at first: those that want it today, and the worst of the others.
 
 The worst are everywhere those that lack most to full health, times their importance. The page of the plant asks it of
-all loops, as its table and its map do: who sits before it mends tuning and transmitters too. A report or a digest sends
-people to valves: they ask it of those loops alone that stick, may, or show no answer of PV to OP, unit by unit, and say
-so.
+all loops that were judged, because who sits before it mends tuning and transmitters too, and of those whose valves
+stick reliably before the others. What could not be audited has a count of its own: that nothing is known of a valve is
+no evidence against it. A report or a digest sends people to valves: they ask it of those loops alone that stick, may,
+or show no answer of PV to OP, unit by unit, and say so.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeVar
 
 from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.services.backend import Backend
@@ -21,6 +22,9 @@ from app.services.stating.shelving import Shelf, shelf
 from app.storage import plant, verdicts
 from app.storage.verdicts import RowFilter
 
+Listed = TypeVar("Listed")
+
+JUDGED = ("stiction", "inconclusive", "no_stiction")
 WORST = 12
 MOST_TODAY = 200
 
@@ -51,8 +55,25 @@ def worst_tags(backend: Backend, since_ns: int | None, shelved: Shelf) -> list[s
             return [row.tag for row in verdicts.sent_rows(connection, limit, "priority", True, wanted, None)]
 
         today = set(first(MOST_TODAY, asked_today(since_ns)))
-        found = first(WORST + len(today), RowFilter(recorded_from_ns=since_ns))
-    return [tag for tag in found if tag not in today][:WORST]
+        return _sticking_first(first, RowFilter(recorded_from_ns=since_ns), today, WORST, lambda tag: tag)
+
+
+def _sticking_first(
+    listed: Callable[[int, RowFilter], list[Listed]],
+    asked: RowFilter,
+    beside: Collection[str],
+    limit: int,
+    tag_of: Callable[[Listed], str],
+) -> list[Listed]:
+    """Those of the judged loops that stick reliably, then the others, each as they are `listed`."""
+    judged = replace(asked, verdict=JUDGED)
+    reliably = replace(judged, verdict=("stiction",), reliability="reliable")
+    found = [one for one in listed(limit + len(beside), reliably) if tag_of(one) not in beside][:limit]
+    if len(found) < limit:
+        left_out = {*beside, *map(tag_of, found)}
+        others = listed(limit + len(left_out), judged)
+        found += [one for one in others if tag_of(one) not in left_out][: limit - len(found)]
+    return found
 
 
 def look_today(
@@ -85,11 +106,15 @@ def worst(
     shelved: Shelf | None = None,
     together: AsOne = ALONE,
 ) -> list[dict[str, Any]]:
-    """The loops at the head of the list by what is missing to full health x importance, without those that are
-    shelved; `beside`: tags of those that are listed elsewhere; since_ns: only loops with a sample as new as that."""
+    """The judged loops at the head of the list by what is missing to full health x importance, those that stick
+    reliably first, without those that are shelved; `beside`: tags of those that are listed elsewhere; since_ns: only
+    loops with a sample as new as that."""
     asked = RowFilter(recorded_from_ns=since_ns, left_out=together.left_out)
-    rows = not_shelved(backend, limit + len(beside), asked, shelved)
-    return [row for row in rows if row["loop"] not in beside][:limit]
+
+    def listed(most: int, wanted: RowFilter) -> list[dict[str, Any]]:
+        return not_shelved(backend, most, wanted, shelved)
+
+    return _sticking_first(listed, asked, beside, limit, lambda row: str(row["loop"]))
 
 
 def worst_of_old(

@@ -15,11 +15,14 @@ from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc, seconds_of
 from app.services.plant.arrivals import arrivals
 from app.services.plant.charts import charts
+from app.services.plant.course import course
 from app.services.plant.groups import plant_groups, told_apart
 from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_head, loop_sheet
+from app.services.plant.overview import Overview
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import table
+from app.services.plant.sticking import sticking
 from app.services.plant.work_list import work_list
 from app.services.plant.worst import complaints_of_old, complaints_of_units, nothing_worst
 from app.services.rendering import document
@@ -32,6 +35,7 @@ from app.storage.verdicts import RowFilter
 NOTES = 20
 WORST_OF_UNIT = 5
 REFUSED = 200
+COMPLAINTS = ("stiction", "inconclusive")
 PV, OP, SP, VALVE, GOOD = "#0b5394", "#b3261e", "#8a5a00", "#7a3fa0", "#1a6b3c"
 COLOURS = {"stiction": "#b3261e", "inconclusive": "#c98a1b", "not_auditable": "#8794a3", "no_stiction": "#2f8f57"}
 BAR_WIDTH = 180
@@ -81,7 +85,10 @@ def plant_report(backend: Backend) -> str:
         **sheet,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         work=work_list(backend, shelved, since_ns=since_ns),
+        sticking=sticking(backend, shelved, seen.reliable.get("stiction", 0)),
+        course=course(backend),
         worst=worst,
+        more_of={unit: _more_of(seen, unit, rows) for unit, rows in worst},
         nothing_worst=nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
         old=old,
         judged=judged(backend, listed),
@@ -90,6 +97,12 @@ def plant_report(backend: Backend) -> str:
         address_of=lambda tag: loop_address(backend.settings.public_url, tag),
         **_made(backend),
     )
+
+
+def _more_of(seen: Overview, unit: str | None, listed: Sequence[Mapping[str, Any]]) -> int:
+    """How many more loops of a unit stick or may, than are listed of it."""
+    counted = next((one.verdicts for one in seen.units if one.unit == unit), {})
+    return sum(max(0, counted.get(code, 0) - sum(row["verdict"] == code for row in listed)) for code in COMPLAINTS)
 
 
 def _made(backend: Backend) -> dict[str, Any]:

@@ -94,8 +94,9 @@ class Point:
         return MARKS[self.says]
 
 
-def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
-    """What speaks for a verdict and against it, the weightiest first; empty where the valve was not judged."""
+def points(row: Mapping[str, Any], detail: Mapping[str, Any], shaken_by: str | None = None) -> list[Point]:
+    """What speaks for a verdict and against it, the weightiest first; empty where the valve was not judged. shaken_by:
+    the loop that may be what makes this one swing, as it is known by now."""
     if row["verdict"] not in JUDGED or measured_probability(row) is None:
         return []
     reasons = {reason["code"]: reason["text"] for reason in detail["reasons"]}
@@ -106,7 +107,7 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any]) -> list[Point]:
         _kept("length", f"{row['cycles'] or 0.0:.1f} cycles, and its parts agree", DIVIDED, reasons),
         _kept("record", _whole(row), POOR, reasons),
         _not_passed(detail, reasons),
-        _kept("other loops", "none of them is known to move it", DOUBTED, reasons),
+        _others(row, reasons, shaken_by),
         _time(reasons),
         _fit(row, detail.get("rivals", ())),
         _methods(row, detail),
@@ -165,6 +166,13 @@ def _kept(name: str, told: str, against: Sequence[str], reasons: Mapping[str, st
     """Agrees, unless a reason that speaks against it was given."""
     doubts = [reasons[code] for code in against if code in reasons]
     return Point("otherwise", f"{name}: {doubts[0]}") if doubts else Point("agrees", f"{name}: {told}")
+
+
+def _others(row: Mapping[str, Any], reasons: Mapping[str, str], shaken_by: str | None) -> Point:
+    if shaken_by is None or not reasons.keys().isdisjoint(DOUBTED):
+        return _kept("other loops", "none of them is known to move it", DOUBTED, reasons)
+    says: Says = "agrees" if row["verdict"] == "no_stiction" else "otherwise"
+    return Point(says, f"other loops: it swings in step with {shaken_by}, which may be what shakes it")
 
 
 def _time(reasons: Mapping[str, str]) -> Point | None:

@@ -133,3 +133,19 @@ def test_many_streams_of_a_run_ask_the_data_base_as_one(backend, monkeypatch):
     assert len(looked) <= 3
     assert not request.app.state.watched
     audits.cancel_audit(backend, run.id)
+
+
+def test_the_plant_is_told_night_by_night(client, plant, backend):
+    run = client.post("/v1/audits", json={}).json()
+    audit_chunk(backend, int(run["id"]), "test")
+    told = client.get("/v1/nights").json()
+    assert told["next_cursor"] is None
+    night = told["rows"][-1]
+    assert (night["run"], night["audited"]) == (run["id"], run["total"])
+    assert night["sticking"] == sum(unit["sticking"] for unit in night["units"])
+
+
+def test_the_plant_asked_for_twice_is_one_run(client, plant):
+    first, second = (client.post("/v1/audits", json={}) for _ in range(2))
+    assert (second.status_code, second.json()["id"]) == (202, first.json()["id"])
+    assert client.post("/v1/audits", json={"tags": ["FIC101"]}).json()["id"] != first.json()["id"]

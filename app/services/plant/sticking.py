@@ -1,0 +1,61 @@
+"""All valves that stick reliably, unit by unit: the list that a turnaround is planned from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from app.services.backend import Backend
+from app.services.plant.reliability import table
+from app.services.stating.shelving import Shelf
+from app.services.telling.size_wording import equal_digits
+from app.storage import loops
+from app.storage.verdicts import RowFilter
+
+MOST = 1000
+
+
+@dataclass(frozen=True)
+class StickingValve:
+    """size: S with its 95 % interval and share of OP's span, empty where the record does not tell it. row: of the
+    reliability table, with its work order and repair."""
+
+    loop: str
+    unit: str | None
+    description: str
+    size: str
+    row: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """The valves of each unit, those first that lack most to full health, times their importance. more: how many the
+    list has no room for."""
+
+    units: list[tuple[str | None, list[StickingValve]]]
+    more: int
+
+
+def sticking(backend: Backend, shelved: Shelf, counted: int, most: int = MOST) -> Sticking:
+    """counted: how many there are in the plant. Shelved ones are among them, and say so."""
+    asked = RowFilter(verdict=("stiction",), reliability="reliable")
+    rows = table(backend, most, filters=asked, shelved=shelved).rows
+    with backend.database.read() as connection:
+        ids = loops.ids_of(connection, [row["loop"] for row in rows])
+        told = {found.tag: found.description or "" for found in loops.by_ids(connection, ids.values()).values()}
+    valves = [
+        StickingValve(row["loop"], row["unit"], told.get(row["loop"], ""), size_with_interval(row), row) for row in rows
+    ]
+    # A sort keeps the order within a unit; loops that name none stand last.
+    by_unit = sorted(valves, key=lambda valve: (valve.unit is None, valve.unit or ""))
+    units = [(unit, list(some)) for unit, some in groupby(by_unit, lambda valve: valve.unit)]
+    return Sticking(units, max(0, counted - len(rows)))
+
+
+def size_with_interval(row: Mapping[str, Any]) -> str:
+    """ "S 5.02 (4.71 to 5.33), 5.0 % of OP's span"."""
+    if row["stiction_S"] is None:
+        return ""
+    size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
+    share = row["stiction_S_pct_of_span"]
+    return f"S {size} ({low} to {high})" + ("" if share is None else f", {share:.1f} % of OP's span")

@@ -1,0 +1,32 @@
+"""The plant night by night."""
+
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import update
+
+from app.services.backend import Backend
+from app.services.plant.course import course
+from app.services.reports.documents import plant_report
+from app.storage.tables import audits
+from tests.services.audited_plant import AddLoops, audited, rewrite
+
+
+def test_each_date_has_what_its_last_run_of_the_plant_said(backend: Backend, add_loops: AddLoops) -> None:
+    assert course(backend) == []
+    ids = add_loops("A", "B", n=600, unit="U1") | add_loops("C", n=600)
+    first = audited(backend)
+    second, third = audited(backend), audited(backend)
+    with backend.database.write() as connection:
+        mine = update(audits).where(audits.c.id.in_((first, second)))
+        connection.execute(mine.values(created_at=datetime.now(UTC) - timedelta(days=2)))
+    said = [(second, "A", "stiction", 50.0, None), (second, "B", "not_auditable", None, "not_in_automatic")]
+    said += [(second, "C", "no_stiction", 90.0, None), *((third, tag, "no_stiction", 80.0, None) for tag in "ABC")]
+    for run, tag, verdict, health, cause in said:
+        fields = {"verdict": verdict, "reliability": "reliable", "health": health, "likely_cause": cause}
+        rewrite(backend, run, ids[tag], **fields)
+    before, now = course(backend)
+    assert (before.run, now.run) == (str(second), str(third))
+    assert (before.audited, before.sticking, before.health, before.in_manual) == (3, 1, 70.0, 1)
+    assert before.of_units == {"U1": 1, None: 0}
+    assert (now.sticking, now.health, now.in_manual) == (0, 80.0, 0)
+    assert f'<td class="tag">{before.date}</td>' in plant_report(backend)
