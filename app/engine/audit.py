@@ -51,8 +51,8 @@ class Window:
 class Audit:
     """What one audit found, and what is needed to make it again.
 
-    samples: samples of the recording. sampling_interval_s: of the audited stretch, else the recording's median; None
-    below two samples.
+    samples: samples of the recording, one of each scan. sampling_interval_s: of the audited stretch, else the
+    recording's median; None below two samples.
     window: what was judged. identified: the part of it that the published rule was run on.
     op_span: max(OP) - min(OP) in what was identified, unit of OP.
     oscillation, window, identified, reference, op_span: None where the recording is not auditable.
@@ -181,7 +181,7 @@ def _result(
     looked_at = None if record is None else fitness.looked_at
     return Audit(
         recording=recording.name,
-        samples=recording.samples,
+        samples=-(-recording.samples // fitness.repeats),
         sampling_interval_s=_interval(recording, fitness),
         fitness=fitness,
         oscillation=oscillation,

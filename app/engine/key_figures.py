@@ -8,6 +8,7 @@ from numba import njit
 
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
+from app.engine.fitness.repeated import once_a_scan
 from app.engine.fitness.resample import typical_interval
 from app.engine.fitness.signals import at_extremes, at_limits, quantisation_step, resolution, usable_values
 from app.engine.oscillation import autocorrelation
@@ -86,16 +87,17 @@ def compute(recording: Recording) -> KeyFigures:
 
     recording: PV, OP and SP in engineering units, NaN where missing.
 
-    Only samples with finite PV and OP count, and not the wild ones among them; where PV and OP were stamped at
-    different times, they are brought together as they are for the audit, and the set point is held. Control error,
-    saturation and Harris index use those in automatic where the mode is known. The Harris index assumes a dead time of
+    Of a scan that was stored several times one sample counts, of these only those with finite PV and OP, and not the
+    wild ones among them; where PV and OP were stamped at different times, they are brought together as they are for the
+    audit, and the set point is held. Control error, saturation and Harris index use those in automatic where the mode
+    is known. The Harris index assumes a dead time of
     HARRIS_HORIZON samples, says less the further the loop's own is from that, and punishes loops that follow a moving
     set point or that are meant to let a level swing: compare a loop with itself.
     Sources: Jelali 2013, Control Performance Management in Industrial Automation, doi 10.1007/978-1-4471-4546-2
     (figures); Harris 1989, Can. J. Chem. Eng. 67, 856, doi 10.1002/cjce.5450670519, and Desborough and Harris 1992,
     doi 10.1002/cjce.5450700620 (index).
     """
-    recording, good = _together(recording)
+    recording, good = _together(once_a_scan(recording, _AS_CHECKED).recording)
     held_s = holding_times(recording.time_s)
 
     def timed(signal: FloatArray, part: BoolArray) -> Timed:

@@ -108,7 +108,7 @@ class Recording:
     def samples(self) -> int:
         return len(self.time_s)
 
-    def part(self, which: slice | BoolArray) -> "Recording":
+    def part(self, which: slice | BoolArray | IntArray) -> "Recording":
         """Those samples alone, at their times."""
         return replace(
             self,

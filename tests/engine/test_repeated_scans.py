@@ -57,7 +57,7 @@ def test_rows_that_are_missing_move_no_scan() -> None:
 def test_what_moves_between_the_scans_is_kept(moving: str) -> None:
     each = stored(loop(), 5)
     signal: FloatArray = getattr(each, moving)
-    signal[502] += 1.0
+    signal[502::25] += 1.0
     found = once_a_scan(each, CONFIG)
     assert found.repeats == 1
     assert found.recording is each
@@ -77,3 +77,33 @@ def test_the_audited_stretch_is_that_of_the_scan_and_says_so() -> None:
     told = {finding.code: finding for finding in fitness.findings}["irregular_sampling"]
     assert told.outcome == "pass"
     assert told.text == "samples every 10 s, taken as they are; each was stored 5 times"
+
+
+def test_a_controller_that_answers_a_little_later_is_paired_with_what_it_answers() -> None:
+    once = loop()
+    each = stored(once, 5)
+    each.op[2:] = each.op[:-2].copy()
+    found = once_a_scan(each, CONFIG)
+    assert found.repeats == 5
+    assert np.array_equal(found.recording.pv, once.pv)
+    assert np.array_equal(found.recording.op, once.op)
+
+
+def test_a_scan_is_known_by_whichever_of_its_samples_are_left() -> None:
+    once = loop()
+    each = stored(once, 5)
+    left = np.random.default_rng(4).random(each.samples) < 0.7
+    left[:5] = left[-1] = True
+    known = np.unique(np.flatnonzero(left) // 5)
+    found = once_a_scan(each.part(left), CONFIG)
+    assert found.repeats == 5
+    assert np.array_equal(found.recording.pv, once.pv[known])
+    assert np.allclose(found.recording.time_s, once.time_s[known])
+
+
+def test_one_scan_that_came_late_ends_no_pattern() -> None:
+    each = stored(loop(), 5)
+    each.pv[500] = each.pv[499]
+    found = once_a_scan(each, CONFIG)
+    assert found.repeats == 5
+    assert np.array_equal(found.recording.pv, loop().pv)

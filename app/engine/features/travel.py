@@ -1,6 +1,6 @@
 """Whether PV stands still while OP travels: what a stuck valve looks like from outside."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -93,8 +93,8 @@ def standing_as_sampled(time_s: FloatArray, pv: FloatArray, op: FloatArray, osci
     """(N,) as `standing`, of samples as they came: on an even grid at their median interval, each sample by the point
     next to it.
 
-    time_s: (N,) s, increasing. pv, op: (N,) finite. oscillation: that of these samples. Nothing is marked of fewer than
-    16 samples.
+    time_s: (N,) s, increasing. pv, op: (N,) finite. oscillation: of the loop then, however often it was
+    stored. Nothing is marked of fewer than 16 samples.
     """
     if len(time_s) < _FEWEST_SAMPLES:
         return np.zeros(len(time_s), np.bool_)
@@ -103,7 +103,8 @@ def standing_as_sampled(time_s: FloatArray, pv: FloatArray, op: FloatArray, osci
     grid = np.arange(0.0, since[-1] + 0.5 * interval, interval)
     on_grid = np.interp(grid, since, pv), np.interp(grid, since, op)
     even = UniformRecord(interval, *on_grid, None, np.zeros(len(grid), np.bool_))
-    marked = standing(even.pv, even.op, cycle_samples(even, oscillation))
+    per_cycle = None if oscillation.period_s is None else oscillation.period_s / interval
+    marked = standing(even.pv, even.op, cycle_samples(even, replace(oscillation, samples_per_cycle=per_cycle)))
     nearest: BoolArray = marked[np.minimum(np.rint(since / interval).astype(np.int64), len(grid) - 1)]
     return nearest
 

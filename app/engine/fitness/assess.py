@@ -135,7 +135,7 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     automatic_share = None if samples.automatic is None or not len(samples) else float(np.mean(samples.automatic))
     missing_share = 1.0 - float(np.mean(both)) if len(both) else 0.0
     fitness = Fitness((), None, missing_share, automatic_share, None, 0, repeats=scanned.repeats)
-    length = checks.check_length(scanned.recording.samples, config)
+    length = checks.check_length(scanned.recording.samples, config, scanned.repeats)
     if length.outcome == "fail":
         return _stopped(fitness, (length,), ("missing_values", "wild_samples", *LATER_CHECKS))
     found = (

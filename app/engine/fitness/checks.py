@@ -39,9 +39,10 @@ def not_evaluated(code: CheckCode, because: str) -> Finding:
     return Finding(code, "not_evaluated", f"not evaluated, because {because}")
 
 
-def check_length(samples: int, config: FitnessConfig) -> Finding:
+def check_length(samples: int, config: FitnessConfig, repeats: int = 1) -> Finding:
     enough = samples >= config.min_samples
-    text = f"{samples} samples, at least {config.min_samples} are needed"
+    stored = f", each of them stored {repeats} times" if repeats > 1 else ""
+    text = f"{samples} samples{stored}, at least {config.min_samples} are needed"
     return _finding("too_short", enough, text, samples, config.min_samples, "samples", ">=")
 
 

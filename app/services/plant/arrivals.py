@@ -14,6 +14,9 @@ from app.storage import arrivals as stored
 LATE = timedelta(days=2)
 """Exports come once a day: what has not come for two days is missing."""
 
+OF_THE_PAST = timedelta(days=30)
+"""A plant whose newest sample is as old is a collection of records, not a plant at work."""
+
 AHEAD = timedelta(hours=1)
 """Samples farther ahead of the clock than this are not the newest ones: their clock is wrong."""
 
@@ -61,9 +64,11 @@ def _current_ns(connection: Connection) -> int | None:
 
 def of_old_records(connection: Connection, tags: Collection[str]) -> frozenset[str]:
     """Those of these loops that end before `current_ns`: what is said of them is of then. How old a record without a
-    date is, is not known."""
+    date is, is not known. None where all that is stored is of the past: then nobody asks it about today."""
     since_ns = _current_ns(connection)
-    return frozenset() if since_ns is None else stored.among_ending(connection, tags, DATED_NS, since_ns)
+    if since_ns is None or since_ns < ns_of(datetime.now(UTC) - OF_THE_PAST):
+        return frozenset()
+    return stored.among_ending(connection, tags, DATED_NS, since_ns)
 
 
 def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Arrivals:
