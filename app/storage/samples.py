@@ -173,24 +173,26 @@ def merged(stretches: Sequence[Samples]) -> Samples:
         for name, values in stretch.signals.items():
             known = ~np.isnan(values)
             signals[name][places[known]] = values[known]
-    if not all(name in signals for name in PAIR):
-        return Samples(times, signals)
     sampled = {name: np.zeros(len(times), dtype=np.bool_) for name in names}
-    apart = np.ones(len(times), dtype=np.bool_)
+    apart = np.full(len(times), all(name in signals for name in PAIR))
     for stretch in stretches:
-        places, brought = np.searchsorted(times, stretch.time_ns), _brought(stretch)
-        for name in brought:
+        places = np.searchsorted(times, stretch.time_ns)
+        for name in _brought(stretch):
             sampled[name][places] |= stretch.has_sampled(name)
-        if all(name in brought for name in PAIR):
+        if all(name in _known(stretch) for name in PAIR):
             _no_more_apart(apart, places, stretch)
     return Samples(times, signals, sampled=sampled, apart=apart if np.any(apart) else None)
+
+
+def _known(stretch: Samples) -> list[str]:
+    """The signals that have a value."""
+    return [name for name, values in stretch.signals.items() if not np.all(np.isnan(values))]
 
 
 def _brought(stretch: Samples) -> list[str]:
     """The signals that have a value; all where none has: then their values were refused. A column that is always empty
     beside another one brings nothing."""
-    known = [name for name, values in stretch.signals.items() if not np.all(np.isnan(values))]
-    return known or list(stretch.signals)
+    return _known(stretch) or list(stretch.signals)
 
 
 def _no_more_apart(apart: BoolArray, places: NDArray[np.int64], joint: Samples) -> None:
@@ -218,10 +220,10 @@ def news(sent: Samples, stored: Samples) -> NDArray[np.bool_]:
 
 
 def refused_anew(sent: Samples, stored: Samples) -> BoolArray:
-    """Which samples of `sent`, of PV or OP without the other, were refused where nothing of that signal is in `stored`
-    yet: not to know them would be to take it for unchanged there."""
-    brought = [name for name in PAIR if name in _brought(sent)]
-    if len(brought) != 1 or not len(stored):
+    """Which samples of `sent`, of PV or OP alone, were refused where nothing of that signal is in `stored` yet: not to
+    know them would be to take it for unchanged there."""
+    brought = _brought(sent)
+    if len(brought) != 1 or brought[0] not in PAIR or not len(stored):
         return np.zeros(len(sent), dtype=np.bool_)
     places = np.minimum(np.searchsorted(stored.time_ns, sent.time_ns), len(stored) - 1)
     return np.isnan(sent.signals[brought[0]]) & ~stored.has_sampled(brought[0])[places]
