@@ -15,7 +15,7 @@ For services that store a plant's samples::
   `options.buffered_values` values is put aside in files without a name in `options.spill_folder`; NoRoomToPartError
   where they do not fit there (see `export.share_taken`).
 * `for block in export` gives the raw signals tag by tag instead (SignalBlock); `align(blocks)` makes LoopSamples of one
-  loop's blocks; `realigned` does of a stretch whose signals came in files of their own.
+  loop's blocks; `realigned` does of a stretch whose PV and OP came apart.
 * A file of relative seconds is anchored at `options.start_ns` (1970-01-01 UTC), its loop is named by the file.
 * `mapping.find(tag)` has what the plant's mapping says besides: `.attributes` (unit, low, high, loop_type, ...),
   `.number("low")`.

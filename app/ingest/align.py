@@ -72,20 +72,57 @@ def align(blocks: Sequence[SignalBlock]) -> LoopSamples:
     )
 
 
-def realigned(stretch: LoopSamples) -> LoopSamples:
-    """A stretch laid together of files that had its signals apart, as if they had come in one: where a row lacks a
-    value, its signal was not sampled."""
-    signals: dict[Signal, FloatArray | None] = {
-        "PV": stretch.pv,
-        "OP": stretch.op,
-        "SP": stretch.sp,
-        "MODE": stretch.automatic,
-    }
+def realigned(stretch: LoopSamples, apart: BoolArray, sampled: Mapping[str, BoolArray]) -> LoopSamples:
+    """A stretch laid together of files of which some had PV and OP apart, as if these had come in one.
+
+    apart: (n,) whether they came apart at the row; the other rows stay as they are. sampled: by signal, or tag of a
+    further one, (n,) whether it was sampled at the row, be its value refused.
+    """
+    bounds = np.flatnonzero(np.diff(apart)) + 1
+    starts, ends = np.append(0, bounds).tolist(), np.append(bounds, len(apart)).tolist()
+    spans = [slice(start, end) for start, end in zip(starts, ends, strict=True)]
+    parts = [_realigned(stretch, span, sampled) if apart[span.start] else _part(stretch, span) for span in spans]
+    others = {tag: _one_behind_the_other(parts, [part.others.get(tag) for part in parts]) for tag in stretch.others}
+    return LoopSamples(
+        stretch.loop,
+        np.concatenate([part.time_ns for part in parts]),
+        _one_behind_the_other(parts, [part.pv for part in parts]),
+        _one_behind_the_other(parts, [part.op for part in parts]),
+        _one_behind_the_other(parts, [part.sp for part in parts]),
+        _one_behind_the_other(parts, [part.automatic for part in parts]),
+        MappingProxyType({tag: values for tag, values in others.items() if values is not None}),
+        tuple(dict.fromkeys(key for part in parts for key in part.resampled)),
+    )
+
+
+def _one_behind_the_other(parts: Sequence[LoopSamples], own: Sequence[FloatArray | None]) -> FloatArray | None:
+    """A signal's values, part by part; None where no part has it."""
+    if all(values is None for values in own):
+        return None
+    pairs = zip(parts, own, strict=True)
+    return np.concatenate([np.full(part.samples, np.nan) if values is None else values for part, values in pairs])
+
+
+def _part(stretch: LoopSamples, span: slice) -> LoopSamples:
+    pv, op, sp, automatic = (
+        None if values is None else values[span] for values in (stretch.pv, stretch.op, stretch.sp, stretch.automatic)
+    )
+    others = {tag: values[span] for tag, values in stretch.others.items()}
+    return LoopSamples(stretch.loop, stretch.time_ns[span], pv, op, sp, automatic, MappingProxyType(others))
+
+
+def _realigned(stretch: LoopSamples, span: slice, sampled: Mapping[str, BoolArray]) -> LoopSamples:
+    """Of a span; as it is where PV or OP have no value in it."""
+    part = _part(stretch, span)
+    if part.pv is None or part.op is None or not (np.any(np.isfinite(part.pv)) and np.any(np.isfinite(part.op))):
+        return part
+    signals: dict[Signal, FloatArray | None] = {"PV": part.pv, "OP": part.op, "SP": part.sp, "MODE": part.automatic}
     own = [(name, name, values) for name, values in signals.items() if values is not None]
     blocks = []
-    for tag, signal, values in (*own, *((tag, _OTHER, values) for tag, values in stretch.others.items())):
+    for tag, signal, values in (*own, *((tag, _OTHER, values) for tag, values in part.others.items())):
         given = np.isfinite(values)
-        blocks.append(SignalBlock(tag, stretch.loop, signal, stretch.time_ns[given], values[given]))
+        given |= sampled[tag][span] if tag in sampled else False
+        blocks.append(SignalBlock(tag, stretch.loop, signal, part.time_ns[given], values[given]))
     return align([block for block in blocks if len(block.time_ns)])
 
 

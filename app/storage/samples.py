@@ -13,17 +13,19 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from app.nanoseconds import NS_PER_DAY
 from app.storage.coding import AS_IT_IS, coded, coded_each, decoded, shuffled, unshuffled, width
 
 FloatArray = NDArray[np.float64]
 TimeArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 FORMAT = 2
 FORMATS = (1, FORMAT)  # of format 1 the head is a list of names, and each signal stands as it is
 LEVEL = 3
 HEADER = struct.Struct("<BII")  # format, samples, length of the head
 LONGEST_NAMES = 1 << 20
-PAIR = {"pv", "op"}
+PAIR = ("pv", "op")
 DAMAGED = (ValueError, TypeError, AttributeError, OverflowError, MemoryError, struct.error, zstandard.ZstdError)
 """What unpacking raises where bytes are missing or others than were written."""
 _own = threading.local()
@@ -39,14 +41,16 @@ class Samples:
 
     time_ns: (n,) increasing, ns since 1970 UTC. signals: (n,) each, NaN where missing; by name: "pv", "op", "sp",
     "automatic" (1, 0, NaN), further signals by their tag. Neither is changed once its fingerprint or its packed bytes
-    were asked for: they are made once. held_ns: of signals whose first value here was stated before, when. apart:
-    whether no stretch held both PV and OP: where a row lacks one it was not sampled. These two are not packed.
+    were asked for: they are made once. held_ns: of signals whose first value here was stated before, when. sampled:
+    by signal, (n,) whether a stretch that brought it has the row, be its value refused; none: that is not known.
+    apart: (n,) whether PV and OP came apart at the row. These three are not packed.
     """
 
     time_ns: TimeArray
     signals: Mapping[str, FloatArray]
     held_ns: Mapping[str, int] = field(default_factory=dict)
-    apart: bool = False
+    sampled: Mapping[str, BoolArray] = field(default_factory=dict)
+    apart: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -63,9 +67,16 @@ class Samples:
     def packed(self) -> bytes:
         return pack(self)
 
-    def part(self, where: slice | NDArray[np.bool_] | NDArray[np.int64]) -> "Samples":
+    def part(self, where: slice | BoolArray | NDArray[np.int64]) -> "Samples":
         signals = {name: values[where] for name, values in self.signals.items()}
-        return Samples(self.time_ns[where], signals, apart=self.apart)
+        sampled = {name: rows[where] for name, rows in self.sampled.items()}
+        apart = None if self.apart is None else self.apart[where]
+        return Samples(self.time_ns[where], signals, sampled=sampled, apart=apart)
+
+    def has_sampled(self, name: str) -> BoolArray:
+        """(n,) whether the signal was sampled at each row, be its value refused."""
+        known = self.sampled.get(name)
+        return known if known is not None else np.full(len(self), name in _brought(self))
 
 
 def pack(samples: Samples, codings: Iterable[tuple[str, bytes]] | None = None) -> bytes:
@@ -162,8 +173,37 @@ def merged(stretches: Sequence[Samples]) -> Samples:
         for name, values in stretch.signals.items():
             known = ~np.isnan(values)
             signals[name][places[known]] = values[known]
-    apart = signals.keys() >= PAIR and not any(stretch.signals.keys() >= PAIR for stretch in stretches)
-    return Samples(times, signals, apart=apart)
+    sampled = {name: np.zeros(len(times), dtype=np.bool_) for name in names}
+    apart = np.full(len(times), all(name in signals for name in PAIR))
+    for stretch in stretches:
+        places = np.searchsorted(times, stretch.time_ns)
+        for name in _brought(stretch):
+            sampled[name][places] |= stretch.has_sampled(name)
+        if all(name in _known(stretch) for name in PAIR):
+            _no_more_apart(apart, places, stretch)
+    return Samples(times, signals, sampled=sampled, apart=apart if np.any(apart) else None)
+
+
+def _known(stretch: Samples) -> list[str]:
+    """The signals that have a value."""
+    return [name for name, values in stretch.signals.items() if not np.all(np.isnan(values))]
+
+
+def _brought(stretch: Samples) -> list[str]:
+    """The signals that have a value; all where none has: then their values were refused. A column that is always empty
+    beside another one brings nothing."""
+    return _known(stretch) or list(stretch.signals)
+
+
+def _no_more_apart(apart: BoolArray, places: NDArray[np.int64], joint: Samples) -> None:
+    """joint: has PV and OP from its first to its last sample, unless it pauses for days. places: of its rows."""
+    ends = np.append(np.flatnonzero(np.diff(joint.time_ns) > NS_PER_DAY), len(joint) - 1)
+    begins = np.append(0, ends[:-1] + 1)
+    own = np.ones(len(places), dtype=np.bool_) if joint.apart is None else ~joint.apart
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        together = places[begin : end + 1][own[begin : end + 1]]
+        if len(together):
+            apart[together[0] : together[-1] + 1] = False
 
 
 def news(sent: Samples, stored: Samples) -> NDArray[np.bool_]:
@@ -177,3 +217,13 @@ def news(sent: Samples, stored: Samples) -> NDArray[np.bool_]:
         same = np.isnan(values) if before is None else np.isnan(values) | (values == before[places])
         fresh |= ~same
     return fresh
+
+
+def refused_anew(sent: Samples, stored: Samples) -> BoolArray:
+    """Which samples of `sent`, of PV or OP alone, were refused where nothing of that signal is in `stored` yet: not to
+    know them would be to take it for unchanged there."""
+    brought = _brought(sent)
+    if len(brought) != 1 or brought[0] not in PAIR or not len(stored):
+        return np.zeros(len(sent), dtype=np.bool_)
+    places = np.minimum(np.searchsorted(stored.time_ns, sent.time_ns), len(stored) - 1)
+    return np.isnan(sent.signals[brought[0]]) & ~stored.has_sampled(brought[0])[places]

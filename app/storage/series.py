@@ -16,7 +16,7 @@ from sqlalchemy import ColumnElement, Connection, Select, and_, bindparam, func,
 from app.nanoseconds import NS_PER_DAY, NS_PER_H
 from app.storage.ahead import newest_until
 from app.storage.bulk import among_many, columns_of, from_arrays, from_json, insert_new_rows
-from app.storage.samples import DamagedStretchError, Samples, merged, news, unpack_stored
+from app.storage.samples import DamagedStretchError, Samples, merged, news, refused_anew, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import AS_RECEIVED, loops, series
 
@@ -347,12 +347,16 @@ def _fresh(sent: Samples, stored: list[Stored], place: Place) -> _Fresh:
         return _Fresh(sent, len(sent))
     later = [one.samples for one in stored if one.receipt_number > place.receipt_number]
     shown = sent if not later else _over(sent, later)
-    changes = news(shown, merged([one.samples for one in stored]))
+    whole = merged([one.samples for one in stored])
+    changes = news(shown, whole)
     sure = [one.samples for one in stored if one.receipt_number >= place.unread_before]
     if len(sure) == len(stored):
-        kept = changes
+        kept = changes | refused_anew(sent, whole)
+    elif sure:
+        known = merged(sure)
+        kept = news(shown, known) | refused_anew(sent, known)
     else:
-        kept = news(shown, merged(sure)) if sure else np.ones(len(sent), dtype=bool)
+        kept = np.ones(len(sent), dtype=bool)
     return _Fresh(sent if kept.all() else sent.part(kept), int(np.count_nonzero(changes)))
 
 

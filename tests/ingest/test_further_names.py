@@ -51,3 +51,38 @@ def test_names_that_come_again_before_each_series(read: Read) -> None:
         content = read("\n".join(names + "".join(s.splitlines(keepends=True)[:length]) for s in series))
         assert set(content.loops) == {"F1", "F2"}
         assert content.loops["F2"].op.tolist() == [i + 0.5 for i in range(length)]
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize(
+    "again",
+    [
+        "time,A.PV [bar],A.OP [%]",
+        "time,A.PV\N{NO-BREAK SPACE},A.OP",
+        "\N{ZERO WIDTH NO-BREAK SPACE}time,A.PV,A.OP",
+        "time,A.PV",
+        "time,A.P",
+        "time",
+        "time,,",
+    ],
+)
+def test_the_same_names_written_otherwise_or_cut_go_on(read: Read, again: str, options: IngestOptions) -> None:
+    content = read(f"time,A.PV,A.OP\n{rows(0, 450)}{again}\n{rows(450, 500)}", options=options)
+    assert content.loops["A"].pv.tolist() == list(range(500))
+    assert "other_names" not in content.rejects.counts
+
+
+@pytest.mark.parametrize("mark", ["", "\N{ZERO WIDTH NO-BREAK SPACE}"])
+@pytest.mark.parametrize("time", ["time", '"time"'])
+def test_names_behind_the_mark_of_a_file_of_its_own(read: Read, mark: str, time: str) -> None:
+    content = read(f"{mark}{time},A.PV,A.OP\n{rows(0, 450)}{mark}{time},A.OP,A.PV\n{rows(450, 500)}")
+    assert content.loops["A"].pv.tolist() == list(range(450))
+    assert content.rejects.counts["other_names"] == 50
+
+
+def test_an_empty_stamp_is_no_name_of_an_unnamed_index(read: Read) -> None:
+    lines = [f'"{stamp}","{i}","1{i}"\n' for i, stamp in enumerate(MINUTES)]
+    lines[300] = '"","300","1300"\n'
+    content = read('"","A.PV","A.OP"\n' + "".join(lines))
+    assert content.loops["A"].samples == 599
+    assert dict(content.rejects.counts) == {"bad_time": 1}

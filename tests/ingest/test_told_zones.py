@@ -97,7 +97,7 @@ def test_a_column_of_stamps_is_no_signal(read: Read) -> None:
     assert "neither as times nor as values: Received" in content.summary.notes[0]
 
 
-@pytest.mark.parametrize("name", ["Time (Europe/Berlin)", "Timestamp [Europe/Vienna]", "Time (CET)"])
+@pytest.mark.parametrize("name", ["Time (Europe/Berlin)", "Timestamp [Europe/Vienna]"])
 def test_the_name_of_the_one_column_tells_a_zone_with_summer_time(read: Read, name: str) -> None:
     content = read(table(f"{name},A.PV,A.OP", "{local:%Y-%m-%d %H:%M:%S},{i},1{i}"))
     np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
@@ -108,3 +108,11 @@ def test_the_name_of_the_one_column_tells_a_zone_with_summer_time(read: Read, na
 def test_a_name_that_is_of_no_zone(read: Read, name: str) -> None:
     content = read(table(f"{name},A.PV,A.OP", "{utc:%Y-%m-%d %H:%M:%S},{i},1{i}"))
     np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+
+
+@pytest.mark.parametrize("letters", ["CET", "EET", "CEST", "EST"])
+def test_letters_that_leave_summer_time_open(read: Read, letters: str) -> None:
+    content = read(table(f"Time ({letters}),A.PV,A.OP", "{local:%Y-%m-%d %H:%M:%S},{i},1{i}"), options=BERLIN)
+    np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
+    assert content.summary.time_zone == "Europe/Berlin"
+    assert content.summary.notes[0].startswith(f"times are in the set zone: {letters} in the name")

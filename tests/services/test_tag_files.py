@@ -68,6 +68,63 @@ def test_files_of_pv_and_op_at_other_times_are_audited_as_one_file_of_both_is(
     assert np.isfinite(apart.op).mean() > 0.9
 
 
+SECONDS = 900
+HELD_OP = np.round(40 + 5 * np.sin(np.arange(SECONDS) / 60))
+CHANGES = np.flatnonzero(np.append(True, np.diff(HELD_OP) != 0))
+COLUMNS = "Tag,Time,Value,Quality\n"
+
+
+def rows_of(tag: str, values: np.ndarray, seconds: range | np.ndarray, refused: frozenset[int] = frozenset()) -> str:
+    start = np.datetime64("2026-03-01T00:00:00", "ms")
+    return "".join(
+        f"{tag},{start + 1000 * int(k)},{values[k]:.3f},{'Bad' if k in refused else 'Good'}\n" for k in seconds
+    )
+
+
+def send_text(backend: Backend, *texts: str) -> None:
+    for text in texts:
+        read(backend, send(backend, (COLUMNS + text).encode(), name=f"{text[:6]}.csv"))
+
+
+def assert_same(first: Recording, second: Recording) -> None:
+    np.testing.assert_array_equal(first.time_s, second.time_s)
+    np.testing.assert_array_equal(first.pv, second.pv)
+    np.testing.assert_array_equal(first.op, second.op)
+
+
+@pytest.mark.parametrize("last", ["OP", "PV"])
+@pytest.mark.parametrize("refused", ["PV", "OP"])
+def test_refused_values_are_holes_in_files_of_their_own_too(backend: Backend, refused: str, last: str) -> None:
+    pv = np.sin(np.arange(SECONDS) / 60)
+    bad = {"PV": frozenset(range(200, 350)), "OP": frozenset(CHANGES[10:20].tolist())}
+    texts = {
+        "PV": rows_of("F1.PV", pv, range(SECONDS), bad["PV"] if refused == "PV" else frozenset()),
+        "OP": rows_of("F1.OP", HELD_OP, CHANGES, bad["OP"] if refused == "OP" else frozenset()),
+    }
+    for signal in sorted(texts, key=last.__eq__):
+        send_text(backend, texts[signal], texts[signal] + " ")
+    send_text(backend, "".join(texts.values()).replace("F1.", "F2."))
+    one_file = stored_record(backend, "F2", 24.0)
+    assert_same(stored_record(backend, "F1", 24.0), one_file)
+    assert len(one_file.time_s) == SECONDS
+    assert np.isfinite(one_file.pv if refused == "PV" else one_file.op).mean() < 0.9
+
+
+@pytest.mark.parametrize("joint_first", [False, True])
+def test_what_came_apart_is_brought_together_beside_what_came_in_one_file(backend: Backend, joint_first: bool) -> None:
+    pv = np.sin(np.arange(SECONDS) / 60)
+    joint = range(60) if joint_first else range(SECONDS - 60, SECONDS)
+    alone = range(60, SECONDS) if joint_first else range(SECONDS - 60)
+    changes = np.array([alone[0], *(k for k in CHANGES if k in alone)])
+    both = rows_of("F3.PV", pv, joint) + rows_of("F3.OP", HELD_OP, joint)
+    apart = (rows_of("F3.PV", pv, alone), rows_of("F3.OP", HELD_OP, np.unique(changes)))
+    send_text(backend, *((both, *apart) if joint_first else (*apart, both)))
+    record = stored_record(backend, "F3", 24.0)
+    assert len(record.time_s) == SECONDS
+    assert np.isfinite(record.op).mean() > 0.95
+    np.testing.assert_array_equal(record.op[joint], HELD_OP[joint])
+
+
 @pytest.mark.parametrize("last", ["SP", "PV"])
 def test_a_set_point_stored_when_it_changes_holds_over_uploads(backend: Backend, last: str) -> None:
     changes = f"{of_one_tag(['48'], -86_400 * 90).decode()}{of_one_tag(['50'], 30).decode()}".encode()

@@ -1,6 +1,7 @@
 """Further rows of names in a wide table, as where exports were put one behind the other in one file. What stands below
 other names than the first ones is of other columns."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,10 @@ from numpy.typing import NDArray
 
 from app.ingest.columns.plans import TimedColumns, name_of
 from app.ingest.tables.frames import RowReader, Rows
+from app.ingest.tags.grouping import without_unit
+
+_BLANKS = "[ \t\u00a0\u2007\u202f]+"
+_ROUND = " '\"\ufeff"  # may stand around a name: files that were put behind one another each begin with their own mark
 
 
 class FurtherNames:
@@ -19,7 +24,8 @@ class FurtherNames:
         group = groups[0]
         self._first = {at: _plain(names[at]) if at < len(names) else "" for at in (*group.time, *_columns(group))}
         self._time = " ".join(self._first[at] for at in group.time)
-        self._possible = len(groups) == 1 and any(names)
+        self._possible = len(groups) == 1 and all(self._first[at] for at in group.time)
+        self._names = {at: without_unit(self._first[at]) for at in _columns(group) if self._first[at]}
         self._under_others = False
         self.lines: list[int] = []  # in which other names stand
 
@@ -29,7 +35,7 @@ class FurtherNames:
         """Which rows stand below other names, in this chunk or since an earlier one."""
         below = np.full(len(timed), self._under_others)
         for at in self._found(times, timed):
-            self._under_others = not self._are_first(rows, reader, at)
+            self._under_others = self._are_others(rows, reader, at)
             below[at + 1 :] = self._under_others
             if self._under_others:
                 self.lines += rows.lines(np.array([at]))
@@ -40,12 +46,19 @@ class FurtherNames:
         if not self._possible or timed.all():
             return ()
         untimed = np.flatnonzero(~timed)
-        named = times[untimed].cast(pl.String).str.strip_chars(' "').str.to_lowercase() == self._time
-        return untimed[named.fill_null(False).to_numpy()].tolist()
+        texts = times[untimed].cast(pl.String).str.replace_all(_BLANKS, " ").str.strip_chars(_ROUND)
+        return untimed[(texts.str.to_lowercase() == self._time).fill_null(False).to_numpy()].tolist()
 
-    def _are_first(self, rows: Rows, reader: RowReader, at: int) -> bool:
-        texts = reader.texts(rows, list(self._first))
-        return all(_plain(texts[name_of(column)][at] or "") == name for column, name in self._first.items())
+    def _are_others(self, rows: Rows, reader: RowReader, at: int) -> bool:
+        """Names that are missing say nothing, and of a row that was cut short the last one may be cut."""
+        texts = reader.texts(rows, list(self._names))
+        names = {column: _plain(texts[name_of(column)][at] or "") for column in self._names}
+        written = [(without_unit(name), self._names[column]) for column, name in names.items() if name]
+        if not written:
+            return self._under_others
+        name, first = written.pop()
+        last_is_other = name != first if names[max(names)] else not first.startswith(name)
+        return last_is_other or any(name != first for name, first in written)
 
 
 def _columns(group: TimedColumns) -> list[int]:
@@ -53,4 +66,4 @@ def _columns(group: TimedColumns) -> list[int]:
 
 
 def _plain(name: str) -> str:
-    return name.strip(' "').lower()
+    return re.sub(_BLANKS, " ", name).strip(_ROUND).lower()

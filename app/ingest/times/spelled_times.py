@@ -57,6 +57,7 @@ _OFFSETS = MappingProxyType(
     }
 )
 """Zones in letters that mean one offset wherever they are used; CST, IST and BST do not."""
+ZONES_IN_LETTERS = tuple(_OFFSETS)
 _IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(_OFFSETS)})$"
 _MADE_PLAIN = (
     (

@@ -15,7 +15,7 @@ from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
 from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.spelled_times import respelled, tells_utc
-from app.ingest.times.told_zones import told_utc_offset_ns, told_zone
+from app.ingest.times.told_zones import told_utc_offset_ns, told_zone, zone_in_letters
 from app.ingest.times.wall_clock import WallClock
 from app.nanoseconds import NS_PER_S
 
@@ -116,8 +116,12 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
 def with_told_zone(form: TimeForm, name: str) -> TimeForm:
     """In the zone that the column's name tells, where its times tell none."""
     offset_ns, zone = told_utc_offset_ns(name), told_zone(name)
-    if (offset_ns is None and not zone) or form.zoned or form.kind not in ("text", "serial"):
+    if form.zoned or form.kind not in ("text", "serial"):
         return form
+    if offset_ns is None and not zone:
+        letters = zone_in_letters(name)
+        note = f"times are in the set zone: {letters} in the name of their column tells nothing of summer time"
+        return replace(form, notes=(note, *form.notes)) if letters else form
     note = f"times are in the zone that the name of their column tells: {name.strip()[:80]!r}"
     return replace(form, utc_offset_ns=offset_ns, zone=zone, notes=(note, *form.notes))
 

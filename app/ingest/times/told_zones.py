@@ -5,17 +5,26 @@ import re
 from functools import lru_cache
 from zoneinfo import available_timezones
 
+from app.ingest.times.spelled_times import ZONES_IN_LETTERS
 from app.nanoseconds import NS_PER_S
 
 _UTC = re.compile(r"(?i)(?:(?<![a-z])(?:utc|gmt)|(?:utc|gmt)(?![a-z]))(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?")
 
-_PLACE = re.compile(r"[\[(]\s*((?:[A-Z][A-Za-z]+/[A-Z]\w+(?:/\w+)?)|CET|EET|WET)\s*[\])]")
+_PLACE = re.compile(r"[\[(]\s*([A-Z][A-Za-z]+/[A-Z]\w+(?:/\w+)?)\s*[\])]")
+_LETTERS = re.compile(rf"[\[(]\s*({'|'.join(ZONES_IN_LETTERS)})\s*[\])]")
 
 
 def told_zone(name: str) -> str:
     """The IANA name of the zone of the clock that the times show; empty where the name of their column tells none."""
     found = _PLACE.search(name)
     return found[1] if found and found[1] in available_timezones() else ""
+
+
+def zone_in_letters(name: str) -> str:
+    """As in `Time (CET)`. Behind a stamp it tells the offset of it; of a column it leaves open whether its clock
+    was put forward in summer."""
+    found = _LETTERS.search(name)
+    return found[1] if found else ""
 
 
 @lru_cache(maxsize=1 << 17)

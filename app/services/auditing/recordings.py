@@ -12,6 +12,8 @@ from app.ingest import LoopSamples, realigned, second_zero_ns, to_recording
 from app.storage.loops import LoopRow
 from app.storage.samples import Samples
 
+_NAMES = {"pv": "PV", "op": "OP", "sp": "SP", "automatic": "MODE"}
+
 
 def recording_of(loop: LoopRow, samples: Samples) -> Recording:
     """The engine's record of stored samples: the same that a file with these samples gives, with the loop's spans."""
@@ -25,7 +27,10 @@ def _stretch(samples: Samples, loop: str) -> LoopSamples:
     own: dict[str, Any] = {name: signals.get(name) for name in ("pv", "op", "sp", "automatic")}
     others: Mapping[str, np.ndarray] = {name.removeprefix("tag:"): signals[name] for name in signals if name not in own}
     stretch = LoopSamples(loop, samples.time_ns, **own, others=MappingProxyType(others))
-    return realigned(stretch) if samples.apart else stretch
+    if samples.apart is None or not np.any(samples.apart):
+        return stretch
+    sampled = {_NAMES.get(name, name.removeprefix("tag:")): rows for name, rows in samples.sampled.items()}
+    return realigned(stretch, samples.apart, sampled)
 
 
 def origin_ns(samples: Samples) -> int:
