@@ -142,6 +142,15 @@ def test_further_columns_of_numbers_are_kept_beside_their_loops(read: Read, opti
     assert content.summary.notes == ("columns beside the signals of the loops were not read: Remark",)
 
 
+def test_a_second_column_of_the_same_name_is_not_read(read: Read) -> None:
+    table = [[*row, "5", "6", "7"] for row in rows()]
+    content = read(text("Loop,Time,PV,OP,SP,PV,F1,F1", table))
+    assert content.loops["TIC205"].pv.tolist() == list(range(1000, 1300))
+    assert content.loops["TIC205"].others["TIC205.F1"].tolist() == 300 * [6]
+    assert content.summary.notes == ("columns beside the signals of the loops were not read: PV, F1",)
+    assert content.rejects.total == 0
+
+
 def test_a_row_of_a_loop_that_lost_a_field(read: Read) -> None:
     table = rows()
     table[4] = [*table[4][:3], *table[4][4:]]

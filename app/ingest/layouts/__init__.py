@@ -10,6 +10,7 @@ from app.errors import DataError
 from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
 from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.columns.row_ends import with_ends
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
     aveva,
@@ -49,7 +50,10 @@ LAYOUTS: tuple[Sniff, ...] = (
 
 def recognise(head: Head, options: IngestOptions) -> Plan | None:
     plan = next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
-    return plan and replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
+    if plan is None:
+        return None
+    plan = with_ends(plan, head)
+    return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
 
 
 def _with_units(plan: Plan, head: Head) -> Plan:
