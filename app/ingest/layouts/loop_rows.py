@@ -2,7 +2,7 @@
 name of the row's loop before their own."""
 
 from app.ingest.columns.names import mostly_numbers, names_no_measurement, plain, quality_named, times_of_rows
-from app.ingest.columns.of_loops import columns_of_loops, without_batches
+from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
@@ -25,7 +25,7 @@ def _plan(
 ) -> LongPlan | None:
     loops = columns_of_loops(head, names, first_row, range(len(names)), in_words=False)
     found = times_of_rows(head, names, first_row, options) if loops else None
-    loops = without_batches(head, names, first_row, loops, found, options) if found else []
+    loops = Rows(head, names, first_row, found, options).loops(loops) if found else []
     if not loops or found is None:
         return None
     time, form = found
