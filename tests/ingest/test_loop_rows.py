@@ -287,3 +287,12 @@ def test_the_hour_of_autumn_with_its_zone(read: Read) -> None:
         table = [[f"2024-10-27 0{h}:{m:02d}:00", zone, f"{m}", "1"] for h, zone in told for m in range(60)]
         content = read(text("Time,Zone,FIC1.PV,FIC1.OP", table), options=IngestOptions(time_zone="Europe/Berlin"))
         assert content.loops["FIC1"].samples == 60 * len(told)
+
+
+def test_words_of_signals_alone_do_not_mix_what_another_column_parts(read: Read) -> None:
+    with pytest.raises(DataError, match="the column 'Skid' tells the rows of one time apart"):
+        read(text("Skid,Time,Signal,Value", in_words_of("north", "south")))
+    table = [
+        [*row[1:], "bar" if row[2] == "PV" else "pct"] for row in in_words_of("north", "south") if row[0] == "north"
+    ]
+    assert read(text("Time,Signal,Value,UOM", table), name="FIC7.csv").loops["FIC7"].samples == 300

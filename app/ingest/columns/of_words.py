@@ -7,14 +7,18 @@ from itertools import pairwise
 import numpy as np
 import polars as pl
 
+from app.errors import DataError
 from app.ingest.columns.clocks import MOST, joined_stamp
-from app.ingest.columns.plans import WidePlan
+from app.ingest.columns.plans import LongPlan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
+from app.ingest.tags.grouping import place
 from app.ingest.tags.modes import UNKNOWN_MODE, automatic_flags
 from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.half_clock import HOUR_NS
 from app.ingest.times.stamps import NO_TIME, TimeReader
+
+_ALL = 0.98  # of the rows, at least
 
 
 def word_columns(plan: WidePlan, head: Head) -> dict[int, list[str]]:
@@ -70,6 +74,33 @@ def _is_sorted_by_words(rows: list[tuple[str, int]], sampled: bool) -> bool:
     ]
     times = times_by_word(rows)
     return once and within and any(_have_same(times[one], times[other], sampled) for one, other in back)
+
+
+def column_that_parts_signals(plan: LongPlan, head: Head) -> int | None:
+    """Where tags are words of signals alone, the column whose words tell their rows of one time apart: it has loops."""
+    of_key = (plan.tag, *plan.time)
+    rows = [row for row in head.rows[plan.first_row :] if len(row) > max(of_key) and all(row[at] for at in of_key)]
+    keys = [tuple(row[at] for at in of_key) for row in rows]
+    places = [place(tag, "") for tag in {row[plan.tag] for row in rows}]
+    if len(set(keys)) > MOST * len(keys) or any(at.loop or at.signal == "OTHER" for at in places):
+        return None
+    for index in sorted(set(range(plan.width)) - plan.read):
+        words = [row[index] if index < len(row) else "" for row in rows]
+        if _are_few_words(words, head.decimal_mark) and len(set(zip(keys, words, strict=True))) >= _ALL * len(keys):
+            return index
+    return None
+
+
+def refuse_to_mix(names: tuple[str, ...], column: int | None) -> None:
+    """Raises DataError("unknown_layout") where there is a column that tells rows of one time apart and is not read."""
+    if column is None:
+        return
+    name = names[column][:80] if column < len(names) else ""
+    raise DataError(
+        "unknown_layout",
+        f"the column {name!r} tells the rows of one time apart, and would be mixed; needed is a tag, such as "
+        "FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
+    )
 
 
 def times_by_word(rows: Iterable[tuple[str, int]]) -> dict[str, list[int]]:
