@@ -142,6 +142,15 @@ def test_further_columns_of_numbers_are_kept_beside_their_loops(read: Read, opti
     assert content.summary.notes == ("columns beside the signals of the loops were not read: Remark",)
 
 
+def test_a_second_column_of_the_same_name_is_not_read(read: Read) -> None:
+    table = [[*row, "5", "6", "7"] for row in rows()]
+    content = read(text("Loop,Time,PV,OP,SP,PV,F1,F1", table))
+    assert content.loops["TIC205"].pv.tolist() == list(range(1000, 1300))
+    assert content.loops["TIC205"].others["TIC205.F1"].tolist() == 300 * [6]
+    assert content.summary.notes == ("columns beside the signals of the loops were not read: PV, F1",)
+    assert content.rejects.total == 0
+
+
 def test_a_row_of_a_loop_that_lost_a_field(read: Read) -> None:
     table = rows()
     table[4] = [*table[4][:3], *table[4][4:]]
@@ -180,3 +189,110 @@ def test_words_that_come_in_turn_do_not_sort_rows(read: Read) -> None:
     table = [[f"{FIRST + timedelta(seconds=k)}", f"shift {k // 500}", f"{k}", "1"] for k in range(3000)]
     content = read(text("When,Crew,FIC1.PV,FIC1.OP", table))
     assert content.loops["FIC1"].pv.tolist() == list(range(3000))
+
+
+def in_place(place: str, word: bool) -> list[list[str]]:
+    if not word:
+        return [[place, loop, time, *rest] for loop, time, *rest in rows()]
+    return [[place, loop, time, name, pv] for loop, time, pv, *_ in rows() for name in ("PV", "OP")]
+
+
+@pytest.mark.parametrize("place", ["Asset", "Device", "Element"])
+@pytest.mark.parametrize("tag", ["Tag", "Loop", "Controller"])
+def test_a_place_of_all_loops_before_the_column_of_loops(read: Read, place: str, tag: str) -> None:
+    check(read(text(f"{place},{tag},Time,PV,OP,SP", in_place("Unit-2", word=False))))
+    content = read(text(f"{place},{tag},Time,Signal,Value", in_place("PLC1", word=True)))
+    assert set(content.loops) == set(OFFSETS)
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("names", ["Device,Time,PV,OP", "Device,Signal,Time,Value"])
+def test_a_place_that_is_the_same_in_all_rows_names_no_loop(read: Read, names: str) -> None:
+    table = [
+        ["PLC1", word, f"{FIRST + timedelta(seconds=k)}", f"{k}"] if "Signal" in names else
+        ["PLC1", f"{FIRST + timedelta(seconds=k)}", f"{k}", f"{k}"]
+        for k in range(300)
+        for word in (["PV", "OP"] if "Signal" in names else ["PV"])
+    ]  # fmt: skip
+    content = read(text(names, table), name="FIC7.csv")
+    assert content.loops["FIC7"].pv.tolist() == content.loops["FIC7"].op.tolist() == list(range(300))
+
+
+@pytest.mark.parametrize("each", [100, 3000])
+@pytest.mark.parametrize("by_place", [False, True])
+def test_places_that_part_rows_of_the_same_times_are_loops(read: Read, each: int, by_place: bool) -> None:
+    cells = [(k, place) for k in range(each) for place in ("PLC1", "PLC2")]
+    cells = sorted(cells, key=lambda cell: cell[1]) if by_place else cells
+    table = [[place, f"{FIRST + timedelta(seconds=k)}", f"{k}", f"{k}"] for k, place in cells]
+    content = read(text("Device,Time,PV,OP", table), name="FIC7.csv")
+    assert set(content.loops) == {"PLC1", "PLC2"}
+    assert content.rejects.total == 0
+
+
+def test_of_columns_of_loops_the_one_that_parts_the_rows(read: Read) -> None:
+    check(read(text("Name,Tag,Time,PV,OP,SP", in_place("Unit 2", word=False))))
+
+
+def in_words_of(first: str, second: str) -> list[list[str]]:
+    return [
+        [loop, f"{FIRST + timedelta(seconds=k)}", word, f"{k}"]
+        for k in range(300)
+        for loop in (first, second)
+        for word in ("PV", "OP")
+    ]
+
+
+@pytest.mark.parametrize("loops", [("FIC101", "FIC102"), ("Main", "Hand"), ("A", "B")])
+@pytest.mark.parametrize("remark", ["", "# auto"])
+def test_loops_that_are_called_as_a_mode_beside_words(read: Read, loops: tuple[str, str], remark: str) -> None:
+    table = in_words_of(*loops)
+    table.insert(100, [remark, "", "", ""])
+    content = read(text("Controller,Time,Signal,Value", table))
+    assert set(content.loops) == set(loops)
+    assert content.loops[loops[0]].pv.tolist() == list(range(300))
+
+
+def test_a_word_of_no_signal_further_down_makes_no_loop_unknown(read: Read) -> None:
+    table = [
+        ["FIC1", f"{FIRST + timedelta(seconds=k)}", word, f"{k}"]
+        for start in (0, 500, 1000)
+        for word in (["Alarm Text"] if start == 500 else ["PV", "OP"])
+        for k in range(start, start + 500)
+    ]
+    for names in ("Controller,Time,Attribute,Value", "Name,Time,Attribute,Value"):
+        loop = read(text(names, table)).loops["FIC1"]
+        assert loop.pv is not None
+        assert loop.op is not None
+
+
+def test_batches_that_were_put_together_in_another_order(read: Read) -> None:
+    table = [
+        [f"{FIRST + timedelta(seconds=k)}", f"{k}", "1", f"{name}-grade"]
+        for name, start in zip("ABCD", (200, 0, 100, 300), strict=True)
+        for k in range(start, start + 100)
+    ]
+    assert read(text("Time,FIC1.PV,FIC1.OP,Product", table)).loops["FIC1"].pv.tolist() == list(range(400))
+
+
+def test_rows_that_fill_holes_of_others(read: Read) -> None:
+    later = [k for k in range(300) if k % 100 < 20]
+    order = [(k, "live") for k in range(300) if k not in later] + [(k, "stored") for k in later]
+    table = [[f"{FIRST + timedelta(seconds=k)}", f"{k}", "1", f"{source} rows"] for k, source in order]
+    assert read(text("Time,FIC1.PV,FIC1.OP,Source", table)).loops["FIC1"].pv.tolist() == list(range(300))
+
+
+def test_the_hour_of_autumn_with_its_zone(read: Read) -> None:
+    hours = [(0, "CEST"), (1, "CEST"), (2, "CEST"), (2, "CET"), (3, "CET"), (4, "CET")]
+    for told in (hours, hours[1:]):
+        table = [[f"2024-10-27 0{h}:{m:02d}:00", zone, f"{m}", "1"] for h, zone in told for m in range(60)]
+        content = read(text("Time,Zone,FIC1.PV,FIC1.OP", table), options=IngestOptions(time_zone="Europe/Berlin"))
+        assert content.loops["FIC1"].samples == 60 * len(told)
+
+
+def test_words_of_signals_alone_do_not_mix_what_another_column_parts(read: Read) -> None:
+    with pytest.raises(DataError, match="the column 'Skid' tells the rows of one time apart"):
+        read(text("Skid,Time,Signal,Value", in_words_of("north", "south")))
+    table = [
+        [*row[1:], "bar" if row[2] == "PV" else "pct"] for row in in_words_of("north", "south") if row[0] == "north"
+    ]
+    assert read(text("Time,Signal,Value,UOM", table), name="FIC7.csv").loops["FIC7"].samples == 300

@@ -100,3 +100,34 @@ def test_a_field_too_many_in_a_table_that_is_asked_for_its_columns(end: str) -> 
     np.testing.assert_array_equal(table.numbers("OP"), [10, np.nan, 12, 13])
     np.testing.assert_array_equal(table.numbers("PV"), [1, np.nan, 3, 4])
     assert table.damage == ("1 rows have more fields than there are names, and were left empty",)
+
+
+HOURS = [f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(240)]
+
+
+def test_many_rows_that_lost_a_field_are_none_that_end_early(read: Read) -> None:
+    rows = [f"{stamp},{i},1{i},2{i},3{i}" if i % 8 else f"{stamp},1{i},2{i},3{i}" for i, stamp in enumerate(HOURS)]
+    content = read("time,A.PV,A.OP,B.PV,B.OP\n" + "\n".join(rows) + "\n")
+    assert dict(content.rejects.counts) == {"ragged_row": 30}
+    assert content.loops["A"].pv.tolist() == [i for i in range(240) if i % 8]
+
+
+@pytest.mark.parametrize("seldom", [4, 20])
+@pytest.mark.parametrize(
+    ("names", "row"),
+    [
+        ("Loop,Signal,Time,Value,Remark", "A,{signal},{stamp},{i}"),
+        ("Loop,Time,PV,OP,Remark", "A,{stamp},{i},{i}"),
+        ("Tag,Time,Value,Unit,Remark", "A.{signal},{stamp},{i}"),
+    ],
+)
+def test_rows_that_leave_out_what_is_not_read(read: Read, names: str, row: str, seldom: int) -> None:
+    left = names.split("Value" if "Value" in names else "OP")[1].count(",")
+    rows = [
+        row.format(signal=signal, stamp=stamp, i=i) + (",ok" * left if i % seldom else "")
+        for i, stamp in enumerate(HOURS)
+        for signal in (["PV", "OP"] if "{signal}" in row else ["PV"])
+    ]
+    content = read(f"{names}\n" + "\n".join(rows) + "\n")
+    assert content.rejects.total == 0
+    assert content.loops["A"].pv.tolist() == content.loops["A"].op.tolist() == list(range(240))

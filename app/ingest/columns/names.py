@@ -12,7 +12,7 @@ from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, da
 from app.ingest.columns.headings import below_names
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
-from app.ingest.columns.widths import early_ends, named_width
+from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.numbers.units import without_unit as bare_number
@@ -366,11 +366,8 @@ def wide_from(
     width = named_width(head, names, below.first_row, time)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
     groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
-    ends = early_ends(head, below.first_row, 1 + max(*time, values[0].index), width)
     written = head.row(names_at[0]) if len(names_at) == 1 else ()
-    return WidePlan(
-        layout, below.first_row, width, groups, notes=notes, heading=below.heading, ends=ends, names=written
-    )
+    return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading, names=written)
 
 
 def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:

@@ -3,6 +3,7 @@ description."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import chain
 
 from app.ingest.times.stamps import TimeForm
 
@@ -50,6 +51,13 @@ class WidePlan:
     def form(self) -> TimeForm:
         return self.groups[0].form
 
+    @property
+    def read(self) -> frozenset[int | None]:
+        """The columns that are read."""
+        values = [value for group in self.groups for value in group.values]
+        times = chain.from_iterable(group.time for group in self.groups)
+        return frozenset((*times, *chain.from_iterable((one.index, one.off_line, one.quality) for one in values)))
+
 
 @dataclass(frozen=True)
 class LongPlan:
@@ -74,6 +82,12 @@ class LongPlan:
     word: int | None = None
     others: tuple[ValueColumn, ...] = ()
     ends: frozenset[int] = frozenset()
+
+    @property
+    def read(self) -> frozenset[int | None]:
+        """The columns that are read."""
+        values = (value.index for value in (*self.signals, *self.others))
+        return frozenset((*self.time, self.tag, self.value, self.quality, self.word, *values))
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""

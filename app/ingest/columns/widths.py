@@ -8,20 +8,11 @@ from app.ingest.files.head import Head, is_number
 
 _DIGITS = re.compile(r"-?\d+")
 _DECIMALS = re.compile(r"0\d+")
-_SOME_ROWS, _SOME_SHARE = 3, 0.1
 
 
 def usual_width(head: Head, first_row: int) -> int:
     counts = Counter(len(row) for row in head.rows[first_row:] if any(row))
     return counts.most_common(1)[0][0] if counts else 0
-
-
-def early_ends(head: Head, first_row: int, least: int, width: int) -> frozenset[int]:
-    """After how many fields, at least `least` and fewer than `width`, so many rows end that nothing of them was lost: a
-    spreadsheet leaves out what is empty behind the last cell of sixteen rows."""
-    counts = Counter(len(row) for row in head.rows[first_row:] if any(row))
-    often = max(_SOME_ROWS, _SOME_SHARE * counts.total())
-    return frozenset(fields for fields, times in counts.items() if least <= fields < width and times >= often)
 
 
 def named_width(head: Head, names: tuple[str, ...], first_row: int, time: tuple[int, ...] = ()) -> int:

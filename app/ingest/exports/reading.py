@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.of_words import may_part_rows_below
+from app.ingest.columns.further_down import may_part_rows_below
 from app.ingest.columns.plans import Plan
 from app.ingest.exports.export import Export, TableExport
 from app.ingest.exports.matlab import open_matlab
@@ -17,7 +17,7 @@ from app.ingest.files.head import Head, look, with_samples, with_tail
 from app.ingest.files.matlab_values import is_matlab
 from app.ingest.files.opening import TextFile
 from app.ingest.files.unpacking import GZIP
-from app.ingest.layouts import not_recognised, recognise
+from app.ingest.layouts import not_recognised, recognise, recognise_again
 from app.ingest.model import IngestOptions
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import UNREADABLE, Dialect, FrameReader, in_short
@@ -70,7 +70,7 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
         plan = recognise(with_tail(head, file.tail()), options) or plan
     if plan is not None and may_part_rows_below(plan, head):
         start = sum(len(line.encode()) + 1 for line in head.lines)
-        plan = recognise(with_samples(head, file.samples(start)), options) or plan
+        plan = recognise_again(plan, with_samples(head, file.samples(start)), options)
     if plan is None:
         _refuse_json(file.head)
         raise not_recognised(head)

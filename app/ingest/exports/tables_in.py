@@ -9,11 +9,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.columns.of_words import may_part_rows_below
+from app.ingest.columns.further_down import may_part_rows_below
 from app.ingest.columns.plans import LongPlan, Plan, name_of
 from app.ingest.files.head import HEAD_ROWS, TAIL_ROWS, Head, find_decimal_mark, with_rows
 from app.ingest.files.opening import SAMPLES
-from app.ingest.layouts import not_recognised, recognise
+from app.ingest.layouts import not_recognised, recognise, recognise_again
 from app.ingest.model import IngestOptions
 from app.ingest.numbers.marks import POINTED, WRITTEN
 from app.ingest.rejecting import RejectLog
@@ -91,7 +91,7 @@ class TableSource:
     def _take(self, head: Head) -> None:
         plan = recognise(head, self._options)
         if plan is not None and may_part_rows_below(plan, head):
-            plan = recognise(with_rows(head, _sampled(self._table)), self._options) or plan
+            plan = recognise_again(plan, with_rows(head, _sampled(self._table)), self._options)
         if plan is None:
             raise not_recognised(head)
         self.head: Head = head

@@ -26,7 +26,7 @@ _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 class Head:
     """The start of a file. `rows` are its lines, split at `delimiter`; `stem` is the file's name without suffixes.
     typed: they are not lines of text, but those of a table whose cells may be numbers. first_line: the number of the
-    first one; 0 where it holds names that are in no row."""
+    first one; 0 where it holds names that are in no row. sampled: the last ones are some of many from further down."""
 
     stem: str
     lines: tuple[str, ...]
@@ -35,6 +35,7 @@ class Head:
     decimal_mark: str
     typed: bool = False
     first_line: int = 1
+    sampled: bool = False
 
     @cached_property
     def marks_told(self) -> bool:
@@ -98,7 +99,7 @@ def with_samples(head: Head, texts: Sequence[str]) -> Head:
 def with_rows(head: Head, rows: tuple[tuple[str, ...], ...]) -> Head:
     """With rows of further down in the place of the last ones."""
     kept = HEAD_ROWS - TAIL_ROWS
-    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows) if rows else head
+    return replace(head, lines=head.lines[:kept], rows=head.rows[:kept] + rows, sampled=True) if rows else head
 
 
 def find_delimiter(lines: list[str]) -> str:

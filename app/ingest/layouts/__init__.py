@@ -7,9 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from app.errors import DataError
+from app.ingest.columns.further_down import tells_more
 from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
-from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.columns.plans import LongPlan, Plan, WidePlan
+from app.ingest.columns.row_ends import with_ends
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
     aveva,
@@ -49,7 +51,25 @@ LAYOUTS: tuple[Sniff, ...] = (
 
 def recognise(head: Head, options: IngestOptions) -> Plan | None:
     plan = next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
-    return plan and replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
+    if plan is None:
+        return None
+    plan = with_ends(plan, head)
+    return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
+
+
+def recognise_again(plan: Plan, head: Head, options: IngestOptions) -> Plan:
+    """The plan by a head with rows from further down, where they tell more than the first rows did. They make none of
+    tags and loops unknown: a word that no signal has may stand beside those that are known.
+
+    Raises DataError where the rows of a wide table are such that they would be mixed.
+    """
+    try:
+        found = recognise(head, options)
+    except DataError:
+        if isinstance(plan, LongPlan):
+            return plan
+        raise
+    return found if found is not None and tells_more(found, plan) else plan
 
 
 def _with_units(plan: Plan, head: Head) -> Plan:

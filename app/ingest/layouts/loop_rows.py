@@ -2,9 +2,9 @@
 name of the row's loop before their own."""
 
 from app.ingest.columns.names import mostly_numbers, names_no_measurement, plain, quality_named, times_of_rows
-from app.ingest.columns.of_loops import columns_of_loops, without_batches
+from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plans import LongPlan, ValueColumn
-from app.ingest.columns.widths import early_ends, named_width
+from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import AUDITED, place
@@ -25,18 +25,17 @@ def _plan(
 ) -> LongPlan | None:
     loops = columns_of_loops(head, names, first_row, range(len(names)), in_words=False)
     found = times_of_rows(head, names, first_row, options) if loops else None
-    loops = without_batches(head, names, first_row, loops, found, options) if found else []
+    loops = Rows(head, names, first_row, found, options).loops(loops) if found else []
     if not loops or found is None:
         return None
     time, form = found
     quality = quality_named([plain(name) for name in names])
     used = {*loops, quality, *time, *(signal.index for signal in signals)}
-    others = _others(head, names, first_row, used)
+    others = _others(head, names, first_row, used, {plain(signal.tag) for signal in signals})
     used.update(other.index for other in others)
     left = ", ".join(name[:80] for index, name in enumerate(names) if name and index not in used - {*loops[1:]})
     notes = (f"columns beside the signals of the loops were not read: {left[:300]}",) if left else ()
     width = named_width(head, names, first_row)
-    least = 1 + max(loops[0], *time, signals[0].index)
     return LongPlan(
         "loop_rows",
         first_row,
@@ -49,7 +48,6 @@ def _plan(
         notes=notes,
         signals=signals,
         others=others,
-        ends=early_ends(head, first_row, least, width),
     )
 
 
@@ -66,11 +64,14 @@ def _signals(names: tuple[str, ...]) -> tuple[ValueColumn, ...]:
     return tuple(found.values())
 
 
-def _others(head: Head, names: tuple[str, ...], first_row: int, used: set[int | None]) -> tuple[ValueColumn, ...]:
-    """The further columns of numbers."""
-    return tuple(
-        ValueColumn(index, name)
-        for index, name in enumerate(names)
-        if name and index not in used and not names_no_measurement(name)
-        if mostly_numbers(head.column(index, first_row), head.decimal_mark)
-    )
+def _others(
+    head: Head, names: tuple[str, ...], first_row: int, used: set[int | None], taken: set[str]
+) -> tuple[ValueColumn, ...]:
+    """The further columns of numbers, each under a name of its own."""
+    found: dict[str, ValueColumn] = {}
+    for index, name in enumerate(names):
+        if index in used or names_no_measurement(name) or plain(name) in taken or plain(name) in found:
+            continue
+        if mostly_numbers(head.column(index, first_row), head.decimal_mark):
+            found[plain(name)] = ValueColumn(index, name)
+    return tuple(found.values())

@@ -1,8 +1,8 @@
 """A row a value of a tag that stands in two columns, loop and signal: Loop,Signal,Time,Value, or InfluxDB's
 _time,_value,_field,_measurement."""
 
-from app.ingest.columns.names import VALUE_NAMES, plain, quality_named, times_of_rows
-from app.ingest.columns.of_loops import columns_of_loops, without_batches
+from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, quality_named, times_of_rows
+from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
@@ -36,7 +36,8 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, value: int, option
     found = times_of_rows(head, names, first_row, options)
     if found is None:
         return None
-    loops = without_batches(head, names, first_row, loops, found, options)
+    alone = not is_influx and word is not None and known[word] not in TAG_NAMES  # else the file names its loop
+    loops = Rows(head, names, first_row, found, options, word).loops(loops, one_place=alone)
     if is_influx:
         tag, word = _of_influx(head, first_row, known.index("field"), [*loops, known.index("measurement")][0])
     else:

@@ -4,7 +4,6 @@ apart are of this form."""
 import re
 from dataclasses import replace
 
-from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.names import (
     ONE_WAY,
@@ -18,7 +17,7 @@ from app.ingest.columns.names import (
     times_assumed,
     wide_from,
 )
-from app.ingest.columns.of_words import column_that_sorts
+from app.ingest.columns.of_words import column_that_sorts, refuse_to_mix
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
@@ -54,14 +53,7 @@ def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan, 
     """Raises DataError("unknown_layout") where a column of words tells the rows of one time apart: each word has values
     of its own, which would be mixed."""
     found = _words_of_stamps(head, names, plan)
-    found = column_that_sorts(plan, head, options) if found is None else found
-    if found is not None:
-        name = name_at(names, found)[:80]
-        raise DataError(
-            "unknown_layout",
-            f"the column {name!r} tells the rows of one time apart, and would be mixed; needed is a tag, such as "
-            "FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
-        )
+    refuse_to_mix(names, column_that_sorts(plan, head, options) if found is None else found)
 
 
 def _words_of_stamps(head: Head, names: tuple[str, ...], plan: WidePlan) -> int | None:
