@@ -12,7 +12,7 @@ from app.http.backend import Services
 from app.http.paths import LoopTag
 from app.http.problems import responses
 from app.services.backend import Backend
-from app.services.plant.course import PlantNight, course
+from app.services.plant.course import course
 from app.services.reports import documents as reports
 
 router = APIRouter(tags=["reports"])
@@ -36,12 +36,7 @@ def plant(backend: Services) -> HTMLResponse:
 @router.get("/nights", response_model=NightsPage, summary="The plant, night by night")
 def nights(backend: Services) -> Any:
     """How many valves stick reliably, in the plant and in its units, its mean health, and what was in manual."""
-    return {"rows": [_night(one) for one in course(backend)], "next_cursor": None}
-
-
-def _night(night: PlantNight) -> dict[str, Any]:
-    units = [{"unit": unit, "sticking": count} for unit, count in night.of_units.items()]
-    return {**vars(night), "units": sorted(units, key=lambda one: (one["unit"] is None, one["unit"] or ""))}
+    return {"rows": course(backend), "next_cursor": None}
 
 
 def _file(backend: Backend, html: str, name: str) -> HTMLResponse:

@@ -22,6 +22,11 @@ class SpoolingParser(MultiPartParser):
     folder: Path
     like_files: Collection[str] = ()
 
+    @property
+    def begun(self) -> list[SpooledTemporaryFile[bytes]]:
+        """All files, one that the end of the body cut off among them: that is in no form."""
+        return self._files_to_close_on_error
+
     def on_headers_finished(self) -> None:
         super().on_headers_finished()
         part = self._current_part
@@ -55,3 +60,5 @@ async def spooled(
         yield form
     finally:
         await form.close()
+        for file in parser.begun:
+            file.close()

@@ -313,3 +313,30 @@ class UnitView:
     verdicts: dict[str, int]
     health: float | None
     importance: float
+
+
+@dataclass(frozen=True)
+class NightOfUnit:
+    """A plant unit as it is now, None: of loops that are in none, and its valves that stick, to be relied on."""
+
+    unit: str | None
+    sticking: int
+
+
+@dataclass(frozen=True)
+class Night:
+    """What the last whole run of a date said. sticking: valves that stick, to be relied on; health: mean, weighted by
+    importance, None where no loop has one; in_manual: loops not judged because they are not in automatic."""
+
+    date: str
+    run: str
+    audited: int
+    sticking: int
+    health: float | None
+    in_manual: int
+    units: tuple[NightOfUnit, ...]
+
+    @property
+    def of_units(self) -> dict[str | None, int]:
+        """Valves that stick by unit."""
+        return {of.unit: of.sticking for of in self.units}

@@ -262,7 +262,7 @@ def test_a_full_disk_counts_no_attempt(
         raise OperationalError("INSERT INTO verdicts", {}, Exception("database or disk is full"))
 
     with monkeypatch.context() as patched:
-        patched.setattr(chunks.verdicts, "add", without_room)
+        patched.setattr(chunks.verdict_writing, "add", without_room)
         with pytest.raises(OperationalError):
             answer(backend, rung)
     assert len(tried) == 1
