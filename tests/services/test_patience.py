@@ -91,7 +91,7 @@ def test_a_chunk_outlasts_an_outage_at_its_first_attempt(
 ) -> None:
     reading.read_upload(backend, int(send(backend)), "reader")
     run = audits.start_audit(backend)
-    for module, name in ((chunks.items, "claim"), (chunks.series, "windows"), (chunks.verdicts, "add")):
+    for module, name in ((chunks.items, "claim"), (chunks.series, "windows"), (chunks.verdict_writing, "add")):
         monkeypatch.setattr(module, name, breaking(getattr(module, name), 2))
     assert chunks.audit_chunk(backend, int(run.id), "worker") == 1
     assert audits.get_audit(backend, run.id).state == "done"

@@ -66,8 +66,8 @@ def test_a_run_ends_without_the_words_that_cannot_be_written(
 ) -> None:
     add_loops("A")
     run = left_complete(backend)
-    reword = ending.verdicts.reword
+    reword = ending.reword
     monkeypatch.setattr(ending, "_told", lambda *_: ["what cannot be written"])
-    monkeypatch.setattr(ending.verdicts, "reword", lambda c, heard: broken() if heard else reword(c, heard))
+    monkeypatch.setattr(ending, "reword", lambda c, heard: broken() if heard else reword(c, heard))
     assert sweep(backend).ended == 1
     assert get_audit(backend, run).state == "partial"

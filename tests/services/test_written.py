@@ -1,6 +1,7 @@
 """What is written of loops stands in the rows that others read, too, and changes what their answers are known by."""
 
 import json
+import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -80,6 +81,8 @@ def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -
 
 
 def test_a_row_of_an_old_record_says_so_wherever_it_is_told(plant: Backend) -> None:
+    with plant.database.write() as connection:
+        connection.execute(update(loops).values(newest_ns=time.time_ns()))
     seen = reliability.reliability_json(plant).version
     with plant.database.write() as connection:
         older = update(loops).values(newest_ns=loops.c.newest_ns - 3 * 86_400 * 1_000_000_000)
@@ -95,6 +98,15 @@ def test_a_row_of_an_old_record_says_so_wherever_it_is_told(plant: Backend) -> N
     assert not json.loads(loop_verdicts.loop_health_json(plant, "FIC1"))["of_old_record"]
     (row,) = [row for row in sent(plant, columns=["loop", "of_old_record"]) if row["of_old_record"]]
     assert row["loop"] == "FIC0"
+
+
+def test_of_a_collection_of_records_of_the_past_none_is_told_to_be_old(plant: Backend) -> None:
+    past_ns = time.time_ns() - 60 * 86_400 * 1_000_000_000
+    with plant.database.write() as connection:
+        connection.execute(update(loops).values(newest_ns=past_ns))
+        older = update(loops).values(newest_ns=past_ns - 9 * 86_400 * 1_000_000_000)
+        connection.execute(older.where(loops.c.tag == "FIC0"))
+    assert not any(row["of_old_record"] for row in sent(plant))
 
 
 def test_more_rows_take_no_more_questions(plant: Backend) -> None:

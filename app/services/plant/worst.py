@@ -128,7 +128,7 @@ def worst_of_old(
     if since_ns is None:
         return []
     asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
-    return not_shelved(backend, limit, asked, shelved)
+    return [row | {"of_old_record": True} for row in not_shelved(backend, limit, asked, shelved)]
 
 
 def complaints_of_units(
@@ -152,7 +152,7 @@ def complaints_of_old(
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_old(connection, limit, since_ns, left_out)
-    return _rows_of(backend, placed, shelved)
+    return [row | {"of_old_record": True} for row in _rows_of(backend, placed, shelved)]
 
 
 def _rows_of(backend: Backend, placed: Sequence[Any], shelved: Shelf) -> list[dict[str, Any]]:
