@@ -3,3 +3,5 @@
 NS_PER_S = 1_000_000_000
 NS_PER_H = 3600 * NS_PER_S
 NS_PER_DAY = 24 * NS_PER_H
+EVER_NS = (1 << 63) - 1
+"""Later than any sample can be."""

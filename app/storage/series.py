@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import ColumnElement, Connection, Select, and_, bindparam, func, select, true, tuple_, update
 
-from app.nanoseconds import NS_PER_DAY, NS_PER_H
+from app.nanoseconds import EVER_NS, NS_PER_DAY, NS_PER_H
 from app.storage.ahead import newest_until
 from app.storage.bulk import among_many, columns_of, from_arrays, from_json, insert_new_rows
 from app.storage.samples import DamagedStretchError, Samples, merged, news, refused_anew, unpack_stored
@@ -28,7 +28,6 @@ STORED_AT_ONCE = 1_000_000
 """Samples that are stored of loops and compared with what is sent of them together: some 30 MB."""
 LONG_PAUSE_NS = NS_PER_DAY
 """What is stored of a pause that is longer, between two samples that are sent, is not looked at."""
-EVER_NS = (1 << 63) - 1
 
 Key = tuple[int, str]
 """Of a stretch: its loop and its fingerprint."""

@@ -6,8 +6,9 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection
 
+from app.nanoseconds import EVER_NS
 from app.services.backend import Backend
-from app.services.moments import FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of, span_ns
+from app.services.moments import AHEAD, FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of, span_ns
 from app.services.telling.naming import NAMED, named
 from app.storage import arrivals as stored
 
@@ -17,11 +18,7 @@ LATE = timedelta(days=2)
 OF_THE_PAST = timedelta(days=30)
 """A plant whose newest sample is as old is a collection of records, not a plant at work."""
 
-AHEAD = timedelta(hours=1)
-"""Samples farther ahead of the clock than this are not the newest ones: their clock is wrong."""
-
 DATED_NS = ns_of(FIRST_DATED)
-EVER_NS = (1 << 63) - 1
 NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the same records."
 
 

@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 from statistics import median_low
 
 from app.services.backend import Backend
-from app.services.moments import iso_utc, moment_of, ns_of, span_ns
-from app.services.plant.arrivals import AHEAD, DATED_NS, LATE, Arrivals, listed, nothing_new, sentences
+from app.services.moments import AHEAD, iso_utc, moment_of, ns_of, span_ns
+from app.services.plant.arrivals import DATED_NS, LATE, Arrivals, listed, nothing_new, sentences
 from app.services.telling.naming import NAMED
 from app.storage import arrivals as stored
 
