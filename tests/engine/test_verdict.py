@@ -228,34 +228,16 @@ def test_windows_disagree_where_their_spread_reaches_the_other_side_whatever_the
     fitness = assess(sticky())
     oscillation = detect(fitness.record)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=2.5 * scale, window_spread=2.5 * scale * spread)
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig(), fitted_model())
     assert ("windows_disagree" in {reason.code for reason in said.reasons}) is disagree
 
 
-@pytest.mark.parametrize(
-    ("probability", "phase_sine", "reliable"),
-    [(0.8, 0.5, True), (0.8, 0.9, False), (0.88, 0.9, True), (0.65, 0.5, False)],
-)
-def test_a_limit_cycle_that_is_not_clear_by_its_shapes_is_not_in_quadrature(probability, phase_sine, reliable):
-    fitness = assess(sticky())
-    oscillation = detect(fitness.record)
-    weighing = weigh(fitness.record, oscillation)
-    values = weighing.features.values.copy()
-    values[NAMES.index("phase_sine")] = phase_sine
-    log_odds = float(np.log(probability / (1.0 - probability)))
-    weighing = replace(weighing, log_odds=log_odds, features=replace(weighing.features, values=values))
-    config = VerdictConfig(max_cycling_wave=1.0, reliable_own_cycle_from=0.85)
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), config)
-    assert said.verdict == "stiction"
-    assert ("evidence_not_clear" in {reason.code for reason in said.reasons}) is not reliable
-
-
-@pytest.mark.parametrize(("probability", "reliable"), [(0.65, True), (0.55, False)])
+@pytest.mark.parametrize(("probability", "reliable"), [(0.62, True), (0.55, False)])
 def test_a_cycle_that_is_shown_to_be_the_valves_makes_a_likely_verdict_clear(probability, reliable):
     fitness = assess(sticky())
     oscillation = detect(fitness.record)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=float(np.log(probability / (1.0 - probability))))
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig(), fitted_model())
     codes = {reason.code for reason in said.reasons}
     assert said.verdict == "stiction"
     assert ("evidence_not_clear" in codes) is not reliable
@@ -283,7 +265,7 @@ def test_a_rival_makes_stiction_less_likely_but_clears_no_valve_by_itself(shapes
     oscillation = detect(fitness.record)
     rival = Rival("saturated_op", 1.0, "OP was at its limit for half of the time", counts=4.0)
     weighing = replace(weigh(fitness.record, oscillation), log_odds=shapes - rival.counts, rivals=(rival,))
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig(), fitted_model())
     assert said.verdict == "no_stiction"
     assert ("not_cleared" in {reason.code for reason in said.reasons}) is not cleared
 
@@ -295,7 +277,7 @@ def test_a_rival_does_not_make_windows_agree():
     weighing = replace(
         weigh(fitness.record, oscillation), log_odds=-2.0 - rival.counts, window_spread=2.5, rivals=(rival,)
     )
-    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig())
+    said = conclude(weighing, oscillation, with_cycles(fitness, oscillation), VerdictConfig(), fitted_model())
     assert "windows_disagree" in {reason.code for reason in said.reasons}
 
 
@@ -342,17 +324,18 @@ def test_a_level_that_follows_its_set_point_is_not_sticky_and_reliable():
 @pytest.mark.parametrize(
     "settings",
     [
-        {"reliable_cycling_from": 0.9},
-        {"reliable_stiction_from": 0.6},
+        {"sure_stiction_from": 0.6},
+        {"reliable_own_cycle_from": 0.7},
+        {"reliable_own_cycle_from": 0.5},
         {"reliable_no_stiction_to": 0.7},
         {"reliable_no_stiction_to": -0.1},
         {"reliable_stiction_from": float("nan")},
     ],
 )
 def test_probabilities_of_a_reliable_verdict_that_are_out_of_order_are_refused(settings):
-    with pytest.raises(ValueError, match="reliable_cycling_from <= reliable_stiction_from"):
+    with pytest.raises(ValueError, match="reliable_own_cycle_from <= reliable_stiction_from <= sure_stiction_from"):
         VerdictConfig(**settings)
-    assert VerdictConfig(reliable_cycling_from=0.85).reliable_stiction_from == 0.85
+    assert VerdictConfig(sure_stiction_from=0.65).reliable_stiction_from == 0.65
 
 
 def test_no_two_features_have_one_sentence():

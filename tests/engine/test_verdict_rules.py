@@ -11,13 +11,15 @@ from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
 from app.engine.oscillation import Oscillation, detect
 from app.engine.rivals import Rival
+from app.engine.signals.surrogates import linear_surrogates
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.verdict.config import VerdictConfig
 from app.engine.verdict.judging import conclude
+from app.engine.verdict.shape_model import fitted_model
 from app.engine.verdict.weighing import Weighing, weigh
 
-# Whether the cycle is the valve's own is asked where a verdict needs it no more; that of these tests is nearly a sine.
-CONFIG = VerdictConfig(reliable_own_cycle_from=0.85, max_cycling_wave=1.0)
+# Neither stems nor surrogates are asked from the lowest probability on that is reliable.
+CONFIG = VerdictConfig(reliable_own_cycle_from=0.65, sure_stiction_from=0.65)
 
 DISTURBANCE = Rival("disturbance", 0.9, "the load")
 
@@ -39,7 +41,7 @@ class Evidence:
         log_odds = float(np.log(probability / (1.0 - probability)))
         weighing = replace(self.weighing, log_odds=log_odds, window_spread=0.0, rivals=rivals)
         swing = replace(self.oscillation, **(oscillation or {}))
-        return conclude(weighing, swing, replace(self.fitness, **fitness), config)
+        return conclude(weighing, swing, replace(self.fitness, **fitness), config, fitted_model())
 
 
 @pytest.fixture(scope="module")
@@ -71,32 +73,31 @@ def test_near_one_half_nothing_is_decided(evidence, probability, verdict):
     assert evidence.judged(probability).verdict == verdict
 
 
-@pytest.mark.parametrize(
-    ("probability", "swing", "clear"),
-    [
-        (0.86, {"strength": 0.1}, True),
-        (0.84, {"strength": 0.1}, False),
-        (0.84, {"strength": 0.41}, True),
-        (0.84, {"strength": 0.39}, False),
-        (0.71, {"strength": 0.41}, True),
-        (0.69, {"strength": 0.41}, False),
-        (0.84, {"strength": 0.9, "regularity": 0.9}, False),
-    ],
-)
-def test_stiction_is_clear_by_its_probability_or_in_a_strong_regular_swing(evidence, probability, swing, clear):
-    said = evidence.judged(probability, oscillation=swing)
+@pytest.mark.parametrize(("probability", "clear"), [(0.66, True), (0.64, False)])
+def test_stiction_is_clear_by_its_probability(evidence, probability, clear):
+    said = evidence.judged(probability)
     assert (said.verdict, said.reliability) == ("stiction", "reliable" if clear else "not_reliable")
     assert doubts(said) == ([] if clear else ["evidence_not_clear"])
 
 
-@pytest.mark.parametrize(("explained", "clear"), [(None, True), (0.69, True), (0.71, False)])
-def test_a_swing_that_follows_the_set_point_makes_nothing_clear(evidence, explained, clear):
-    follows = Rival("set_point_following", 0.1, "PV follows", explained=explained)
-    assert (evidence.judged(0.8, (follows,)).reliability == "reliable") is clear
+def test_stiction_is_told_from_a_linear_loop_or_not_relied_on(evidence):
+    config = VerdictConfig()
+    assert evidence.judged(evidence.weighing.probability, config=config).reliability == "reliable"
+    pv, op = next(linear_surrogates(evidence.fitness.audited.pv, evidence.fitness.audited.op))
+    linear = replace(evidence.fitness.audited, pv=pv, op=op)
+    said = evidence.judged(0.7, config=config, record=linear)
+    assert (said.verdict, said.reliability) == ("stiction", "not_reliable")
+    assert doubts(said) == ["linear_look_alikes"]
+    (reason,) = (reason for reason in said.reasons if reason.code == "linear_look_alikes")
+    assert reason.measured.statistic > reason.measured.threshold == 0.02
 
 
-def test_a_swing_of_one_sine_makes_nothing_clear(evidence):
-    assert doubts(evidence.judged(0.8, config=replace(CONFIG, max_cycling_wave=0.0))) == ["evidence_not_clear"]
+def test_what_is_sure_or_doubted_already_is_not_compared_with_a_linear_loop(evidence):
+    pv, op = next(linear_surrogates(evidence.fitness.audited.pv, evidence.fitness.audited.op))
+    linear = {"record": replace(evidence.fitness.audited, pv=pv, op=op)}
+    assert doubts(evidence.judged(0.98, config=VerdictConfig(), **linear)) == []
+    few = evidence.judged(0.7, config=VerdictConfig(), oscillation={"cycles": 4.0}, **linear)
+    assert doubts(few) == ["few_cycles"]
 
 
 @pytest.mark.parametrize(

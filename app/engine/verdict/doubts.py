@@ -10,11 +10,11 @@ from app.engine.causality.hidden_band import HiddenBand
 from app.engine.causality.own_cycle import OwnCycle
 from app.engine.codes import UNANSWERED, Cause, CheckCode
 from app.engine.evidence import Finding, Measured, Operator, Reason, reason_of
-from app.engine.features import NAMES
 from app.engine.fitness import Fitness
 from app.engine.judgement import (
     FOREIGN_CYCLE,
     HIDDEN_BAND,
+    LINEAR_LOOK_ALIKES,
     NO_ANSWER,
     PV_STANDS,
     UNCOUPLED,
@@ -23,14 +23,13 @@ from app.engine.judgement import (
 )
 from app.engine.oscillation import Oscillation
 from app.engine.recording import UniformRecord
-from app.engine.rivals import FOLLOWED, SATURATED, Rival, held_out_fundamental
+from app.engine.rivals import SATURATED, Rival
 from app.engine.signals.sampled import correlation
 from app.engine.verdict.config import VerdictConfig
+from app.engine.verdict.look_alikes import MOST_CHANCE, LookAlikes
 from app.engine.verdict.reasons import of_rival
 from app.engine.verdict.timekeeping import timekeeping
 from app.engine.verdict.weighing import Weighing
-
-_PHASE_SINE = NAMES.index("phase_sine")
 
 # Findings that leave a verdict possible and take its reliability away. Not op_interpolated: against a standing PV an
 # integrating controller runs on straight lines by itself.
@@ -61,17 +60,10 @@ def foreign_cycle(own: OwnCycle) -> tuple[Reason, ...]:
 
 
 def doubts(
-    weighing: Weighing,
-    verdict: Verdict,
-    oscillation: Oscillation,
-    fitness: Fitness,
-    own: OwnCycle,
-    config: VerdictConfig,
+    weighing: Weighing, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
 ) -> tuple[Reason, ...]:
-    """Why the shapes and their time do not make the verdict reliable; empty where they do."""
+    """Why what else is known of the record and its time does not let the verdict be relied on; empty where it does."""
     doubts = []
-    if not own.shown:
-        doubts.extend(_unclear(weighing, oscillation, config))
     if oscillation.cycles < config.min_cycles:
         text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
         doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
@@ -101,39 +93,33 @@ def parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig) 
     return (Reason("windows_disagree", "parts of the record say different things about the valve", spread),)
 
 
-def _unclear(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
-    """A limit cycle is evidence of its own, a sine that comes from outside is none; and a rival that stands out makes
-    stiction the less likely cause, but clears no valve whose shapes do not.
+def unclear(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
+    """Why the probability is not clear enough. A rival that stands out makes stiction the less likely cause, but clears
+    no valve whose shapes do not.
     """
     probability, shapes = weighing.probability, weighing.probability_by_shapes
     if probability <= config.reliable_no_stiction_to:
         if shapes <= config.reliable_no_stiction_to:
-            return []
+            return ()
         text = f"another cause explains the record, but the shapes do not clear the valve: {shapes:.2f} by them alone"
-        return [Reason("not_cleared", text, Measured(shapes, "<=", config.reliable_no_stiction_to))]
+        return (Reason("not_cleared", text, Measured(shapes, "<=", config.reliable_no_stiction_to)),)
     if probability >= config.reliable_stiction_from:
-        return []
-    if probability >= config.reliable_cycling_from and _limit_cycle(weighing, oscillation, config):
-        return []
+        return ()
     text = f"the evidence is not clear enough: probability of stiction {probability:.2f}"
     needed: Operator = ">=" if probability > 0.5 else "<="
     limit = config.reliable_stiction_from if probability > 0.5 else config.reliable_no_stiction_to
-    return [Reason("evidence_not_clear", text, Measured(probability, needed, limit))]
+    return (Reason("evidence_not_clear", text, Measured(probability, needed, limit)),)
 
 
-def _limit_cycle(weighing: Weighing, oscillation: Oscillation, config: VerdictConfig) -> bool:
-    """Whether the loop swings regularly and strongly, and not as one sine under noise does: a valve that sticks lets go
-    now and then. Nor in quadrature, as what comes from outside does behind integral action, and what too much of that
-    makes: where a limit cycle is in quadrature it has corners, and the shapes say so clearly.
-    """
-    if not oscillation.regular or oscillation.strength < config.strong_swing:
-        return False
-    if weighing.features.values[_PHASE_SINE] > config.max_cycling_phase:
-        return False
-    if any(rival.cause == "set_point_following" and (rival.explained or 0.0) >= FOLLOWED for rival in weighing.rivals):
-        return False
-    window = weighing.features.windows[0]
-    return any(held_out_fundamental(x) < config.max_cycling_wave for x in (window.pv, window.op))
+def alike_reason(found: LookAlikes | None) -> tuple[Reason, ...]:
+    """Where a linear loop would look as sticky. None: it was not asked."""
+    if found is None or found.shown:
+        return ()
+    text = (
+        "a loop whose valve does not stick, under a load that wanders, would look as sticky by chance: of records with "
+        f"the same spectra as PV and OP {100 * found.chance:.0f} % do"
+    )
+    return (Reason(LINEAR_LOOK_ALIKES, text, Measured(found.chance, "<=", MOST_CHANCE)),)
 
 
 def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:

@@ -15,16 +15,19 @@ from app.engine.rivals import contest
 from app.engine.verdict.config import VerdictConfig
 from app.engine.verdict.doubts import (
     Lost,
+    alike_reason,
     band_reason,
     data_doubts,
     doubts,
     foreign_cycle,
     lost_of,
     parts_disagree,
+    unclear,
     unrelated_signals,
 )
+from app.engine.verdict.look_alikes import look_alikes
 from app.engine.verdict.reasons import methods_reason, own_cycle_reason, rival_reasons, shape_reasons, stretches_reason
-from app.engine.verdict.shape_model import ShapeModel
+from app.engine.verdict.shape_model import ShapeModel, fitted_model
 from app.engine.verdict.weighing import Weighing, weigh
 
 
@@ -41,17 +44,19 @@ def judge(
     integrating: whether the process integrates, None where it is not known; only the published methods ask for it.
     model: of the shapes; the shipped one where None.
     """
-    config = config or VerdictConfig()
+    config, model = config or VerdictConfig(), model or fitted_model()
     weighing = weigh(record, oscillation, model)
     if weighing is None:
         text = "PV or OP does not vary in the audited stretch: nothing can be said"
         return Judgement("inconclusive", 0.5, "not_reliable", (Reason("no_variation", text),), None)
-    judgement = conclude(weighing, oscillation, fitness, config)
+    judgement = conclude(weighing, oscillation, fitness, config, model)
     methods = corroborate(record, oscillation, integrating, weighing.features.windows)
     return replace(judgement, reasons=(*judgement.reasons, methods_reason(methods)), methods=methods)
 
 
-def conclude(weighing: Weighing, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig) -> Judgement:
+def conclude(
+    weighing: Weighing, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig, model: ShapeModel
+) -> Judgement:
     """The judgement that follows from weighed evidence."""
     probability = weighing.probability
     unrelated, lost = unrelated_signals(fitness, oscillation, config), lost_of(fitness)
@@ -59,12 +64,17 @@ def conclude(weighing: Weighing, oscillation: Oscillation, fitness: Fitness, con
     own = _own(probability, verdict, oscillation, fitness, config)
     band = hidden_band(fitness.looked_at) if verdict == "no_stiction" else None
     doubted = (
-        *doubts(weighing, verdict, oscillation, fitness, own, config),
+        *(() if own.shown else unclear(weighing, config)),
+        *doubts(weighing, verdict, oscillation, fitness, config),
         *band_reason(band),
         *parts_disagree(weighing, fitness, config),
         *data_doubts(weighing, fitness, config),
     )
     foreign = foreign_cycle(own)
+    likely = verdict == "stiction" and probability < config.sure_stiction_from
+    if likely and not (own.shown or lost or unrelated or foreign or doubted):
+        # Dear, so that it is asked of what would be relied on, and where no stem has told it already.
+        doubted = alike_reason(look_alikes(fitness.audited, oscillation, weighing.log_odds_by_shapes, model))
     reliability: Reliability = "not_reliable" if lost or unrelated or foreign or doubted else "reliable"
     first = (*([lost.reason] if lost else []), *unrelated, *foreign)
     reasons = (
@@ -100,7 +110,7 @@ def _own(
     record, period_s = fitness.looked_at, oscillation.period_s
     if verdict != "stiction" or probability < config.reliable_own_cycle_from or period_s is None:
         return OwnCycle()
-    if probability >= config.reliable_stiction_from and not could_be_missed(record):
+    if probability >= config.sure_stiction_from and not could_be_missed(record):
         return OwnCycle()
     return own_cycle(record, period_s)
 

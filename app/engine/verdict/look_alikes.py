@@ -1,0 +1,67 @@
+"""Whether a linear loop under a Gaussian load would look as sticky: the record against its linear surrogates."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from app.engine.features import observe
+from app.engine.oscillation import Oscillation
+from app.engine.recording import FloatArray, UniformRecord
+from app.engine.signals.surrogates import linear_surrogates
+from app.engine.verdict.shape_model import ShapeModel
+
+MOST_CHANCE = 0.02
+"""Above it, stiction is not told from a linear loop."""
+
+_STAGES = ((5, 0.004, 0.3), (10, 0.01, 0.15), (19, MOST_CHANCE, MOST_CHANCE))
+"""After so many surrogates it is enough where the chance is below the first bound or above the second; most records
+that stick need five."""
+
+
+@dataclass(frozen=True)
+class LookAlikes:
+    """chance: the probability that a linear surrogate of the record looks at least as sticky as it does.
+
+    surrogates: how many were looked at.
+    """
+
+    chance: float
+    surrogates: int
+
+    @property
+    def shown(self) -> bool:
+        """Whether the record is stickier than a linear loop with its spectra is."""
+        return self.chance <= MOST_CHANCE
+
+
+def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float, model: ShapeModel) -> LookAlikes:
+    """How likely a linear loop with the spectra of the record has these log-odds of its shapes, or higher ones.
+
+    Student's t for one more draw from a normal population of which a few are known. What is not linear without a valve
+    that sticks (corners from elsewhere, a sensor in steps, OP at its limit) is not told from stiction: the rivals are
+    asked of that.
+    """
+    pairs = linear_surrogates(record.pv, record.op)
+    drawn: list[float] = []
+    chance = 1.0
+    for count, clear, hopeless in _STAGES:
+        while len(drawn) < count:
+            pv, op = next(pairs)
+            features = observe(replace(record, pv=pv, op=op), oscillation)
+            if features is None:
+                return LookAlikes(1.0, len(drawn))
+            drawn.append(float(model.log_odds(features.values)))
+        chance = _chance(log_odds, np.array(drawn))
+        if not clear < chance <= hopeless:
+            break
+    return LookAlikes(chance, len(drawn))
+
+
+def _chance(value: float, drawn: FloatArray) -> float:
+    """That one more draw is at least `value`."""
+    count = len(drawn)
+    spread = float(np.std(drawn, ddof=1)) * np.sqrt(1.0 + 1.0 / count)
+    if spread <= 0.0:
+        return float(value <= drawn[0])
+    return float(special.stdtr(count - 1, (float(np.mean(drawn)) - value) / spread))

@@ -1,0 +1,105 @@
+"""`python -m app.lab.testbench.slow_control`: sluggish PI control under a load that wanders, few slow swings a record.
+
+All but the valve is linear: a controller that integrates slowly makes of such a load what looks like triangles and
+corners, by chance. Prints how often the audit accuses valves, healthy and sticking. None of these loops is in any fit.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from app.engine.audit import audit
+from app.engine.recording import FloatArray, Recording
+from app.lab.testbench.wiring import Lag, Pi, Valve, Wandering
+
+Kind = Literal["flow", "filtered flow", "level"]
+KINDS: tuple[Kind, ...] = ("flow", "filtered flow", "level")
+INTERVAL_S, SETTLING = 10.0, 500
+SAMPLES = (600, 1900)  # bounds
+FILTER_S = 100.0
+
+
+@dataclass
+class _Level:
+    """A vessel that integrates what comes in. hold_s: until it has risen by what is put in."""
+
+    hold_s: float
+    _state: float = 0.0
+
+    def after(self, u: float, step_s: float) -> float:
+        self._state += u * step_s / self.hold_s
+        return self._state
+
+
+def record(kind: Kind, seed: int, sticks: bool) -> Recording:
+    """One loop. Where the valve sticks, by 1 to 4 % of OP's span, its load is a seventh of what it is elsewhere."""
+    rng = np.random.default_rng([seed, KINDS.index(kind), int(sticks)])
+    samples = int(rng.integers(*SAMPLES))
+    rows: FloatArray = np.array(list(_scans(kind, rng, sticks, samples)))[SETTLING:]
+    time_s: FloatArray = INTERVAL_S * np.arange(len(rows), dtype=np.float64)
+    name = f"{kind} {seed}{' sticking' * sticks}"
+    return Recording(name, time_s, rows[:, 0].copy(), rows[:, 1].copy(), np.full(len(rows), 50.0))
+
+
+def _scans(kind: Kind, rng: np.random.Generator, sticks: bool, samples: int) -> Iterator[tuple[float, float]]:
+    """PV and OP, scan by scan."""
+    tau_s, K = float(rng.uniform(100.0, 400.0)), float(rng.uniform(0.5, 2.0))
+    Ti_s = tau_s * float(rng.uniform(0.6, 3.0))
+    delay = 1 + int(rng.uniform(1.0, 8.0))
+    S = float(rng.uniform(1.0, 4.0)) if sticks else 0.0
+    valve, load = Valve(50.0, S, S), Wandering(rng, 0.15 if sticks else 1.0, float(rng.uniform(50.0, 1200.0)))
+    plant: Lag | _Level = _Level(tau_s / K) if kind == "level" else Lag(K, tau_s, delay)
+    gain = float(rng.uniform(0.05, 0.24)) / K * tau_s / (delay * INTERVAL_S + 30.0)
+    gain = float(rng.uniform(0.3, 1.2)) * tau_s / (K * Ti_s) if kind == "level" else gain
+    pi, noise = Pi(gain, Ti_s, 50.0), float(rng.uniform(0.01, 0.12)) * (0.3 if sticks else 1.0)
+    forgets = float(np.exp(-INTERVAL_S / FILTER_S)) if kind == "filtered flow" else 0.0
+    position = deviation = 0.0
+    for _ in range(SETTLING + samples):
+        measured = plant.after(position + 1.5 * load.after(INTERVAL_S), INTERVAL_S) + noise * rng.standard_normal()
+        deviation += (1.0 - forgets) * (measured - deviation)
+        op = pi.output(-deviation, INTERVAL_S)
+        position = valve.to(op) - 50.0
+        yield 50.0 + deviation, op
+
+
+def said_of(kind: Kind, seed: int, sticks: bool) -> tuple[str, str]:
+    """Verdict and reliability."""
+    judgement = audit(record(kind, seed, sticks)).judgement
+    return judgement.verdict, judgement.reliability
+
+
+def tallied(kind: Kind, sticks: bool, seeds: range) -> Counter[tuple[str, str]]:
+    """How often which verdict with which reliability."""
+    return Counter(said_of(kind, seed, sticks) for seed in seeds)
+
+
+def report(seeds: range) -> Iterator[str]:
+    yield "| loop | healthy: accused | reliably | cleared reliably | sticking: accused | reliably | cleared reliably |"
+    yield "|---|---|---|---|---|---|---|"
+    for kind in KINDS:
+        cells = [_cells(tallied(kind, sticks, seeds)) for sticks in (False, True)]
+        yield f"| {kind} ({len(seeds)}, {len(seeds)}) | {' | '.join(cells)} |"
+
+
+def _cells(said: Counter[tuple[str, str]]) -> str:
+    accused = sum(count for (verdict, _), count in said.items() if verdict == "stiction")
+    return f"{accused} | {said['stiction', 'reliable']} | {said['no_stiction', 'reliable']}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.slow_control", description=__doc__)
+    parser.add_argument("--loops", type=int, default=100, help="of each kind, healthy and sticking")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args(arguments)
+    seeds = range(options.seed, options.seed + options.loops)
+    sys.stdout.writelines(f"{line}\n" for line in report(seeds))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

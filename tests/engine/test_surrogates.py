@@ -1,0 +1,82 @@
+"""Linear surrogates, and whether a record looks stickier than they do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.engine.fitness import assess
+from app.engine.oscillation import Oscillation, detect
+from app.engine.recording import UniformRecord
+from app.engine.signals.surrogates import linear_surrogates
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.verdict.look_alikes import LookAlikes, look_alikes
+from app.engine.verdict.shape_model import fitted_model
+from app.engine.verdict.weighing import weigh
+
+MODEL = fitted_model()
+
+
+def record_of(S: float, seed: int = 1, load_sd: float = 0.0) -> UniformRecord:
+    """A flow whose valve sticks by S, or does not while its load wanders."""
+    spec = LoopSpec(
+        plant=first_order(1.0, 3.0, 1.0), controller=Pid(0.3, 6.0), noise=Signal(noise_sd=0.03),
+        valve=TwoParameterValve(S, S), upset=Signal(value=3.0, noise_sd=load_sd, noise_tau_s=50.0), settle_s=300.0,
+    )  # fmt: skip
+    return assess(simulate_loop(spec, 1000.0, 1.0, seed=seed).recording("flow")).audited
+
+
+def compared(record: UniformRecord, oscillation: Oscillation | None = None) -> LookAlikes:
+    oscillation = oscillation or detect(record)
+    return look_alikes(record, oscillation, weigh(record, oscillation).log_odds_by_shapes, MODEL)
+
+
+@pytest.mark.parametrize("n", [400, 401])
+def test_a_surrogate_has_the_spectra_of_its_signals_and_what_goes_together_in_them(n):
+    rng = np.random.default_rng(3)
+    pv = np.cumsum(rng.normal(size=n))
+    op = np.sign(np.sin(0.1 * np.arange(n))) + 0.3 * pv
+    surrogates = linear_surrogates(pv, op)
+    for made_pv, made_op in (next(surrogates), next(surrogates)):
+        assert (made_pv.shape, made_op.shape) == ((n,), (n,))
+        assert not np.allclose(made_pv, pv, atol=0.1)
+        flat = [
+            np.fft.rfft(x - np.linspace(y[0], y[-1], n)) for x, y in ((made_pv, pv), (made_op, op), (pv, pv), (op, op))
+        ]
+        np.testing.assert_allclose(np.abs(flat[0]), np.abs(flat[2]), atol=1e-8)
+        np.testing.assert_allclose(np.abs(flat[1]), np.abs(flat[3]), atol=1e-8)
+        np.testing.assert_allclose(flat[0] * flat[1].conj(), flat[2] * flat[3].conj(), atol=1e-6)
+
+
+def test_surrogates_of_a_seed_are_the_same_and_of_another_others():
+    x = np.random.default_rng(1).normal(size=(2, 100))
+    np.testing.assert_array_equal(next(linear_surrogates(*x)), next(linear_surrogates(*x)))
+    assert not np.allclose(next(linear_surrogates(*x)), next(linear_surrogates(*x, seed=1)))
+
+
+def test_a_sticky_valve_looks_stickier_than_a_linear_loop_and_that_is_soon_seen():
+    found = compared(record_of(2.0))
+    assert found.shown
+    assert found.surrogates < 19
+
+
+def test_linear_loops_look_stickier_than_themselves_as_seldom_as_is_said():
+    wandering = record_of(0.0, load_sd=0.3)
+    oscillation = detect(wandering)
+    drawn = linear_surrogates(wandering.pv, wandering.op, seed=11)
+    linear = [replace(wandering, pv=pv, op=op) for (pv, op), _ in zip(drawn, range(60), strict=False)]
+    shown = [compared(record, oscillation).shown for record in linear]
+    # Two of a hundred by its level: five of sixty would come in one of 150 tries.
+    assert sum(shown) <= 4
+
+
+def test_unit_offset_and_sign_of_pv_and_op_change_nothing():
+    record = record_of(2.0)
+    other = replace(record, pv=500.0 - 30.0 * record.pv, op=7.0 + 0.01 * record.op)
+    assert compared(other).surrogates == compared(record).surrogates
+    assert compared(other).chance == pytest.approx(compared(record).chance, rel=1e-4)
+
+
+def test_of_what_never_varies_nothing_is_shown():
+    record = replace(record_of(2.0), pv=np.full(1000, 3.0)[: record_of(2.0).samples])
+    assert look_alikes(record, detect(record_of(2.0)), 1.0, MODEL) == LookAlikes(1.0, 0)
