@@ -364,6 +364,19 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     assert np.isfinite(part.pv).all()
 
 
+def test_a_sample_ahead_of_the_clock_moves_no_trend(backend: Backend, add_loops: AddLoops) -> None:
+    """Its newest day was that of a stamp of the year 2033, of one sample, and the record was not to be seen."""
+    add_loops("FIC1", n=1400)
+    before = trend(backend, "FIC1", points=5000)
+    with backend.database.write() as connection:
+        stray = Samples(np.array([2_000_000_000 * 10**9]), {"pv": np.ones(1), "op": np.ones(1)})
+        loop_id = stored_loops.ensure(connection, ["FIC1"])["FIC1"]
+        series.add(connection, [Stretch(loop_id, stray)], None)
+    assert trend(backend, "FIC1", points=5000) == before
+    late = trend(backend, "FIC1", start=datetime(2033, 1, 1, tzinfo=UTC), end=datetime(2034, 1, 1, tzinfo=UTC))
+    assert late.samples == 1, "what is asked for is shown"
+
+
 def test_a_trend_of_damaged_samples_is_refused_with_a_code(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1", n=150)
     with backend.database.write() as connection:

@@ -14,7 +14,7 @@ from app.nanoseconds import NS_PER_S
 from app.services.audit_json.numbers import listed
 from app.services.backend import Backend
 from app.services.loops import find
-from app.services.moments import iso_utc, moment_of, ns_of
+from app.services.moments import iso_utc, latest_ns, moment_of, ns_of
 from app.services.results import TrendView
 from app.storage import series
 from app.storage.samples import DamagedStretchError, Samples, merged
@@ -31,7 +31,8 @@ DEFAULT_S = 24 * 3600
 def trend(
     backend: Backend, tag: str, points: int = 1000, start: datetime | None = None, end: datetime | None = None
 ) -> TrendView:
-    """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours; about `points` times.
+    """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours, without samples ahead of the clock
+    where there are others; about `points` times.
 
     Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost. Raises
     DataError("damaged_samples") where what is stored cannot be read.
@@ -41,7 +42,7 @@ def trend(
     row = find(backend, tag)
     if row.newest_ns is None:
         return TrendView(tag, 0, [], [], [], None)
-    end_ns = row.newest_ns if end is None else ns_of(end)
+    end_ns = _newest_ns(backend, row.id, row.newest_ns) if end is None else ns_of(end)
     start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else ns_of(start)
     try:
         found = _stretch(backend, row.id, start_ns, end_ns, points)
@@ -49,6 +50,11 @@ def trend(
         log.exception("the trend of %r cannot be drawn", tag)
         raise DataError("damaged_samples", f"{error}; ask for a time before or after it") from error
     return TrendView(tag, 0, [], [], [], None) if found is None else _view(tag, *found, points)
+
+
+def _newest_ns(backend: Backend, loop_id: int, newest_ns: int) -> int:
+    with backend.database.read() as connection:
+        return series.newest_before(connection, loop_id, newest_ns, latest_ns())
 
 
 def _stretch(backend: Backend, loop_id: int, start_ns: int, end_ns: int, points: int) -> tuple[Samples, int] | None:
