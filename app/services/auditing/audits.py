@@ -13,10 +13,11 @@ from app.errors import NotFoundError, RequestError
 from app.services.auditing import ending
 from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
-from app.services.moments import iso_utc
+from app.services.moments import iso_utc, latest_ns
+from app.services.recency import DATED_NS
 from app.services.results import AuditView, FailureView, Page
 from app.services.telling.naming import named
-from app.storage import audits, items, loops
+from app.storage import arrivals, audits, items, loops
 from app.storage.audits import AuditRow, LoopFilter, Progress
 
 LISTED_FAILURES = 100
@@ -44,7 +45,7 @@ def start_audit(
     """
     wanted = _spelled(backend, wanted or LoopFilter())
     settings, config = backend.settings, AuditConfig()
-    values = {
+    values: dict[str, Any] = {
         "trigger": trigger,
         "plant": settings.plant,
         "nightly_for": nightly_for,
@@ -55,6 +56,8 @@ def start_audit(
         "window_h": settings.window_h,
         "window_samples": settings.window_samples,
     }
+    with backend.database.read() as connection:
+        values["newest_ns"] = arrivals.newest(connection, DATED_NS, latest_ns())
     with backend.database.write() as connection:
         going_on = audits.whole_going_on(connection) if unless_going_on else None
         if going_on is not None:
