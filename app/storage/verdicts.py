@@ -19,7 +19,6 @@ from sqlalchemy import (
     func,
     or_,
     select,
-    tuple_,
 )
 
 from app.storage.bulk import among, among_many
@@ -246,11 +245,14 @@ def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After 
 
 
 def of_keys(connection: Connection, keys: Sequence[tuple[int, int]]) -> dict[tuple[int, int], dict[str, Any]]:
-    """Verdicts by loop and run, of some hundreds of these; one that is gone is left out."""
+    """Verdicts by loop and run; one that is gone is left out."""
     query = _select().add_columns(verdicts.c.loop_id).select_from(_with_run(_OF_LOOPS))
-    mine = tuple_(verdicts.c.loop_id, verdicts.c.audit_id).in_(list(keys))
-    found = connection.execute(query.where(mine)).mappings()
-    return {(row["loop_id"], row["audit_id"]): _dict(row) for row in found}
+    found: dict[tuple[int, int], dict[str, Any]] = {}
+    for run in sorted({audit_id for _, audit_id in keys}):  # one, most often; as pairs they took ten times as long
+        mine = among_many(connection, verdicts.c.loop_id, [loop_id for loop_id, of_run in keys if of_run == run])
+        rows = connection.execute(query.where(mine, verdicts.c.audit_id == run)).mappings()
+        found |= {(row["loop_id"], run): _dict(row) for row in rows}
+    return found
 
 
 def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, bytes]:
