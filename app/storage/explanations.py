@@ -211,7 +211,7 @@ def end(connection: Connection, claim: ExplanationClaim, state: str, values: Map
 
 def wait_for_room(connection: Connection, claim: ExplanationClaim, first_pause_s: float) -> bool:
     """The disk was full, which is no fault of the explanation: where the claim still holds, this attempt does not
-    count, and the pause to the next one doubles up to some minutes."""
+    count, and the pause until it is told of again doubles up to some minutes."""
     c = explanations.c
     waiting = {"state": "open", "attempts": c.attempts - 1, "owner": None, "lease_until_s": None}
     pause = {"pause_s": longer_pause(c.pause_s, first_pause_s), "announced_s": clock_s()}
@@ -228,8 +228,9 @@ def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) ->
 
 
 def to_announce(connection: Connection, stalled_s: float) -> list[int]:
-    """Explanations that could be worked on and that nobody was told of lately; they count as told from now on."""
-    quiet = long_ago(explanations.c.announced_s, stalled_s)
+    """Explanations that could be worked on and that nobody was told of lately, of one that found no room as long as its
+    pause is; they count as told from now on."""
+    quiet = long_ago(explanations.c.announced_s, func.coalesce(explanations.c.pause_s, stalled_s))
     found = connection.scalars(
         update(explanations).where(*_waiting(), quiet).values(announced_s=clock_s()).returning(explanations.c.id)
     )
@@ -242,10 +243,9 @@ def any_waiting(connection: Connection) -> bool:
 
 
 def _waiting() -> tuple[ColumnElement[bool], ...]:
-    """Of an explanation that could be worked on now."""
-    paused = long_ago(explanations.c.announced_s, explanations.c.pause_s)
-    rested = or_(explanations.c.pause_s.is_(None), paused)
-    return UNEXPLAINED, explanations.c.state == "open", _its_turn(), rested
+    """Of an explanation that could be worked on now. One that found no room too: where another one ended, there is room
+    again."""
+    return UNEXPLAINED, explanations.c.state == "open", _its_turn()
 
 
 def _its_turn() -> ColumnElement[bool]:

@@ -327,10 +327,10 @@ def test_a_full_disk_is_no_fault_of_the_explanation(
     for _ in range(backend.settings.max_attempts + 2):
         with pytest.raises(OperationalError, match="disk is full"):
             working.explain_next(backend, "w")
-        sweep(backend)
-        assert state() == ("open", None, True)
-        assert not working.explain_next(backend, "w"), "it rests before the next try"
+        assert sweep(backend).announced == 0, "it rests before the next try"
         rested(backend)
+        assert sweep(backend).announced == 1
+        assert state() == ("open", None, True)
     since = explanations.get_explanation(backend, "TIC1", asked["id"])["waits_for_room_since"]
     (listed,) = explanations.list_explanations(backend, "TIC1").rows
     assert listed["waits_for_room_since"] == since
