@@ -3,7 +3,9 @@
 import base64
 import json
 import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta, timezone
 from typing import Any
 
@@ -488,3 +490,27 @@ def test_a_trend_of_any_instants_is_told(backend: Backend, add_loops: AddLoops) 
     assert trend(backend, "FIC1", start=first, end=last).samples > 0
     assert trend(backend, "FIC1", start=last).samples == 0
     assert trend(backend, "FIC1", end=first).samples == 0
+
+
+def test_few_pieces_of_long_trends_are_in_memory_at_a_time(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dashboard asks for a dozen trends of months at a time, and each took what a million samples take."""
+    long_record(backend)
+    monkeypatch.setattr(trends, "PIECE_SAMPLES", 250)
+    between, lock = series.between, threading.Lock()
+    inside: list[int] = []
+    most: list[int] = []
+
+    def counted(*arguments: Any) -> Samples | None:
+        with lock:
+            inside.append(1)
+            most.append(len(inside))
+        time.sleep(0.02)
+        with lock:
+            inside.pop()
+        return between(*arguments)
+
+    monkeypatch.setattr(series, "between", counted)
+    with ThreadPoolExecutor(8) as pool:
+        shown = list(pool.map(lambda _: trend(backend, "FIC1", points=60).samples, range(8)))
+    assert shown == [800] * 8
+    assert max(most) == trends.PIECES_AT_ONCE
