@@ -84,14 +84,13 @@ def started(
         "window_h": settings.window_h,
         "window_samples": settings.window_samples,
     }
-    with backend.database.read() as connection:
-        values["newest_ns"] = arrivals.newest(connection, DATED_NS, latest_ns())
     with backend.database.write() as connection:
         going_on = audits.whole_going_on(connection) if unless_going_on else None
         if going_on is not None:
             return Started(_seen(connection, str(going_on)), anew=False)
         if trigger == "request":
             _refuse_flood(connection)
+        values["newest_ns"] = arrivals.newest(connection, DATED_NS, latest_ns())
         audit_id = audits.plan(connection, values, wanted)
         _refuse_none(connection, audit_id, wanted)
         night = None if audit_id is not None else audits.by_night(connection, settings.plant, nightly_for or "")
