@@ -13,7 +13,7 @@ from fastapi import Depends, FastAPI
 from fastapi.concurrency import run_in_threadpool
 
 from app.api import operations
-from app.api.reliability import TABLES_AT_ONCE
+from app.api.reliability import PARTS_AT_ONCE
 from app.api.routes import api
 from app.api.schema import described
 from app.http import problems
@@ -97,7 +97,7 @@ def begin(app: FastAPI, backend: Backend) -> None:
     app.state.ready = Probe(partial(readiness, backend), READY_KEPT_S)
     app.state.watched = WeakValueDictionary()
     app.state.spelled_tags = set()
-    app.state.table_places = asyncio.Semaphore(TABLES_AT_ONCE)
+    app.state.table_places = asyncio.Semaphore(PARTS_AT_ONCE)
     app.state.mapping_places = asyncio.Semaphore(MAPPINGS_AT_ONCE)
 
 

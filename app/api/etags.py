@@ -1,10 +1,12 @@
 """Answers that dashboards ask for again and again: sent only where they have changed."""
 
+import asyncio
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import Any
 
+from fastapi.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
@@ -24,6 +26,17 @@ class InParts(Response):
         for start in range(0, max(len(self.body), 1), PART):
             part = bytes(self.body[start : start + PART])
             await send({"type": "http.response.body", "body": part, "more_body": start + PART < len(self.body)})
+
+
+async def in_turn(parts: Iterator[bytes], places: asyncio.Semaphore) -> AsyncIterator[bytes]:
+    """Each part is made when the one before is taken, and only as many at a time as there are places, of whichever
+    answers: a client that reads slowly keeps none from the others."""
+    while True:
+        async with places:
+            part = await run_in_threadpool(next, parts, None)
+        if part is None:
+            return
+        yield part
 
 
 def tagged(request: Request, body: str, media_type: str, headers: Mapping[str, str] | None = None) -> Response:

@@ -176,6 +176,11 @@ class RequestOut(BaseModel):
     effect_codes: list[str] = Field(description="Codes of the effects, the strongest first.")
     error_code: str | None = Field(description="Stable code of why it failed.")
     error_text: str | None = Field(description="Why it failed, in words.")
+    waits_for_room_since: str | None = Field(
+        None,
+        description="Since when there is no room on the disk to keep its answer, ISO 8601, UTC; it is tried again "
+        "every five minutes at the latest. Null: it does not wait for that.",
+    )
 
 
 class ExplanationOut(RequestOut):

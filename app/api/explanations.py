@@ -27,7 +27,7 @@ router = APIRouter(tags=["explanations"])
     "/loops/{tag:path}/explanations",
     status_code=202,
     response_model=ExplanationOut,
-    responses=responses(400, 404, 413, 415, 422),
+    responses=responses(400, 404, 409, 413, 415, 422),
     dependencies=[Depends(json_alone)],
     summary="Compare a loop's recording with a simulation",
 )
@@ -35,7 +35,7 @@ def ask(
     response: Response, backend: Services, tag: LoopTag, caller: Caller, wanted: Wanted = WITHOUT_SIMULATION
 ) -> Any:
     """Where they differ, and which physics is missing; without a body the recorded simulation or our own is taken.
-    202: the request is stored; a worker does it."""
+    202: the request is stored; a worker does it. 409 while far more of them wait than anybody looks at."""
     asked = service.ask(backend, tag, meant(wanted), asked_by=caller.who)
     response.headers["Location"] = f"/v1/loops/{tag_in_url(tag)}/explanations/{asked['id']}"
     return asked

@@ -1,27 +1,31 @@
 """The per-loop reliability table: the newest verdict of every loop, as JSON or as CSV."""
 
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from enum import StrEnum
+from itertools import chain, repeat
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
 
-from app.api.etags import NOT_MODIFIED, tagged, versioned
+from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of, versioned
 from app.api.loops import WhichRetired
 from app.api.models import CSV, ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
 from app.http.problems import responses
 from app.services.audit_json.models import ReadingName, ReliabilityName, TableRow, VerdictName
+from app.services.audit_json.rows import compact
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.loops import RETIRED
 from app.services.plant import reliability as service
-from app.services.spreadsheet import csv_lines
+from app.services.spreadsheet import csv_lines, csv_rows
 from app.services.stating.loop_list import BYTE_ORDER_MARK
 
 COLUMNS = tuple(TableRow.model_fields)
@@ -33,8 +37,7 @@ SORTING = (
     "are the loop's and stand in no row unless `columns` names them."
 )
 
-TABLES_AT_ONCE = 2  # with every row of a plant taken apart, an answer has near 200 MB
-FEW_ROWS = 1000
+PARTS_AT_ONCE = 2  # of whole tables, each of some 10 MB while it is made
 
 router = APIRouter(tags=["reliability"])
 
@@ -86,10 +89,13 @@ class TableQuery(BaseModel):
     )
 
     @property
-    def held_in_memory(self) -> bool:
-        """Whether many rows are taken apart for it, and not written as they are stored."""
-        anew = self.format is Format.csv or self.columns is not None or self.audit_id is not None
-        return anew and self.limit > FEW_ROWS
+    def taken_apart(self) -> bool:
+        """Whether its rows are made of their columns, and not written as they are stored."""
+        return self.format is Format.csv or self.columns is not None or self.audit_id is not None
+
+    @property
+    def page(self) -> dict[str, Any]:
+        return {"limit": self.limit, "cursor": self.cursor, "sort": self.sort, "filters": self.filters()}
 
     def filters(self) -> service.RowFilter:
         names = ("reliability", "unit", "type", "likely_cause", "table2_reading", "min_probability", "search")
@@ -135,30 +141,72 @@ async def reliability(
     asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
-    if not query.held_in_memory:
-        return await run_in_threadpool(answered, request, backend, query)
-    async with request.app.state.table_places:
-        return await run_in_threadpool(answered, request, backend, query)
+    if query.taken_apart:
+        return await in_parts(request, backend, query)
+    return await run_in_threadpool(as_stored, request, backend, query)
 
 
-def answered(request: Request, backend: Backend, query: TableQuery) -> Any:
-    columns = query.wanted_columns()
+def as_stored(request: Request, backend: Backend, query: TableQuery) -> Response:
+    # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
+    answer = service.reliability_json(backend, **query.page)
+    return versioned(request, answer.version, answer.write, "application/json")
+
+
+async def in_parts(request: Request, backend: Backend, query: TableQuery) -> Response:
+    """The first part is made before anything goes out: what is wrong by then is told as it is."""
+    found = await run_in_threadpool(looked_up, backend, query)
+    tag = tag_of({"rows": found.version, "as": [query.format, query.byte_order_mark, query.wanted_columns()]})
+    headers = {"ETag": tag, "Vary": "Accept-Encoding"}
+    if known(request.headers.get("If-None-Match", ""), tag):
+        return Response(status_code=304, headers=headers)
+    media_type, parts = "application/json", as_json(found, query)
+    if query.format is Format.csv:
+        media_type, parts = "text/csv; charset=utf-8", as_csv(found, query)
+        headers["Content-Disposition"] = 'attachment; filename="reliability.csv"'
+        headers["X-Next-Cursor"] = found.next_cursor or ""
+    body = in_turn(parts, request.app.state.table_places)
+    first = await anext(body)
+    if found.count <= service.PART_ROWS:
+        return InParts(b"".join([first, *[part async for part in body]]), media_type=media_type, headers=headers)
+    return StreamingResponse(with_first(first, body), media_type=media_type, headers=headers)
+
+
+async def with_first(first: bytes, others: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    yield first
+    async for part in others:
+        yield part
+
+
+def looked_up(backend: Backend, query: TableQuery) -> service.TableParts:
+    query.wanted_columns()
     if query.audit_id is not None:
         get_audit(backend, query.audit_id)
-    wanted: dict[str, Any] = {
-        "limit": query.limit,
-        "cursor": query.cursor,
-        "sort": query.sort,
-        "filters": query.filters(),
-    }
-    if query.format is Format.csv:
-        page = service.reliability_page(backend, **wanted, of_loop=True)
-        headers = {
-            "Content-Disposition": 'attachment; filename="reliability.csv"',
-            "X-Next-Cursor": page.next_cursor or "",
-        }
-        text = (BYTE_ORDER_MARK if query.byte_order_mark else "") + "".join(csv_lines(page.rows, columns or COLUMNS))
-        return tagged(request, text, "text/csv; charset=utf-8", headers)
-    # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
-    answer = service.reliability_json(backend, **wanted, columns=columns)
-    return versioned(request, answer.version, answer.write, "application/json")
+    return service.in_parts(backend, **query.page)
+
+
+def as_csv(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
+    columns, mark = query.wanted_columns() or COLUMNS, BYTE_ORDER_MARK if query.byte_order_mark else ""
+
+    def text(rows: Iterable[Mapping[str, Any]]) -> bytes:
+        return "".join(csv_rows(rows, columns)).encode()
+
+    head = (mark + "".join(csv_lines((), columns))).encode()
+    return joined_to_first(head, map(text, found.parts()))
+
+
+def as_json(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
+    columns = query.wanted_columns() or COLUMNS
+    commas = chain([""], repeat(","))
+
+    def text(rows: Iterable[Mapping[str, Any]]) -> bytes:
+        told = ",".join(compact({name: row[name] for name in columns}) for row in rows)
+        return (next(commas) + told).encode() if told else b""
+
+    ending = f'],"next_cursor":{compact(found.next_cursor)}}}'.encode()
+    return joined_to_first(b'{"rows":[', chain(map(text, found.parts()), [ending]))
+
+
+def joined_to_first(head: bytes, parts: Iterator[bytes]) -> Iterator[bytes]:
+    """The head is no part of its own: an answer begins with what may fail."""
+    yield head + next(parts, b"")
+    yield from parts

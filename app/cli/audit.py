@@ -286,11 +286,11 @@ def write_rest(stream: IO[str], format_: Format, audited: list[AuditedFile]) -> 
     if format_ is Format.jsonl or not lines:
         return
     if format_ is Format.csv:
-        from app.services.audit_json.line import KNOWN_TO_A_SERVICE, reliability_row
+        from app.services.audit_json.line import NOT_OF_FILES, reliability_row
         from app.services.spreadsheet import csv_lines
 
         rows = [reliability_row(line) for line in lines]
-        stream.writelines(csv_lines(rows, [name for name in rows[0] if name not in KNOWN_TO_A_SERVICE]))
+        stream.writelines(csv_lines(rows, [name for name in rows[0] if name not in NOT_OF_FILES]))
         return
     from app.cli.tables import print_verdicts
 

@@ -149,6 +149,7 @@ class Explanation(Answer):
     effect_codes: list[str]
     error_code: str | None
     error_text: str | None
+    waits_for_room_since: str | None
     simulation: Literal["trace", "column", "model", "identified"] | None
     effects: list[dict[str, Any]] | None
     located: dict[str, Any] | None

@@ -116,5 +116,10 @@ def ns_of(moment: datetime) -> int:
     return max(-FARTHEST_NS, min(FARTHEST_NS, span_ns(aware - EPOCH)))
 
 
+def latest_ns() -> int:
+    """Up to when samples are looked at now."""
+    return ns_of(datetime.now(UTC) + AHEAD)
+
+
 def span_ns(span: timedelta) -> int:
     return span // timedelta(microseconds=1) * 1000

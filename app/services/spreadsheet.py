@@ -32,16 +32,20 @@ def plain_cell(cell: str) -> str:
 
 def csv_lines(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:
     """The header line, then a line a row; columns that a row lacks are empty."""
+    yield from _lines([list(columns)])
+    yield from csv_rows(rows, columns)
+
+
+def csv_rows(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:
+    """The same without the header."""
+    return _lines([safe_cell(row.get(column)) for column in columns] for row in rows)
+
+
+def _lines(rows: Iterable[list[Any]]) -> Iterator[str]:
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\r\n")
-    for cells in _with_header(rows, columns):
+    for cells in rows:
         writer.writerow(cells)
         yield buffer.getvalue()
         buffer.seek(0)
         buffer.truncate()
-
-
-def _with_header(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[list[Any]]:
-    yield list(columns)
-    for row in rows:
-        yield [safe_cell(row.get(column)) for column in columns]

@@ -1,6 +1,6 @@
 """How far records reach: of the plant as it is now, or of what one run was given."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Subquery, and_, func, or_, select
@@ -8,9 +8,6 @@ from sqlalchemy import Connection, Subquery, and_, func, or_, select
 from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, verdicts
-
-FEW_TAGS = 200
-"""So many are asked for by name; of more all of the plant are read."""
 
 
 class EndRow(NamedTuple):
@@ -77,14 +74,6 @@ def earlier(
     for run, loop, end_ns in connection.execute(query.where(*given, verdicts.c.input_end_ns.is_not(None))):
         found.setdefault(run, {})[loop] = end_ns
     return found
-
-
-def among_ending(connection: Connection, tags: Collection[str], since_ns: int, before_ns: int) -> frozenset[str]:
-    """Those of these loops whose newest sample is between the two, whether they are in service or not."""
-    query = select(loops.c.tag).where(loops.c.newest_ns >= since_ns, loops.c.newest_ns < before_ns)
-    if len(tags) <= FEW_TAGS:
-        query = query.where(loops.c.tag.in_(tags))
-    return frozenset(connection.scalars(query)) & frozenset(tags)
 
 
 def anything_new(connection: Connection, audit_id: int) -> bool:

@@ -57,6 +57,7 @@ class AuditRow:
     total: int
     started_by: str
     filter_json: str
+    newest_ns: int | None
 
 
 @dataclass(frozen=True)

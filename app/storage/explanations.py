@@ -25,9 +25,10 @@ from app.storage.bulk import among_many, insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import UNEXPLAINED, audit_items, explanations, loops, verdicts
-from app.storage.types import clock_s, long_ago, now
+from app.storage.types import clock_s, long_ago, longer_pause, now
 from app.storage.verdicts import SORTABLE
 
+NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None}
 WITH_A_VERDICT = ("stiction", "no_stiction", "inconclusive")
 REGULAR = 1.0
 
@@ -49,6 +50,7 @@ class ExplanationRow:
     effects: str
     error_code: str | None
     error_text: str | None
+    waits_since: datetime | None
 
     @property
     def ended(self) -> bool:
@@ -148,6 +150,12 @@ def _naming(connection: Connection, tags: Iterable[str], code: str, wanted: Colu
     return query.where(explanations.c.state == "done", named)
 
 
+def count_open(connection: Connection, at_most: int) -> int:
+    """Explanations that somebody asked for and that have not ended; counted no further than asked for."""
+    waiting = select(explanations.c.id).where(UNEXPLAINED, explanations.c.audit_id.is_(None)).limit(at_most).subquery()
+    return connection.scalar(select(func.count()).select_from(waiting)) or 0
+
+
 def packed_answer(connection: Connection, explanation_id: int) -> bytes | None:
     """The answer as it was stored; before the end perhaps a first one."""
     return connection.scalar(select(explanations.c.packed).where(explanations.c.id == explanation_id))
@@ -165,7 +173,7 @@ def claim_next(connection: Connection, owner: str, lease_s: float) -> Explanatio
     """
     picked = (
         select(explanations.c.id)
-        .where(UNEXPLAINED, explanations.c.state == "open", _its_turn())
+        .where(*_waiting())
         .order_by(explanations.c.attempts, explanations.c.audit_id.is_not(None), explanations.c.id)
         .limit(1)
         .with_for_update(skip_locked=True)
@@ -197,34 +205,47 @@ def note_first(connection: Connection, claim: ExplanationClaim, packed: bytes) -
 
 def end(connection: Connection, claim: ExplanationClaim, state: str, values: Mapping[str, Any]) -> bool:
     """Whether the claim still held, and the explanation has ended with these values."""
-    ended = _held(claim).values(state=state, ended_at=now(), owner=None, lease_until_s=None, **values)
-    return connection.execute(ended).rowcount == 1
+    ended = {"state": state, "ended_at": now(), "owner": None, "lease_until_s": None, **NO_PAUSE, **values}
+    return connection.execute(_held(claim).values(ended)).rowcount == 1
+
+
+def wait_for_room(connection: Connection, claim: ExplanationClaim, first_pause_s: float) -> bool:
+    """The disk was full, which is no fault of the explanation: where the claim still holds, this attempt does not
+    count, and the pause until it is told of again doubles up to some minutes."""
+    c = explanations.c
+    waiting = {"state": "open", "attempts": c.attempts - 1, "owner": None, "lease_until_s": None}
+    pause = {"pause_s": longer_pause(c.pause_s, first_pause_s), "announced_s": clock_s()}
+    since = func.coalesce(c.waits_since, literal(now(), c.waits_since.type))
+    return connection.execute(_held(claim).values(**waiting, **pause, waits_since=since)).rowcount == 1
 
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes explanations back whose lease has ended; those that were tried too often are failed(worker_lost)."""
     lost = f"the worker was lost {max_attempts} times while it worked on this explanation"
-    failed = {"ended_at": now(), "error_code": "worker_lost", "error_text": lost}
+    failed = {"ended_at": now(), "error_code": "worker_lost", "error_text": lost, **NO_PAUSE}
     claimed = UNEXPLAINED & (explanations.c.state == "claimed")
     return take_back(connection, explanations, claimed, max_attempts, lease_s, failed, {"announced_s": None})
 
 
 def to_announce(connection: Connection, stalled_s: float) -> list[int]:
-    """Explanations that could be worked on and that nobody was told of lately; they count as told from now on."""
-    quiet = long_ago(explanations.c.announced_s, stalled_s)
+    """Explanations that could be worked on and that nobody was told of lately, of one that found no room as long as its
+    pause is; they count as told from now on."""
+    quiet = long_ago(explanations.c.announced_s, func.coalesce(explanations.c.pause_s, stalled_s))
     found = connection.scalars(
-        update(explanations)
-        .where(UNEXPLAINED, explanations.c.state == "open", _its_turn(), quiet)
-        .values(announced_s=clock_s())
-        .returning(explanations.c.id)
+        update(explanations).where(*_waiting(), quiet).values(announced_s=clock_s()).returning(explanations.c.id)
     )
     return sorted(found)
 
 
 def any_waiting(connection: Connection) -> bool:
     """Whether one could be claimed now."""
-    query = select(explanations.c.id).where(UNEXPLAINED, explanations.c.state == "open", _its_turn()).limit(1)
-    return connection.scalar(query) is not None
+    return connection.scalar(select(explanations.c.id).where(*_waiting()).limit(1)) is not None
+
+
+def _waiting() -> tuple[ColumnElement[bool], ...]:
+    """Of an explanation that could be worked on now. One that found no room too: where another one ended, there is room
+    again."""
+    return UNEXPLAINED, explanations.c.state == "open", _its_turn()
 
 
 def _its_turn() -> ColumnElement[bool]:

@@ -5,6 +5,7 @@ import logging
 import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
@@ -184,6 +185,22 @@ def count_between(connection: Connection, loop_id: int, start_ns: int, end_ns: i
     """How many samples the stretches hold that `between` would read; some of them may lie outside."""
     query = select(func.sum(series.c.samples)).where(*_touches(loop_id, start_ns, end_ns))
     return int(connection.scalar(query) or 0)
+
+
+def newest_before(connection: Connection, loop_id: int, newest_ns: int, until_ns: int) -> int:
+    """The time of a loop's newest sample that is not after `until_ns`; of one that has none before it, `newest_ns`, its
+    newest of all, all the same. A stretch that reaches over that time is looked into."""
+    if newest_ns <= until_ns:
+        return newest_ns
+    mine = (series.c.loop_id == loop_id, series.c.start_ns <= until_ns)
+    before = connection.scalar(select(func.max(series.c.end_ns)).where(*mine, series.c.end_ns <= until_ns))
+    reaching = select(series.c.id, series.c.packed).where(*mine, series.c.end_ns > until_ns)
+    found = [] if before is None else [int(before)]
+    for row in connection.execute(reaching).all():
+        with suppress(DamagedStretchError):  # told where its samples are read
+            times = unpack_stored(row.id, row.packed).time_ns
+            found.append(int(times[np.searchsorted(times, until_ns, side="right") - 1]))
+    return max(found, default=newest_ns)
 
 
 def pieces(connection: Connection, loop_id: int, start_ns: int, end_ns: int, most: int) -> list[tuple[int, int]]:

@@ -194,6 +194,7 @@ audits = Table(
     Column("total", Integer, nullable=False),
     Column("announced_s", Float),  # when a worker last called others to it; below zero: and it is to be announced again
     Column("started_by", Text, nullable=False, server_default=""),
+    Column("newest_ns", BigInteger),  # time of the newest sample of the plant then, without those ahead of the clock
     CheckConstraint("state IN ('planned', 'running', 'done', 'partial', 'cancelled')", name="state"),
     UniqueConstraint("plant", "nightly_for"),
     _partial("ix_audits_unfinished", "id", where="state IN ('planned', 'running')"),
@@ -318,6 +319,8 @@ explanations = Table(
     Column("owner", Text),
     Column("lease_until_s", Float),
     Column("announced_s", Float),
+    Column("pause_s", Float),  # where the disk was full: until it is tried again, from `announced_s` on
+    Column("waits_since", UtcDateTime),  # since when it finds no room
     Column("window_start_ns", BigInteger),  # the stretch of the recording that is explained
     Column("window_end_ns", BigInteger),
     Column("as_judged", Boolean, nullable=False, server_default=false()),  # of it only what an audit judges

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, DateTime, Float, or_
+from sqlalchemy import ColumnElement, DateTime, Float, case, or_
 from sqlalchemy.engine import Dialect
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.expression import FunctionElement
@@ -82,6 +82,15 @@ def run_out(until_s: ColumnElement[float], longest_s: float) -> ColumnElement[bo
 def long_ago(at_s: ColumnElement[float], seconds: ColumnElement[float] | float) -> ColumnElement[bool]:
     """Whether it was never, or more than `seconds` ago, or ahead of the clock, which then was put back."""
     return or_(at_s.is_(None), at_s < clock_s() - seconds, at_s > clock_s() + CLOCK_ROOM_S)
+
+
+LONGEST_PAUSE_S = 300.0
+
+
+def longer_pause(before_s: ColumnElement[float], first_s: float) -> ColumnElement[float]:
+    """The pause after this one (NULL: none yet), twice as long, up to some minutes."""
+    doubled = (before_s < LONGEST_PAUSE_S / 2, 2 * before_s)
+    return case((before_s.is_(None), first_s), doubled, else_=LONGEST_PAUSE_S)
 
 
 def now() -> datetime:

@@ -12,12 +12,11 @@ from app.storage.bulk import insert_new, insert_new_rows
 from app.storage.loops import IN_SERVICE
 from app.storage.receipts import next_number
 from app.storage.tables import UNREAD, audits, loops, rejects, upload_loops, uploads
-from app.storage.types import clock_s, long_ago, now, run_out
+from app.storage.types import clock_s, long_ago, longer_pause, now, run_out
 
 OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
 """Attempts after which the pause to the next one doubles; after more of them it stays."""
-LONGEST_PAUSE_S = 300.0
 NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None}
 GOING = "going:"
 """How the content key of an upload begins that is being dropped; that of any other is hexadecimal."""
@@ -293,8 +292,7 @@ def hand_back(connection: Connection, claim: ReadingClaim) -> None:
 def wait_for_room(connection: Connection, claim: ReadingClaim, first_pause_s: float) -> None:
     """The disk was full, which is no fault of the file: this attempt does not count, however long that lasts, and the
     pause to the next one doubles up to some minutes."""
-    before = uploads.c.pause_s
-    pause_s = case((before.is_(None), first_pause_s), (before < LONGEST_PAUSE_S / 2, 2 * before), else_=LONGEST_PAUSE_S)
+    pause_s = longer_pause(uploads.c.pause_s, first_pause_s)
     waiting = {"state": "received", "attempts": uploads.c.attempts - 1, "owner": None, "lease_until_s": None}
     since = func.coalesce(uploads.c.waits_since, literal(now(), uploads.c.waits_since.type))
     connection.execute(_held(claim).values(**waiting, pause_s=pause_s, waits_since=since, announced_s=clock_s()))

@@ -13,6 +13,7 @@ from sqlalchemy import (
     BigInteger,
     ColumnElement,
     Connection,
+    FromClause,
     Select,
     and_,
     func,
@@ -45,6 +46,7 @@ QUICK = (
     | {"priority": priority(newest_rows).label("priority")}
 )
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
+_OF_LOOPS = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
 ROWS_OF = "SELECT loop_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
 LONGEST_DETAIL = 64 << 20
 
@@ -139,6 +141,24 @@ class SentRow(NamedTuple):
     value: Any
 
 
+class ToldRow(NamedTuple):
+    """The same with what is told of its loop as it is now."""
+
+    loop_id: int
+    audit_id: int
+    tag: str
+    unit: str | None
+    value: Any
+    type: str | None
+    description: str | None
+    importance: float
+    newest_ns: int | None
+
+    @property
+    def key(self) -> tuple[int, int]:
+        return self.loop_id, self.audit_id
+
+
 def said(connection: Connection) -> list[SaidRow]:
     """Of the newest verdict of each loop in service."""
     told = (newest_rows.c[name] for name in SaidRow._fields[2:])
@@ -166,9 +186,8 @@ def table(
     if after is not None:
         keys = keys.where(_beyond(columns[sort], descending, after))
     page = keys.order_by(*_order(columns[sort], descending)).limit(limit).subquery()
-    shown = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
     mine = and_(page.c.loop_id == verdicts.c.loop_id, page.c.audit_id == verdicts.c.audit_id)
-    query = _select().add_columns(page.c.sorted_by).select_from(page.join(shown, mine))
+    query = _select().add_columns(page.c.sorted_by).select_from(_with_run(page.join(_OF_LOOPS, mine)))
     query = query.order_by(*_order(page.c.sorted_by, descending))
     return [_dict(row) for row in connection.execute(query).mappings()]
 
@@ -197,18 +216,43 @@ def _largest(column: ColumnElement[Any]) -> int:
 def sent_rows(
     connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
 ) -> list[SentRow]:
-    """The rows of `table` over the newest verdicts, without their texts. Verdicts are looked at only where the order
-    asks for a column that is not kept beside the rows."""
-    column = QUICK.get(sort, SORTABLE[sort])
-    conditions = _conditions(wanted, QUICK)
+    """The rows of `table` over the newest verdicts, without their texts."""
+    query = _without_texts(sort, descending, wanted, after)
+    return [SentRow._make(row) for row in connection.execute(query.limit(limit))]
+
+
+def told_rows(
+    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
+) -> list[ToldRow]:
+    """The rows of `table`, without what their verdicts say."""
+    query = _without_texts(sort, descending, wanted, after)
+    query = query.add_columns(loops.c.type, loops.c.description, loops.c.importance, loops.c.newest_ns)
+    return [ToldRow._make(row) for row in connection.execute(query.limit(limit))]
+
+
+def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After | None) -> Select[Any]:
+    """Of the newest verdicts only where the order asks for a column that is not kept beside their rows."""
+    of_run = wanted.audit_id is not None
+    known, keys = (SORTABLE, verdicts) if of_run else (QUICK, newest_rows)
+    source = _rows_of(wanted) if of_run else NEWEST_ROWS
+    if sort not in known:
+        source = source.join(verdicts, is_newest(verdicts))
+    column, conditions = known.get(sort, SORTABLE[sort]), _conditions(wanted, known)
     if after is not None:
         conditions.append(_beyond(column, descending, after))
-    source = NEWEST_ROWS
-    if sort not in QUICK:
-        source = source.join(verdicts, is_newest(verdicts))
-    query = select(loops.c.id, newest_rows.c.audit_id, loops.c.tag, loops.c.unit, column).select_from(source)
-    found = connection.execute(query.where(*conditions).order_by(*_order(column, descending)).limit(limit))
-    return [SentRow._make(row) for row in found]
+    query = select(loops.c.id, keys.c.audit_id, loops.c.tag, loops.c.unit, column).select_from(source)
+    return query.where(*conditions).order_by(*_order(column, descending))
+
+
+def of_keys(connection: Connection, keys: Sequence[tuple[int, int]]) -> dict[tuple[int, int], dict[str, Any]]:
+    """Verdicts by loop and run; one that is gone is left out."""
+    query = _select().add_columns(verdicts.c.loop_id).select_from(_with_run(_OF_LOOPS))
+    found: dict[tuple[int, int], dict[str, Any]] = {}
+    for run in sorted({audit_id for _, audit_id in keys}):  # one, most often; as pairs they took ten times as long
+        mine = among_many(connection, verdicts.c.loop_id, [loop_id for loop_id, of_run in keys if of_run == run])
+        rows = connection.execute(query.where(mine, verdicts.c.audit_id == run)).mappings()
+        found |= {(row["loop_id"], run): _dict(row) for row in rows}
+    return found
 
 
 def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, bytes]:
@@ -256,14 +300,15 @@ def sent_health(connection: Connection, tag: str, form: str) -> tuple[str, str, 
 
 def newest_of(connection: Connection, loop_ids: Sequence[int]) -> dict[str, dict[str, Any]]:
     """The newest verdicts of these loops by tag; a loop without one is left out."""
-    query = _select().select_from(NEWEST_VERDICTS).where(loops.c.id.in_(loop_ids))
+    query = _select().select_from(_with_run(NEWEST_VERDICTS)).where(loops.c.id.in_(loop_ids))
     found = connection.execute(query).mappings()
     return {row["tag"]: _dict(row) for row in found}
 
 
 def newest(connection: Connection, tag: str) -> tuple[int, dict[str, Any] | None] | None:
     """The key of the loop with this tag and its newest verdict, if it has one, in one query; None without the loop."""
-    query = _select().add_columns(loops.c.id).select_from(loops.outerjoin(verdicts, is_newest(verdicts)))
+    source = _with_run(loops.outerjoin(verdicts, is_newest(verdicts)), outer=True)
+    query = _select().add_columns(loops.c.id).select_from(source)
     row = connection.execute(query.where(loops.c.tag == tag)).mappings().one_or_none()
     if row is None:
         return None
@@ -279,7 +324,7 @@ def newest_said(connection: Connection, loop_id: int) -> NewestSaid | None:
 
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:
     """A loop's verdicts, the newest first."""
-    query = _select().join(loops, loops.c.id == verdicts.c.loop_id).where(verdicts.c.loop_id == loop_id)
+    query = _select().select_from(_with_run(_OF_LOOPS)).where(verdicts.c.loop_id == loop_id)
     if before_audit is not None:
         query = query.where(verdicts.c.audit_id < before_audit)
     query = query.order_by(verdicts.c.audit_id.desc()).limit(limit)
@@ -288,7 +333,7 @@ def history(connection: Connection, loop_id: int, limit: int, before_audit: int 
 
 def of_runs(connection: Connection, loop_id: int, audit_ids: Collection[int]) -> dict[int, dict[str, Any]]:
     """A loop's verdicts of these runs, by run; one that it has none of is left out."""
-    query = _select().join(loops, loops.c.id == verdicts.c.loop_id)
+    query = _select().select_from(_with_run(_OF_LOOPS))
     mine = (verdicts.c.loop_id == loop_id, verdicts.c.audit_id.in_(audit_ids))
     return {row["audit_id"]: _dict(row) for row in connection.execute(query.where(*mine)).mappings()}
 
@@ -361,7 +406,15 @@ def _rows_of(wanted: RowFilter) -> Any:
 
 def _select() -> Select[Any]:
     of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "recorded_to", "priority")]
-    return select(loops.c.tag, loops.c.description, *of_loop, verdicts.c.extra_json, *ROW)
+    of_run = (audits.c.created_at.label("run_begun"), audits.c.newest_ns.label("run_newest_ns"))
+    return select(
+        loops.c.tag, loops.c.description, *of_loop, *of_run, verdicts.c.input_end_ns, verdicts.c.extra_json, *ROW
+    )
+
+
+def _with_run(said: FromClause, *, outer: bool = False) -> FromClause:
+    """Verdicts with the runs that they are of."""
+    return said.join(audits, audits.c.id == verdicts.c.audit_id, isouter=outer)
 
 
 def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[ColumnElement[bool]]:

@@ -17,7 +17,6 @@ from app.services.digests.telling import as_html, as_text
 from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
 from app.services.plant import worst
 from app.services.plant.arrivals import (
-    LATE,
     NOTHING_NEW,
     Arrivals,
     arrivals,
@@ -28,6 +27,7 @@ from app.services.plant.arrivals import (
 from app.services.plant.arrivals import sentences as sentences_by
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.silent import of_run
+from app.services.recency import LATE
 from app.services.reports.documents import plant_report
 from app.services.stating.shelving import shelf
 from app.services.telling.naming import NAMED

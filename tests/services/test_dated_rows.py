@@ -29,6 +29,8 @@ def row(made):
         audited_at=ORIGIN,
         elapsed_s=0.1,
         input_ns=(0, 1),
+        begun=ORIGIN,
+        newest_ns=None,
         clock=UTC_CLOCK,
     )
     return json.loads("{" + stored.row_json + "}")

@@ -58,6 +58,16 @@ def code_of(call: Callable[[], Any]) -> str:
     return raised.value.code
 
 
+def test_a_sample_ahead_of_the_clock_is_no_end_of_a_window(backend: Backend) -> None:
+    """A window of some hours back from the newest sample held that one alone, and was refused."""
+    keep(backend, "TIC1", record())
+    ahead = {name: values[-1:] for name, values in record().items()}
+    keep(backend, "TIC1", ahead, start_ns=2_000_000_000 * 10**9)
+    for wanted in (Wanted(), Wanted(window_h=1.0)):
+        asked = explanations.ask(backend, "TIC1", wanted)
+        assert asked["window_end"] == "2026-03-01T01:06:30Z"
+
+
 def test_a_step_of_the_sensor_is_found_against_a_trace(backend: Backend) -> None:
     signals = record(step=5.0)
     keep(backend, "TIC1", signals)
@@ -445,3 +455,14 @@ def test_samples_that_are_damaged_after_the_request_end_it_with_a_reason(backend
     found = explanations.get_explanation(backend, "TIC1", asked["id"])
     assert (found["state"], found["error_code"]) == ("failed", "damaged_samples")
     assert "cannot be read" in found["error_text"]
+
+
+def test_no_more_explanations_wait_than_anybody_looks_at(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(explanations, "MOST_OPEN", 2)
+    keep(backend, "TIC1", record())
+    for _ in range(2):
+        explanations.ask(backend, "TIC1")
+    assert code_of(lambda: explanations.ask(backend, "TIC1")) == "too_many_open"
+    with backend.database.write() as connection:
+        connection.execute(update(explanations_table).values(state="failed"))
+    assert explanations.ask(backend, "TIC1")["state"] == "open"

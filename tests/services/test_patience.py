@@ -19,7 +19,9 @@ from app.services.intake import reading, uploads
 from app.services.patience import patiently
 from app.services.upkeep.readiness import readiness
 from app.services.upkeep.sweep import sweep
+from app.storage import explanations as stored_explanations
 from app.storage import uploads as stored
+from app.storage.tables import explanations as explanations_table
 from app.storage.tables import uploads as uploads_table
 from app.storage.types import clock_s
 from tests.services.explained_loops import keep, record
@@ -302,3 +304,42 @@ def test_a_full_disk_is_not_waited_for() -> None:
     with pytest.raises(OperationalError):
         patiently(action, 60.0)
     assert len(calls) == 1
+
+
+def test_a_full_disk_is_no_fault_of_the_explanation(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, pauses: list[float]
+) -> None:
+    """However often its answer finds no room, it waits, says so and since when, and is there when there is room."""
+    keep(backend, "TIC1", record(step=5.0))
+    asked = explanations.ask(backend, "TIC1")
+    end = stored_explanations.end
+    monkeypatch.setattr(working, "_explained", lambda *_: working.Ending("done", {"verdict": "consistent"}))
+
+    def full(*_: object) -> None:
+        raise NO_ROOM[1]
+
+    def state() -> tuple[object, ...]:
+        found = explanations.get_explanation(backend, "TIC1", asked["id"])
+        return found["state"], found["error_code"], found["waits_for_room_since"] is not None
+
+    monkeypatch.setattr(stored_explanations, "end", full)
+    assert state() == ("open", None, False)
+    for _ in range(backend.settings.max_attempts + 2):
+        with pytest.raises(OperationalError, match="disk is full"):
+            working.explain_next(backend, "w")
+        assert sweep(backend).announced == 0, "it rests before the next try"
+        rested(backend)
+        assert sweep(backend).announced == 1
+        assert state() == ("open", None, True)
+    since = explanations.get_explanation(backend, "TIC1", asked["id"])["waits_for_room_since"]
+    (listed,) = explanations.list_explanations(backend, "TIC1").rows
+    assert listed["waits_for_room_since"] == since
+    monkeypatch.setattr(stored_explanations, "end", end)
+    assert working.explain_next(backend, "w")
+    assert state() == ("done", None, False)
+
+
+def rested(backend: Backend) -> None:
+    with backend.database.write() as connection:
+        long_ago = explanations_table.c.announced_s - explanations_table.c.pause_s - 1.0
+        connection.execute(update(explanations_table).values(announced_s=long_ago))

@@ -3,7 +3,9 @@
 import base64
 import json
 import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta, timezone
 from typing import Any
 
@@ -364,6 +366,19 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     assert np.isfinite(part.pv).all()
 
 
+def test_a_sample_ahead_of_the_clock_moves_no_trend(backend: Backend, add_loops: AddLoops) -> None:
+    """Its newest day was that of a stamp of the year 2033, of one sample, and the record was not to be seen."""
+    add_loops("FIC1", n=1400)
+    before = trend(backend, "FIC1", points=5000)
+    with backend.database.write() as connection:
+        stray = Samples(np.array([2_000_000_000 * 10**9]), {"pv": np.ones(1), "op": np.ones(1)})
+        loop_id = stored_loops.ensure(connection, ["FIC1"])["FIC1"]
+        series.add(connection, [Stretch(loop_id, stray)], None)
+    assert trend(backend, "FIC1", points=5000) == before
+    late = trend(backend, "FIC1", start=datetime(2033, 1, 1, tzinfo=UTC), end=datetime(2034, 1, 1, tzinfo=UTC))
+    assert late.samples == 1, "what is asked for is shown"
+
+
 def test_a_trend_of_damaged_samples_is_refused_with_a_code(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("FIC1", n=150)
     with backend.database.write() as connection:
@@ -475,3 +490,27 @@ def test_a_trend_of_any_instants_is_told(backend: Backend, add_loops: AddLoops) 
     assert trend(backend, "FIC1", start=first, end=last).samples > 0
     assert trend(backend, "FIC1", start=last).samples == 0
     assert trend(backend, "FIC1", end=first).samples == 0
+
+
+def test_few_pieces_of_long_trends_are_in_memory_at_a_time(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dashboard asks for a dozen trends of months at a time, and each took what a million samples take."""
+    long_record(backend)
+    monkeypatch.setattr(trends, "PIECE_SAMPLES", 250)
+    between, lock = series.between, threading.Lock()
+    inside: list[int] = []
+    most: list[int] = []
+
+    def counted(*arguments: Any) -> Samples | None:
+        with lock:
+            inside.append(1)
+            most.append(len(inside))
+        time.sleep(0.02)
+        with lock:
+            inside.pop()
+        return between(*arguments)
+
+    monkeypatch.setattr(series, "between", counted)
+    with ThreadPoolExecutor(8) as pool:
+        shown = list(pool.map(lambda _: trend(backend, "FIC1", points=60).samples, range(8)))
+    assert shown == [800] * 8
+    assert max(most) == trends.PIECES_AT_ONCE

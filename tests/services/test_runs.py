@@ -28,6 +28,7 @@ from app.services.stating import properties
 from app.services.upkeep.readiness import readiness
 from app.services.upkeep.sweep import sweep
 from app.settings import Settings
+from app.storage import audits as stored_audits
 from app.storage import items
 from app.storage import series as stored_series
 from app.storage.tables import audit_items, series, verdicts
@@ -320,6 +321,20 @@ def test_the_nightly_run_comes_at_its_hour_and_is_caught_up(backend: Backend, ad
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 2, 9, 31, tzinfo=UTC)) is None
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 1, 59, tzinfo=UTC)) is None
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 2, 0, tzinfo=UTC)) is not None
+
+
+def test_of_two_sweeps_that_begin_a_night_at_once_one_tells_it(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_loops("FIC1")
+    with backend.database.write() as connection:
+        connection.execute(update(loops_table).values(created_at=datetime(2026, 3, 1, tzinfo=UTC)))
+    by_night, looks = stored_audits.by_night, [None, None]
+    monkeypatch.setattr(stored_audits, "by_night", lambda *told: looks.pop() if looks else by_night(*told))
+    runs = [nightly.nightly_if_due(backend, datetime(2026, 3, 2, 9, minute, tzinfo=UTC)) for minute in (0, 1)]
+    assert {run.id for run in runs if run} == {"1"}
+    assert not looks
+    assert [row.action for row in list_trail(backend).rows].count("audit.start") == 1
 
 
 def test_a_night_that_is_begun_by_hand_before_its_hour_is_that_date_s(backend: Backend, add_loops: AddLoops) -> None:

@@ -74,3 +74,15 @@ def test_samples_are_read_for_groups_without_a_source(backend: Backend, monkeypa
     assert [group.set_points_together for group in _asked_of_set_points(backend, found)] == [True, False, False]
     monkeypatch.setattr(groups, "LOOKED_INTO", 0)
     assert not any(group.set_points_together for group in _asked_of_set_points(backend, found))
+
+
+def test_a_sample_ahead_of_the_clock_hides_no_set_point(backend: Backend) -> None:
+    with backend.database.write() as connection:
+        ids = loops.ensure(connection, ["A", "B"])
+        for tag in ids:
+            times, sp = recorded(AT)
+            stray = np.append(times, 2_000_000_000 * 10**9), np.append(sp, sp[-1])
+            given = stray if tag == "A" else (times, sp)
+            signals = dict.fromkeys(("pv", "op", "sp"), given[1])
+            series.add(connection, [Stretch(ids[tag], Samples(given[0], signals))], None)
+    assert set_points_together(backend, ["A", "B"])

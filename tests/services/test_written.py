@@ -6,8 +6,9 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+import numpy as np
 import pytest
-from sqlalchemy import Engine, event, update
+from sqlalchemy import Engine, event
 
 from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
@@ -17,7 +18,10 @@ from app.services.plant.reliability import RowFilter
 from app.services.stating import notes
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import rely
-from app.storage.tables import loops
+from app.storage import loops as stored_loops
+from app.storage import series
+from app.storage.samples import Samples
+from app.storage.series import Stretch
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = ("FIC0", "FIC1", "FIC2", "FIC3")
@@ -61,7 +65,8 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
 
 
 def _of_run(backend: Backend) -> list[dict[str, Any]]:
-    return sent(backend, filters=RowFilter(audit_id=1))
+    (rows,) = reliability.in_parts(backend, filters=RowFilter(audit_id=1)).parts()
+    return [{name: row[name] for name in TableRow.model_fields} for row in rows]
 
 
 def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -> None:
@@ -80,33 +85,68 @@ def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -
     assert reliability.reliability_json(plant).version in seen
 
 
-def test_a_row_of_an_old_record_says_so_wherever_it_is_told(plant: Backend) -> None:
-    with plant.database.write() as connection:
-        connection.execute(update(loops).values(newest_ns=time.time_ns()))
-    seen = reliability.reliability_json(plant).version
-    with plant.database.write() as connection:
-        older = update(loops).values(newest_ns=loops.c.newest_ns - 3 * 86_400 * 1_000_000_000)
-        connection.execute(older.where(loops.c.tag == "FIC0"))
-        connection.execute(update(loops).values(newest_ns=1).where(loops.c.tag == "FIC3"))
-    assert reliability.reliability_json(plant).version != seen
-    for rows in (sent(plant), reliability.reliability_page(plant).rows, reliability.table(plant, 10).rows):
-        assert {row["loop"] for row in rows if row["of_old_record"]} == {"FIC0"}, "how old is not known without a date"
+def recorded(backend: Backend, **days_ago: float) -> None:
+    """A record of some hours for each of the loops, which ended so many days ago."""
+    random = np.random.default_rng(1)
+    with backend.database.write() as connection:
+        ids = stored_loops.ensure(connection, days_ago)
+        for tag, days in days_ago.items():
+            times = time.time_ns() - round(days * 86_400) * 10**9 + np.arange(-149, 1) * 60 * 10**9
+            op = 50 + 5 * np.sin(np.arange(150) / 6) + random.normal(size=150)
+            samples = Samples(times, {"pv": np.roll(op, 3) + random.normal(size=150), "op": op})
+            series.add(connection, [Stretch(ids[tag], samples)], None)
+
+
+def judge(backend: Backend) -> int:
+    run = int(audits.start_audit(backend).id)
+    while chunks.audit_chunk(backend, run, "test"):
+        pass
+    return run
+
+
+def old_of(rows: list[dict[str, Any]]) -> set[str]:
+    return {row["loop"] for row in rows if row["of_old_record"]}
+
+
+def test_a_row_of_an_old_record_says_so_wherever_it_is_told(backend: Backend, warm_kernels: None) -> None:
+    recorded(backend, FIC0=3, FIC1=0.1, FIC2=1.5, FIC3=20_700)
+    judge(backend)
+    for rows in (sent(backend), reliability.reliability_page(backend).rows, reliability.table(backend, 10).rows):
+        assert old_of(rows) == {"FIC0"}, "how old is not known without a date"
         rows = sorted(rows, key=lambda row: row["loop"])
         assert rows[0]["next_step"] == Ask.NOTHING_NEWER != rows[1]["next_step"]
-    health = json.loads(loop_verdicts.loop_health_json(plant, "FIC0"))
+    health = json.loads(loop_verdicts.loop_health_json(backend, "FIC0"))
     assert (health["of_old_record"], rely(health)) == (True, "of an old record")
-    assert not json.loads(loop_verdicts.loop_health_json(plant, "FIC1"))["of_old_record"]
-    (row,) = [row for row in sent(plant, columns=["loop", "of_old_record"]) if row["of_old_record"]]
-    assert row["loop"] == "FIC0"
+    assert not json.loads(loop_verdicts.loop_health_json(backend, "FIC1"))["of_old_record"]
+    assert old_of(loop_verdicts.verdict_history(backend, "FIC0").rows) == {"FIC0"}
+    notes.add_note(backend, "FIC0", "", work_order="WO-17")
+    assert old_of(sent(backend)) == {"FIC0"}
 
 
-def test_of_a_collection_of_records_of_the_past_none_is_told_to_be_old(plant: Backend) -> None:
-    past_ns = time.time_ns() - 60 * 86_400 * 1_000_000_000
-    with plant.database.write() as connection:
-        connection.execute(update(loops).values(newest_ns=past_ns))
-        older = update(loops).values(newest_ns=past_ns - 9 * 86_400 * 1_000_000_000)
-        connection.execute(older.where(loops.c.tag == "FIC0"))
-    assert not any(row["of_old_record"] for row in sent(plant))
+def test_what_a_run_said_of_old_records_stays_whatever_comes_later(backend: Backend, warm_kernels: None) -> None:
+    """Its rows changed as soon as a loop had newer samples, before anything was said of these."""
+    recorded(backend, FIC0=3, FIC1=0.1)
+    first = judge(backend)
+    version = reliability.reliability_json(backend).version
+    recorded(backend, FIC0=0.05)
+    assert old_of(sent(backend)) == {"FIC0"}, "no verdict is of the new samples"
+    assert reliability.reliability_json(backend).version == version
+    second = judge(backend)
+    assert old_of(sent(backend)) == set()
+    of_runs = [reliability.reliability_page(backend, filters=RowFilter(audit_id=run)).rows for run in (first, second)]
+    assert [old_of(rows) for rows in of_runs] == [{"FIC0"}, set()]
+
+
+def test_of_a_collection_of_records_of_the_past_none_is_told_to_be_old(backend: Backend, warm_kernels: None) -> None:
+    recorded(backend, FIC0=69, FIC1=60)
+    judge(backend)
+    assert not old_of(sent(backend))
+
+
+def test_samples_ahead_of_the_clock_make_no_record_old(backend: Backend, warm_kernels: None) -> None:
+    recorded(backend, FIC0=0.1, FIC1=-4000)
+    judge(backend)
+    assert not old_of(sent(backend))
 
 
 def test_more_rows_take_no_more_questions(plant: Backend) -> None:

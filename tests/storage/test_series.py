@@ -418,3 +418,20 @@ def test_a_sample_ahead_of_the_clock_makes_nothing_old(database: Database) -> No
     with database.write() as connection:
         assert retention.drop_series(connection, 1.0, 500, UNTIL_NS) == 1
     assert seen(database, 100.0).time_ns[[0, -1]].tolist() == [START * SECOND, (START + 3999) * SECOND]
+
+
+def test_the_newest_sample_that_is_not_ahead_of_the_clock(database: Database) -> None:
+    add(database, "FIC1", ramp(0, 2000), merged([ramp(2000, 4000), ramp(STRAY, STRAY + 1)]))
+    add(database, "FIC2", ramp(STRAY, STRAY + 4000))
+    add(database, "FIC3", ramp(0, 2000), ramp(STRAY, STRAY + 1))
+    for tag, newest in (("FIC1", 3999), ("FIC2", STRAY + 3999), ("FIC3", 1999)):
+        with database.read() as connection:
+            loop = loops.by_tag(connection, tag)
+            assert loop is not None
+            assert loop.newest_ns is not None
+            told = (connection, loop.id, loop.newest_ns)
+            assert series.newest_before(*told, UNTIL_NS) == (START + newest) * SECOND
+            assert series.newest_before(*told, loop.newest_ns) == loop.newest_ns
+    damage(database, "FIC1", (START + 2000) * SECOND)
+    with database.read() as connection:
+        assert series.newest_before(connection, 1, (START + STRAY) * SECOND, UNTIL_NS) == (START + 1999) * SECOND

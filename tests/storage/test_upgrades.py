@@ -196,3 +196,28 @@ def test_uploads_that_wait_are_numbered_before_all_that_come(empty: Database) ->
         numbers = connection.scalars(text("SELECT receipt_number FROM uploads ORDER BY id")).all()
         assert (numbers, receipts.next_number(connection)) == ([0, 3, 7, 0], 10)
         assert [receipts.unread_before(connection, number) for number in (10, 7, 3)] == [7, 3, 0]
+
+
+def test_runs_of_before_know_how_far_the_records_of_their_plant_reached(empty: Database) -> None:
+    """Not what was ahead of their clock, nor what has no date; a run of some loops knows what those before it were
+    given."""
+    schema.migrate(empty, "0028")
+    tables, day = found(empty), 86_400 * 10**9
+    begun = [datetime.datetime(2026, 1, number, 2, tzinfo=datetime.UTC) for number in range(1, 5)]
+    midnight = int(datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC).timestamp()) * 10**9
+    given = {1: [5, midnight, None], 2: [midnight + day, midnight + 90 * day], 3: [midnight - 9 * day], 4: []}
+    with empty.write() as connection:
+        kept = {name: value(tables["loops"].c[name], 1) for name in ("id", "tag", "importance", "created_at")}
+        connection.execute(insert(tables["loops"]), [{**kept, "id": id_, "tag": str(id_)} for id_ in (1, 2, 3)])
+        for number, at in enumerate(begun, start=1):
+            row = {c.name: value(c, number) for c in tables["audits"].columns} | {"created_at": at}
+            connection.execute(insert(tables["audits"]), row)
+            for loop, end_ns in enumerate(given[number], start=1):
+                row = {c.name: value(c, number) for c in tables["verdicts"].columns}
+                told = {"loop_id": loop, "audit_id": number, "input_end_ns": end_ns}
+                connection.execute(insert(tables["verdicts"]), row | told)
+    schema.migrate(empty, "0029")
+    audits = found(empty)["audits"]
+    with empty.read() as connection:
+        reached = list(connection.execute(select(audits.c.newest_ns).order_by(audits.c.id)).scalars())
+    assert reached == [midnight, midnight + day, midnight + day, midnight + day]

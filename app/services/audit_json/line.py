@@ -35,6 +35,8 @@ KNOWN_TO_A_SERVICE = (
     *("window_start", "window_end", "audited_at", "window_start_ms", "window_end_ms", "audited_at_ms"),
 )
 """What a row has of its loop and its run, beside what its line tells."""
+NOT_OF_FILES = (*KNOWN_TO_A_SERVICE, "of_old_record")
+"""What nothing is known of where files are audited without a service."""
 
 
 def audit_line(audit: Audit, elapsed_s: float, loop: str | None = None) -> dict[str, Any]:

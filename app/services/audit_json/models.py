@@ -225,6 +225,11 @@ class ReliabilityRow(FlatSize, AuditFields):
     episode_start: str | None = Field(None, description="Start of the newest spell, ISO 8601, UTC.")
     episode_end: str | None = Field(None, description="End of the newest spell, ISO 8601, UTC.")
     episode_probability: float | None = Field(None, description="Probability of stiction in the newest spell.")
+    of_old_record: bool = Field(
+        False,
+        description="Whether the record of the verdict ended two days or more before the newest sample that the plant "
+        "had when the run was begun: what is said is of then.",
+    )
 
 
 class WrittenFields(BaseModel):
@@ -237,11 +242,6 @@ class WrittenFields(BaseModel):
         None, description="Until when it is left out of what to look at first, ISO 8601, UTC; null: it is not shelved."
     )
     of_before_repair: bool = Field(False, description="Whether the verdict is of before the repair at repaired_at.")
-    of_old_record: bool = Field(
-        False,
-        description="Whether the loop's newest sample is two days or more older than the newest of the plant: "
-        "what is said of it is of then.",
-    )
 
 
 class TableRow(WrittenFields, ReliabilityRow):

@@ -16,7 +16,8 @@ from app.services.audit_json.detail import detail
 from app.services.audit_json.line import audit_line, reliability_row
 from app.services.audit_json.models import KeyFiguresLine, ReliabilityRow, TableRow
 from app.services.moments import PlantClock, epoch_ms, iso_utc, moment_of
-from app.services.telling.next_steps import as_table, next_step
+from app.services.recency import of_old_record
+from app.services.telling.next_steps import Ask, as_table, next_step
 from app.services.telling.repair_sides import of_before
 from app.services.telling.stored_evidence import MEASURED
 from app.storage.json_texts import check_finite, short_json, stored_json
@@ -28,13 +29,16 @@ FIELDS = tuple(ReliabilityRow.model_fields)
 TIMES = ("window_start", "window_end", "audited_at")
 TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
 OF_LOOP = ("recording", "loop", "unit")
+OLD = "of_old_record"
+NOT_KEPT = (*OF_LOOP, *TIMES_MS, OLD)
+"""What a row has of its loop, or of other columns and its run."""
 KEY_FIGURES = "key_figures"
 HELD_SINCE = "held_since"
 STATED, STATED_OF_LOOP = "stated", ("op_range", "pv_range", "integrating")
 """What the verdict took of the loop beside its samples: kept with it, because it may be stated otherwise later."""
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
 FORM = hashlib.blake2b(
-    json.dumps([4, list(TableRow.model_fields), OF_LOOP_NOW, list(KeyFiguresLine.model_fields), as_table()]).encode(),
+    json.dumps([5, list(TableRow.model_fields), OF_LOOP_NOW, list(KeyFiguresLine.model_fields), as_table()]).encode(),
     digest_size=8,
 ).hexdigest()
 """Which fields a stored row has, and which steps it may name: rows that an older version wrote are made anew from
@@ -52,17 +56,20 @@ def new_verdict(
     audited_at: datetime,
     elapsed_s: float,
     input_ns: tuple[int, int],
+    begun: datetime,
+    newest_ns: int | None,
     clock: PlantClock,
     held_ns: Mapping[str, int] = MappingProxyType({}),
     kept: Excerpts | None = None,
 ) -> NewVerdict:
     """`recording`: what was judged; `origin`: the instant of its second 0; `input_ns`: its first and last sample;
-    `clock`: what sentences tell times by; `held_ns`: when signals were stated that held when the record began; `kept`:
-    of OP and SP, to compare loops by."""
+    `begun`, `newest_ns`: when its run was, and the newest sample of the plant then; `clock`: what sentences tell times
+    by; `held_ns`: when signals were stated that held when the record began; `kept`: of OP and SP, to compare loops
+    by."""
     line = dated(audit_line(audit, elapsed_s), origin, clock)
     row = reliability_row(line)
     columns = {name: value for name, value in row.items() if name in COLUMNS and name != "audit_id"}
-    extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in (*OF_LOOP, *TIMES_MS)}
+    extra = {name: value for name, value in row.items() if name not in COLUMNS and name not in NOT_KEPT}
     columns |= {
         "audited_at": audited_at,
         "window_start": instant(origin, line["window_start_s"]),
@@ -73,7 +80,8 @@ def new_verdict(
     held = {name: iso_utc(moment_of(at)) for name, at in held_ns.items()}
     told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"], HELD_SINCE: held}
     told[STATED] = {name: getattr(recording, name) for name in STATED_OF_LOOP}
-    stored = columns | extra | {"tag": audit.recording, "audit_id": audit_id}
+    of_run = {"tag": audit.recording, "audit_id": audit_id, "run_begun": begun, "run_newest_ns": newest_ns}
+    stored = columns | extra | of_run
     kept_with_row = {**extra, KEY_FIGURES: told[KEY_FIGURES], MEASURED: _measured(line["reasons"])}
     columns["extra_json"] = short_json(kept_with_row).decode()
     swing = None if audit.swing is None else swings.as_json(audit.swing, origin.timestamp())
@@ -103,7 +111,8 @@ def fixed_part(row: dict[str, Any], clock: PlantClock) -> str:
 
 def unwritten(row: Mapping[str, Any], clock: PlantClock) -> dict[str, Any]:
     """`WrittenFields` of a loop of which nobody wrote anything."""
-    known = {"next_step": next_step(row, clock), "of_before_repair": of_before(row, None), "of_old_record": False}
+    step = Ask.NOTHING_NEWER.value if row[OLD] else next_step(row, clock)
+    known = {"next_step": step, "of_before_repair": of_before(row, None)}
     return {"work_order": None, "repaired_at": None, "shelved_until": None} | known
 
 
@@ -121,4 +130,5 @@ def as_row(stored: dict[str, Any]) -> dict[str, Any]:
     for name in TIMES:
         row[name] = iso_utc(stored[name])
         row[f"{name}_ms"] = epoch_ms(stored[name])
+    row[OLD] = of_old_record(stored["input_end_ns"], stored["run_newest_ns"], stored["run_begun"])
     return row

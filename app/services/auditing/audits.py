@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy import Connection
@@ -13,17 +13,26 @@ from app.errors import NotFoundError, RequestError
 from app.services.auditing import ending
 from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
-from app.services.moments import iso_utc
+from app.services.moments import iso_utc, latest_ns
+from app.services.recency import DATED_NS
 from app.services.results import AuditView, FailureView, Page
 from app.services.telling.naming import named
-from app.storage import audits, items, loops
+from app.storage import arrivals, audits, items, loops
 from app.storage.audits import AuditRow, LoopFilter, Progress
 
 LISTED_FAILURES = 100
 MOST_OPEN = 100_000
 """Loops that may wait when one more run is asked for: some runs of a large plant."""
 
-__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "whole_run"]
+__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "started", "whole_run"]
+
+
+@dataclass(frozen=True)
+class Started:
+    """A run, and whether it was planned now: of two who ask for the same night one has planned it."""
+
+    run: AuditView
+    anew: bool
 
 
 def start_audit(
@@ -35,6 +44,26 @@ def start_audit(
     started_by: str = "",
     unless_going_on: bool = False,
 ) -> AuditView:
+    """The run of `started`, whoever planned it."""
+    return started(
+        backend,
+        wanted,
+        trigger=trigger,
+        nightly_for=nightly_for,
+        started_by=started_by,
+        unless_going_on=unless_going_on,
+    ).run
+
+
+def started(
+    backend: Backend,
+    wanted: LoopFilter | None = None,
+    *,
+    trigger: str = "request",
+    nightly_for: str | None = None,
+    started_by: str = "",
+    unless_going_on: bool = False,
+) -> Started:
     """Plans a run over the loops with samples that fit the filter, and wakes the workers.
 
     The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. unless_going_on: while
@@ -44,7 +73,7 @@ def start_audit(
     """
     wanted = _spelled(backend, wanted or LoopFilter())
     settings, config = backend.settings, AuditConfig()
-    values = {
+    values: dict[str, Any] = {
         "trigger": trigger,
         "plant": settings.plant,
         "nightly_for": nightly_for,
@@ -58,9 +87,10 @@ def start_audit(
     with backend.database.write() as connection:
         going_on = audits.whole_going_on(connection) if unless_going_on else None
         if going_on is not None:
-            return _seen(connection, str(going_on))
+            return Started(_seen(connection, str(going_on)), anew=False)
         if trigger == "request":
             _refuse_flood(connection)
+        values["newest_ns"] = arrivals.newest(connection, DATED_NS, latest_ns())
         audit_id = audits.plan(connection, values, wanted)
         _refuse_none(connection, audit_id, wanted)
         night = None if audit_id is not None else audits.by_night(connection, settings.plant, nightly_for or "")
@@ -70,7 +100,7 @@ def start_audit(
         run = _seen(connection, str(audit_id or (night.id if night else 0)))
     if audit_id is not None:
         _ring(backend, audit_id, run.open)
-    return run
+    return Started(run, anew=audit_id is not None)
 
 
 def announce(backend: Backend, audit_id: int) -> None:

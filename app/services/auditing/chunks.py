@@ -203,6 +203,8 @@ def _audited(work: Work, window: Window, run: AuditRow, config: AuditConfig, clo
         audited_at=now(),
         elapsed_s=time.perf_counter() - started,
         input_ns=(int(samples.time_ns[0]), int(samples.time_ns[-1])),
+        begun=run.created_at,
+        newest_ns=run.newest_ns,
         clock=clock,
         held_ns=samples.held_ns,
         kept=excerpts_of(recording, origin.timestamp()),

@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 from app.errors import RequestError
 from app.services.access import trail
 from app.services.access.identity import SCHEDULE
-from app.services.auditing.audits import start_audit
+from app.services.auditing.audits import Started, started
 from app.services.backend import Backend
 from app.services.results import AuditView
 from app.settings import Settings
@@ -23,8 +23,11 @@ def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDUL
     Before the hour it is that date's night too, and the schedule then plans none: whoever asks by hand or from cron
     wants one night, not two.
     """
-    day = day or datetime.now(ZoneInfo(backend.settings.time_zone)).date()
-    return start_audit(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
+    return _started(backend, day or datetime.now(ZoneInfo(backend.settings.time_zone)).date(), started_by).run
+
+
+def _started(backend: Backend, day: date, started_by: str) -> Started:
+    return started(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
 
 
 def refuse_empty(backend: Backend) -> None:
@@ -51,10 +54,11 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
         due = planned is None and loops.any_before(connection, hour)
         too_late = planned is None and not due and loops.any_before(connection, now)
     if due:
-        run = nightly(backend, hour.date())
-        trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{run.id}", "done")
-        log.info("nightly audit of %s started, run %s", night, run.id)
-        return run
+        begun = _started(backend, hour.date(), SCHEDULE.who)
+        if begun.anew:  # else another sweep was quicker, and tells it
+            trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{begun.run.id}", "done")
+            log.info("nightly audit of %s started, run %s", night, begun.run.id)
+        return begun.run
     if planned is not None and planned.created_at < hour and planned.started_by != SCHEDULE.who:
         text = f"no nightly audit at {told(hour)}: run {planned.id} of that date was started before, by"
         _tell_once(backend, "audit.skip", f"/v1/audits/{planned.id}", f"{text} {planned.started_by or 'somebody'}")

@@ -15,7 +15,7 @@ from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.digests.doings import Doing, doings
 from app.services.moments import PlantClock, iso_utc, moment_of
-from app.services.plant.arrivals import LATE, arrivals
+from app.services.plant.arrivals import arrivals
 from app.services.plant.changes import TOLD_FIRST, change_of, for_all, kind_of, second_night
 from app.services.plant.judged import Judged, ToManual, judged, to_manual
 from app.services.plant.overview import cause_of_refusal, tally
@@ -23,6 +23,7 @@ from app.services.plant.repaired import Repairs, RepairView, repairs
 from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.work_list import Work, work_list
+from app.services.recency import LATE
 from app.services.results import AuditView, ChangeView
 from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.naming import one_line

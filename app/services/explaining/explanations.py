@@ -18,7 +18,7 @@ from app.services.damage import damage_in_words
 from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.simulations import GivenSimulation, comparison_with, kept, kind_of
 from app.services.loops import find
-from app.services.moments import iso_utc, moment_of, ns_of
+from app.services.moments import iso_utc, latest_ns, moment_of, ns_of
 from app.services.results import Page
 from app.services.telling.wording import codes_in
 from app.storage import explanations, notes, series, verdicts
@@ -29,6 +29,8 @@ from app.storage.samples import Samples
 
 EARLIEST_NS = -(1 << 63)  # that a time of a sample can hold
 LONGEST_WINDOW_H = 10 * 365 * 24
+MOST_OPEN = 1000
+"""Explanations that may wait when one more is asked for: each takes a worker for up to minutes."""
 MOST_UNPACKED = 5_000_000
 """Samples of stretches that a window touches, at most: they are unpacked to find those inside."""
 
@@ -71,6 +73,8 @@ def ask(backend: Backend, tag: str, wanted: Wanted | None = None, asked_by: str 
         "simulation_packed": None if simulation is None else pack_document(simulation),
     }
     with backend.database.write() as connection:
+        if explanations.count_open(connection, MOST_OPEN) >= MOST_OPEN:
+            raise RequestError("too_many_open", f"{MOST_OPEN} explanations and more wait for a worker; wait for these")
         explanation_id = explanations.ask(connection, values)
         # Read here: what fails once the question stands would be told as nothing changed, and it would be asked again.
         row = _existing(connection, loop, str(explanation_id))
@@ -145,6 +149,7 @@ def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
         "effect_codes": list(codes_in(row.effects)),
         "error_code": row.error_code,
         "error_text": row.error_text,
+        "waits_for_room_since": iso_utc(row.waits_since) if row.state == "open" else None,
     }
 
 
@@ -214,9 +219,10 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked:
     """The samples that are asked for. Raises where there are none, or more than are explained at a time."""
     if loop.newest_ns is None:
         raise DataError("no_samples", f"loop {loop.tag!r} has no samples")
-    start_ns, end_ns = _bounds(loop.newest_ns, wanted, backend.settings.window_h)
     hold_days = backend.settings.hold_days
     with backend.database.read() as connection:
+        newest_ns = series.newest_before(connection, loop.id, loop.newest_ns, latest_ns())
+        start_ns, end_ns = _bounds(newest_ns, wanted, backend.settings.window_h)
         stored = series.count_between(connection, loop.id, start_ns, end_ns)
         if stored > MOST_UNPACKED:
             raise DataError("window_too_large", f"the window touches {stored} samples; take a shorter one")

@@ -17,7 +17,7 @@ from app.errors import DataError, LoopauditError
 from app.nanoseconds import NS_PER_S
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
-from app.services.backend import DATABASE_AWAY, Backend
+from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.damage import damage_in_words
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, location_line
@@ -68,11 +68,24 @@ def explain_next(backend: Backend, owner: str, *, watchdog: bool = False) -> boo
     claim = patiently(lambda: _claim(backend, owner), lease_s)
     if claim is None:
         return False
-    with Heartbeat(backend, lambda connection, lease_s: explanations.renew(connection, claim, lease_s)):
-        ending = _isolated(backend, claim, watchdog)
-    if patiently(lambda: _end(backend, claim, ending), lease_s):
+    try:
+        with Heartbeat(backend, lambda connection, lease_s: explanations.renew(connection, claim, lease_s)):
+            ending = _isolated(backend, claim, watchdog)
+        others_wait = patiently(lambda: _end(backend, claim, ending), lease_s)
+    except DATABASE_AWAY as error:
+        if no_room(error):
+            _wait_for_room(backend, claim)
+        raise
+    if others_wait:
         backend.queue.explain(1)
     return True
+
+
+def _wait_for_room(backend: Backend, claim: ExplanationClaim) -> None:
+    """Nobody is called: others would find no room either; a sweep does so after a while."""
+    log.error("no room on the disk to write explanation %s: it waits, make room", claim.explanation_id)
+    with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # which may find no room either
+        explanations.wait_for_room(connection, claim, backend.settings.stalled_s)
 
 
 def _claim(backend: Backend, owner: str) -> ExplanationClaim | None:

@@ -1,24 +1,15 @@
 """How recent the records are that verdicts rest on: a verdict of last night may be of what was recorded months ago."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import Connection
-
 from app.nanoseconds import EVER_NS
 from app.services.backend import Backend
-from app.services.moments import AHEAD, FIRST_DATED, PlantClock, iso_utc, moment_of, ns_of, span_ns
+from app.services.moments import AHEAD, FIRST_DATED, PlantClock, iso_utc, latest_ns, moment_of, ns_of, span_ns
+from app.services.recency import DATED_NS, LATE
 from app.services.telling.naming import NAMED, named
 from app.storage import arrivals as stored
 
-LATE = timedelta(days=2)
-"""Exports come once a day: what has not come for two days is missing."""
-
-OF_THE_PAST = timedelta(days=30)
-"""A plant whose newest sample is as old is a collection of records, not a plant at work."""
-
-DATED_NS = ns_of(FIRST_DATED)
 NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the same records."
 
 
@@ -51,21 +42,8 @@ class Arrivals:
 def current_ns(backend: Backend) -> int | None:
     """`Arrivals.current_ns` of all that is stored, as it is now: of one loop's page nothing else is asked."""
     with backend.database.read() as connection:
-        return _current_ns(connection)
-
-
-def _current_ns(connection: Connection) -> int | None:
-    newest_ns = stored.newest(connection, DATED_NS, ns_of(datetime.now(UTC) + AHEAD))
+        newest_ns = stored.newest(connection, DATED_NS, latest_ns())
     return None if newest_ns is None else newest_ns - span_ns(LATE)
-
-
-def of_old_records(connection: Connection, tags: Collection[str]) -> frozenset[str]:
-    """Those of these loops that end before `current_ns`: what is said of them is of then. How old a record without a
-    date is, is not known. None where all that is stored is of the past: then nobody asks it about today."""
-    since_ns = _current_ns(connection)
-    if since_ns is None or since_ns < ns_of(datetime.now(UTC) - OF_THE_PAST):
-        return frozenset()
-    return stored.among_ending(connection, tags, DATED_NS, since_ns)
 
 
 def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Arrivals:

@@ -4,13 +4,14 @@ from typing import Any
 
 from app.services.backend import Backend
 from app.services.plant import groups
-from app.services.plant.arrivals import LATE, Arrivals
+from app.services.plant.arrivals import Arrivals
 from app.services.plant.changes import changes
 from app.services.plant.newest_run import newest_run as newest_run_of
 from app.services.plant.overview import overview
 from app.services.plant.repaired import repairs
 from app.services.plant.silent import of_now
 from app.services.plant.stood_together import as_one
+from app.services.recency import LATE
 from app.services.stating.shelving import shelf
 
 

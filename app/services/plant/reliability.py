@@ -2,23 +2,24 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from app.errors import RequestError
-from app.services.audit_json.rows import FORM, as_row, compact
+from app.services.audit_json.rows import FORM, OLD, as_row, compact
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of, refused
-from app.services.moments import iso_utc, moment_of
+from app.services.moments import PlantClock, iso_utc, moment_of
 from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
-from app.services.stating.shelving import Shelf
+from app.services.stating.shelving import Shelf, shelf
 from app.storage import verdicts
-from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
+from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled, ToldRow
 
 MOST_ROWS = 20_000
+PART_ROWS = 500
 OF_LOOP = ("type", "description", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
@@ -59,12 +60,14 @@ def table(
     notes_until: datetime | None = None,
 ) -> Page[dict[str, Any]]:
     """The same for a page, with what it shows besides: importance and priority, what to do as a `Step`, and what is
-    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: of now). Whoever chose
+    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: of now). Rows that are
+    asked for because their records end before a time are of old ones by now, whatever their runs knew. Whoever chose
     another order with a cursor in the address begins at its head."""
     found = _stored(backend, limit, cursor, sort, filters, any_order=True)
     shown = [with_loop(row) for row in found.rows]
-    any_old = filters is None or filters.recorded_from_ns is None
-    written = written_of(backend, shown, shelved, notes_until, any_old=any_old)
+    if filters is not None and filters.recorded_before_ns is not None:
+        shown = [row | {OLD: row[OLD] or PlantClock.dated(row["recorded_to"])} for row in shown]
+    written = written_of(backend, shown, shelved, notes_until)
     beside = [{"step": written.step(row), "shelved": written.shelved_words(row)} for row in shown]
     return Page([{**written.beside(row), **more} for row, more in zip(shown, beside, strict=True)], found.next_cursor)
 
@@ -95,6 +98,51 @@ def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
+class TableParts:
+    """A page of the table whose rows are read when they are asked for, `PART_ROWS` at a time: whole, those of a plant
+    would have 200 MB. `version` changes with what they say, `count` is how many there are. A row whose verdict has been
+    dropped meanwhile is left out."""
+
+    version: str
+    count: int
+    next_cursor: str | None
+    parts: Callable[[], Iterator[list[dict[str, Any]]]]
+
+
+def in_parts(
+    backend: Backend,
+    limit: int = 1000,
+    cursor: str | None = None,
+    sort: str = "loop",
+    filters: RowFilter | None = None,
+) -> TableParts:
+    """The page that `reliability_page` gives `of_loop`."""
+    name, after = _checked(limit, sort), _after(cursor, sort)
+    with backend.database.read() as connection:
+        rows = verdicts.told_rows(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
+        settled = verdicts.settled(connection, {row.audit_id for row in rows})
+    page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
+    shown, marks = page.rows, marks_of(backend, [row.tag for row in page.rows])
+    of_loops = [(*row.key, row.unit, row.type, row.description, row.importance, row.newest_ns) for row in shown]
+    said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told]
+    return TableParts(_digest(compact(said).encode()), len(shown), page.next_cursor, lambda: _parts(backend, shown))
+
+
+def _parts(backend: Backend, rows: Sequence[ToldRow]) -> Iterator[list[dict[str, Any]]]:
+    """Nothing of a part is held here once it is given."""
+    known = shelf(backend)
+    return (_part(backend, rows[at : at + PART_ROWS], known) for at in range(0, len(rows), PART_ROWS))
+
+
+def _part(backend: Backend, rows: Sequence[ToldRow], known: Shelf) -> list[dict[str, Any]]:
+    with backend.database.read() as connection:
+        stored = verdicts.of_keys(connection, [row.key for row in rows])
+    told = [with_loop(stored[row.key]) for row in rows if row.key in stored]
+    written = written_of(backend, told, known)
+    return [written.beside(row) for row in told]
+
+
+@dataclass(frozen=True)
 class TableAnswer:
     """A page of the table as JSON, `{"rows": [...], "next_cursor": ...}`. `version` changes with what it says, and is
     known before the page is written."""
@@ -109,15 +157,9 @@ def reliability_json(
     cursor: str | None = None,
     sort: str = "loop",
     filters: RowFilter | None = None,
-    columns: Sequence[str] | None = None,
 ) -> TableAnswer:
-    """The page with each row as it was written when its verdict was made; with `columns` alone, if any are named."""
+    """The page of the newest verdicts, with each row as it was written when its verdict was made."""
     filters = filters or RowFilter()
-    if filters.audit_id is not None or columns is not None:
-        page = reliability_page(backend, limit, cursor, sort, filters, of_loop=columns is not None)
-        told = page.rows if columns is None else [{name: row[name] for name in columns} for row in page.rows]
-        body = _body((compact(row).encode() for row in told), page.next_cursor)
-        return TableAnswer(_digest(body), lambda: body)
     name = _checked(limit, sort)
     with backend.database.read() as connection:
         after = _after(cursor, sort)
@@ -125,10 +167,13 @@ def reliability_json(
         settled = verdicts.settled(connection, {row.audit_id for row in rows})
     sent_page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
     shown, behind = sent_page.rows, sent_page.next_cursor
-    runs = {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
     marks = marks_of(backend, [row.tag for row in shown])
-    said = [FORM, behind, runs, [(row.loop_id, row.audit_id, row.unit) for row in shown], marks.told]
+    said = [FORM, behind, _told(settled), [(row.loop_id, row.audit_id, row.unit) for row in shown], marks.told]
     return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, settled, behind, marks.tags))
+
+
+def _told(settled: Mapping[int, Settled]) -> dict[str, list[str]]:
+    return {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
 
 
 def _digest(said: bytes) -> str:
@@ -181,10 +226,6 @@ def _written(
 def _read(text: bytes, unit: str | None) -> dict[str, Any]:
     """A row that is stored as JSON."""
     return {**json.loads(b"{" + text + b"}"), "unit": unit}
-
-
-def _body(rows: Iterable[bytes], next_cursor: str | None) -> bytes:
-    return b"".join((b'{"rows":[', b",".join(rows), *_ending(next_cursor)))
 
 
 def _ending(next_cursor: str | None) -> tuple[bytes, ...]:

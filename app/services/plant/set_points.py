@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from app.engine.plant_wide.set_points import Moves, moves_in, together
 from app.nanoseconds import NS_PER_H
 from app.services.backend import Backend
+from app.services.moments import latest_ns
 from app.storage import loops, series
 from app.storage.samples import DamagedStretchError
 
@@ -31,6 +32,7 @@ def _moves_of(backend: Backend, tag: str) -> Moves | None:
         row = loops.by_tag(connection, tag)
         if row is None or row.newest_ns is None:
             return None
-        read = series.between(connection, row.id, row.newest_ns - HOURS * NS_PER_H, row.newest_ns)
+        end_ns = series.newest_before(connection, row.id, row.newest_ns, latest_ns())
+        read = series.between(connection, row.id, end_ns - HOURS * NS_PER_H, end_ns)
     sp = None if read is None else read.signals.get("sp")
     return None if read is None or sp is None else moves_in(read.time_ns, sp)

@@ -6,7 +6,8 @@ from statistics import median_low
 
 from app.services.backend import Backend
 from app.services.moments import AHEAD, iso_utc, moment_of, ns_of, span_ns
-from app.services.plant.arrivals import DATED_NS, LATE, Arrivals, listed, nothing_new, sentences
+from app.services.plant.arrivals import Arrivals, listed, nothing_new, sentences
+from app.services.recency import DATED_NS, LATE
 from app.services.telling.naming import NAMED
 from app.storage import arrivals as stored
 

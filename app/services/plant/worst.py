@@ -14,6 +14,7 @@ from itertools import groupby
 from typing import Any, TypeVar
 
 from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
+from app.services.audit_json.rows import OLD
 from app.services.backend import Backend
 from app.services.plant.changes import Changes
 from app.services.plant.reliability import table
@@ -128,7 +129,7 @@ def worst_of_old(
     if since_ns is None:
         return []
     asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
-    return [row | {"of_old_record": True} for row in not_shelved(backend, limit, asked, shelved)]
+    return [row | {OLD: True} for row in not_shelved(backend, limit, asked, shelved)]
 
 
 def complaints_of_units(
@@ -152,13 +153,17 @@ def complaints_of_old(
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_old(connection, limit, since_ns, left_out)
-    return [row | {"of_old_record": True} for row in _rows_of(backend, placed, shelved)]
+    return [row | {OLD: True} for row in _rows_of(backend, placed, shelved, since_ns)]
 
 
-def _rows_of(backend: Backend, placed: Sequence[Any], shelved: Shelf) -> list[dict[str, Any]]:
-    """Rows of `table` of these loops, in their order; a loop that was audited or retired meanwhile may be missing."""
+def _rows_of(
+    backend: Backend, placed: Sequence[Any], shelved: Shelf, before_ns: int | None = None
+) -> list[dict[str, Any]]:
+    """Rows of `table` of these loops, in their order; a loop that was audited or retired meanwhile may be missing.
+    before_ns: all of them end before it."""
     tags = tuple(row.tag for row in placed)
-    rows = table(backend, len(tags), filters=RowFilter(tags=tags), shelved=shelved).rows if tags else []
+    asked = RowFilter(tags=tags, recorded_before_ns=before_ns)
+    rows = table(backend, len(tags), filters=asked, shelved=shelved).rows if tags else []
     by_tag = {row["loop"]: row for row in rows}
     return [by_tag[tag] for tag in tags if tag in by_tag]
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
-from app.services.plant.arrivals import of_old_records
 from app.services.plant.contradicted import contradicted
 from app.services.plant.repaired import Outcome, asked_after, in_vain
 from app.services.stating.shelving import Shelf, Shelved, shelf
@@ -24,15 +23,13 @@ NOTHING = Standing()
 
 @dataclass(frozen=True)
 class Written:
-    """What stands of some loops, by tag, which of them their newest explanation contradicts, and which end before the
-    others (`old`)."""
+    """What stands of some loops, by tag, and which of them their newest explanation contradicts."""
 
     standing: Mapping[str, Standing]
     shelved: Mapping[str, Shelved]
     disagree: frozenset[str]
     in_vain: Mapping[str, Outcome]
     clock: PlantClock
-    old: frozenset[str] = frozenset()
 
     def beside(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """A row of the reliability table with `WrittenFields`."""
@@ -45,7 +42,6 @@ class Written:
             "repaired_at": repaired_at,
             "shelved_until": None if shelved is None else shelved.until,
             "of_before_repair": of_before(row, repaired_at),
-            "of_old_record": row["loop"] in self.old,
         }
 
     def step(self, row: Mapping[str, Any]) -> Step:
@@ -55,7 +51,7 @@ class Written:
             return step_for(Ask.WAIT_ON_SHELF, f"Wait: {shelved.words(self.clock)}.")
         if row["loop"] in self.disagree:
             return step_for(Ask.UNTIL_THEY_AGREE)
-        if row["loop"] in self.old:
+        if row["of_old_record"]:
             return step_for(Ask.NOTHING_NEWER)
         outcome = self.in_vain.get(row["loop"])
         step = step_of(row, self.clock, iso_utc(standing.repaired_at))
@@ -74,19 +70,16 @@ def written_of(
     rows: Sequence[Mapping[str, Any]],
     shelved: Shelf | None = None,
     notes_until: datetime | None = None,
-    *,
-    any_old: bool = True,
 ) -> Written:
     """What stands of the loops of these rows of the reliability table: as many questions of the data base for a plant
     as for one loop. shelved: None: as of now; notes_until: orders and repairs as they were written then (None: by
-    now); any_old: False: it is known that none of them is of an old record."""
+    now)."""
     known = shelf(backend) if shelved is None else shelved
     with backend.database.read() as connection:
         standing = notes.standing(connection, [row["loop"] for row in rows], notes_until)
         repaired = [tag for tag, one in standing.items() if one.repaired_at is not None]
         failed = in_vain(connection, rows, repaired, notes_until)
-        old = of_old_records(connection, [row["loop"] for row in rows]) if any_old else frozenset()
-        return Written(standing, known.by_tag(), contradicted(connection, rows), failed, backend.clock, old)
+        return Written(standing, known.by_tag(), contradicted(connection, rows), failed, backend.clock)
 
 
 @dataclass(frozen=True)
@@ -105,14 +98,12 @@ def marks_of(backend: Backend, tags: Collection[str]) -> Marks:
     with backend.database.read() as connection:
         standing = notes.standing(connection, tags)
         naming = explanations.naming_ids(connection, tags, STICKS)
-        old = of_old_records(connection, tags)
     told = [
         sorted((tag, one.work_order, one.repair_order, *_of_repair(one)) for tag, one in standing.items()),
         sorted((tag, one.until, one.work_order, one.worse) for tag, one in on_shelf.items()),
         sorted(naming.items()),
-        sorted(old),
     ]
-    return Marks(frozenset({*standing, *on_shelf, *naming, *old}), told)
+    return Marks(frozenset({*standing, *on_shelf, *naming}), told)
 
 
 def _of_repair(standing: Standing) -> tuple[str | None, bool]:

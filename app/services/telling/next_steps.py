@@ -92,8 +92,8 @@ class Ask(StrEnum):
     )
     WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
     NOTHING_NEWER = (
-        "Find out why nothing newer comes of this loop (its export, its tags, or it is out of service): what is said "
-        "here is of its last record. Send nobody to the valve for it."
+        "Find out why nothing newer had come of this loop when it was audited (its export, its tags, or it is out of "
+        "service): what is said here is of its last record then. Send nobody to the valve for it."
     )
     WAIT_ON_SHELF = "Wait, until the time that is named."
     UNTIL_THEY_AGREE = (

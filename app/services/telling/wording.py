@@ -130,7 +130,7 @@ def headline(row: Mapping[str, Any]) -> str:
     if _of_before_repair(row):
         return "judged from before the repair; wait for newer records"
     if row.get("of_old_record"):
-        return "of an old record; nothing newer has come"
+        return "of an old record; nothing newer had come"
     if not looked_at_today(row):
         return RELIABILITY_WORDS[row["reliability"]]
     return LOOK_TOGETHER_WORDS if STOOD_TOGETHER in codes_of(row) else LOOK_TODAY_WORDS

@@ -7,7 +7,9 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import httpx
 import pytest
+from sqlalchemy.exc import OperationalError
 
 from app.api import reliability
 from tests.api.routes.exports import HOSTILE
@@ -146,8 +148,52 @@ def test_every_order_is_told_and_what_stands_in_no_row(client, plant):
     assert absent == set(re.search(r"Of these (.*) are the loop's", told)[1].split(", "))
 
 
-def test_few_whole_tables_are_taken_apart_at_a_time(client, plant, monkeypatch):
-    inside, most, lock, page = [], [], threading.Lock(), reliability.service.reliability_page
+@pytest.mark.parametrize(
+    "asked", ["format=csv&byte_order_mark=true", "columns=loop,verdict", "audit_id={id}", "format=csv&search=none"]
+)
+def test_a_whole_table_goes_out_in_parts_and_is_the_same(client, plant, monkeypatch, asked):
+    url = f"/v1/reliability?{asked.format(**plant)}&sort=-loop&limit=2"
+    whole, made = client.get(url), []
+    monkeypatch.setattr(reliability.service, "PART_ROWS", 1)
+    part = reliability.service._part
+    monkeypatch.setattr(reliability.service, "_part", lambda *told: made.append(1) or part(*told))
+    streamed = client.get(url)
+    assert streamed.content == whole.content
+    same = ("etag", "content-type", "x-next-cursor", "content-disposition")
+    assert [streamed.headers.get(name) for name in same] == [whole.headers.get(name) for name in same]
+    if "search" not in asked:
+        assert ("content-length" in whole.headers, "content-length" in streamed.headers) == (True, False)
+        assert len(made) == 2
+    assert client.get(url, headers={"If-None-Match": streamed.headers["etag"]}).status_code == 304
+    assert client.head(url).status_code == 200
+
+
+def test_what_is_wrong_by_the_first_part_is_told_as_it_is(client, plant, monkeypatch):
+    def away(*_):
+        raise OperationalError("SELECT", {}, Exception("the server is away"))
+
+    monkeypatch.setattr(reliability.service, "_part", away)
+    answer = client.get("/v1/reliability?format=csv")
+    assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
+
+
+def test_what_goes_wrong_later_is_no_whole_answer(client, plant, monkeypatch):
+    monkeypatch.setattr(reliability.service, "PART_ROWS", 1)
+    part, made = reliability.service._part, []
+
+    def away_later(*told):
+        made.append(1)
+        if len(made) > 1:
+            raise OperationalError("SELECT", {}, Exception("the server is away"))
+        return part(*told)
+
+    monkeypatch.setattr(reliability.service, "_part", away_later)
+    with pytest.raises(httpx.RemoteProtocolError):
+        client.get("/v1/reliability?format=csv")
+
+
+def test_few_parts_of_whole_tables_are_made_at_a_time(client, plant, monkeypatch):
+    inside, most, lock, page = [], [], threading.Lock(), reliability.service._part
 
     def counted(*given, **named):
         with lock:
@@ -158,9 +204,9 @@ def test_few_whole_tables_are_taken_apart_at_a_time(client, plant, monkeypatch):
             inside.pop()
         return page(*given, **named)
 
-    monkeypatch.setattr(reliability.service, "reliability_page", counted)
+    monkeypatch.setattr(reliability.service, "_part", counted)
     asked = {"format": "csv", "limit": 20_000}
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(lambda _: client.get("/v1/reliability", params=asked).status_code, range(8)))
     assert set(answers) == {200}
-    assert max(most) == reliability.TABLES_AT_ONCE
+    assert max(most) == reliability.PARTS_AT_ONCE
