@@ -94,6 +94,7 @@ ROUTES: dict[tuple[str, str], Permission] = {
     ("GET", "/loops/{tag:path}/explanation"): PAGE,
     ("GET", "/plant/tiles"): READ,
     ("GET", "/table"): PAGE,
+    ("GET", "/plant/course"): PAGE,
     ("GET", "/groups"): PAGE,
     ("GET", "/nights"): PAGE,
     ("GET", "/glossary"): PAGE,

@@ -107,6 +107,12 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
     found = reliability.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
     listed = [row["loop"] for row in found.rows]
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
+@router.get("/plant/course")
+def plant_course(backend: Services) -> HTMLResponse:
+    """How many valves stick night by night, for the page of the plant, which does not wait for it."""
+    return page("_course.html", backend.clock, course=course(backend))
+
+
     return page(
         "table.html",
         backend.clock,
