@@ -22,7 +22,7 @@ from sqlalchemy import (
 
 from app.storage.bulk import among, among_many
 from app.storage.json_texts import short_json
-from app.storage.loops import IN_SERVICE, retired
+from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
@@ -32,12 +32,13 @@ SORTABLE = {column.name: column for column in ROW if column.name != "reasons_tex
     "loop": loops.c.tag,
     "unit": loops.c.unit,
     "type": loops.c.type,
+    "owner": loops.c.owner,
     "importance": loops.c.importance,
     "recorded_to": loops.c.newest_ns,
     "priority": priority(verdicts).label("priority"),
 }
 """What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
-OF_LOOPS = ("loop", "unit", "type", "importance", "recorded_to")
+OF_LOOPS = ("loop", "unit", "type", "owner", "importance", "recorded_to")
 KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
 QUICK = (
     {name: SORTABLE[name] for name in OF_LOOPS}
@@ -59,6 +60,7 @@ class RowFilter:
     reliability: str | None = None
     unit: str | None = None
     type: str | None = None
+    owner: str | None = None
     likely_cause: str | None = None
     table2_reading: str | None = None
     min_probability: float | None = None
@@ -360,7 +362,7 @@ def _rows_of(wanted: RowFilter) -> Any:
 
 
 def _select() -> Select[Any]:
-    of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "recorded_to", "priority")]
+    of_loop = [SORTABLE[name] for name in ("unit", "type", "owner", "importance", "recorded_to", "priority")]
     return select(loops.c.tag, loops.c.description, *of_loop, verdicts.c.extra_json, *ROW)
 
 
@@ -370,7 +372,7 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
         conditions.append(loops.c.retired if wanted.retired else IN_SERVICE)
     if wanted.verdict is not None:
         conditions.append(columns["verdict"].in_(wanted.verdict))
-    for name in ("reliability", "unit", "type", "likely_cause", "table2_reading"):
+    for name in ("reliability", "unit", "type", "owner", "likely_cause", "table2_reading"):
         value = getattr(wanted, name)
         if value is not None:
             conditions.append(columns[name] == value)
@@ -382,7 +384,7 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
     if wanted.tags is not None:
         conditions.append(loops.c.tag.in_(wanted.tags))
     if wanted.search:
-        conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
+        conditions.append(found_by(wanted.search))
     return conditions
 
 

@@ -19,6 +19,39 @@ def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(cli
     assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&columns=all&limit=20000").text.count("\n") == 2
 
 
+def test_what_a_loop_is_and_whose_stands_on_its_pages_and_is_found(client):
+    assert 'name="owner"' not in client.get("/table").text
+    told = {"description": "Reflux <b-evil>", "owner": "crew & A"}
+    client.patch("/v1/loops/FIC101", json=told).raise_for_status()
+    try:
+        page = seen(client, "/table?search=reflux")
+        assert ("/loops/FIC101" in page.links, "/loops/LIC7" in page.links) == (True, False)
+        assert "Reflux <b-evil>" in page.texts
+        assert "Reflux <b-evil>" in seen(client, "/").texts
+        assert "Reflux <b-evil>" in [text.strip() for text in seen(client, "/table?column=description").texts]
+        found = seen(client, "/table?owner=crew+%26+A&column=owner")
+        assert [link for link in found.links if link.startswith("/loops/")] == ["/loops/FIC101"]
+        assert "/v1/reports?owner=crew+%26+A&sort=-priority" in found.links
+        loop = seen(client, "/loops/FIC101")
+        assert "/table?owner=crew%20%26%20A" in loop.links
+        for report in ("/v1/loops/FIC101/report", "/v1/reports?search=reflux"):
+            assert "crew &amp; A" in client.get(report).text
+    finally:
+        client.patch("/v1/loops/FIC101", json=dict.fromkeys(told)).raise_for_status()
+
+
+def test_the_table_is_of_a_run_where_that_is_asked(client):
+    run = seen(client, "/runs/1")
+    assert "/table?audit_id=1&verdict=stiction" in run.links
+    page = seen(client, "/table?audit_id=1&sort=loop")
+    assert {"/loops/FIC101", "/loops/LIC7", "/runs/1"} <= set(page.links)
+    assert [link for link in page.links if link.startswith("/table?sort=loop&column=unit")], "the newest ones"
+    assert "/v1/reliability?audit_id=1&sort=loop&format=csv&columns=all&limit=20000" in page.links
+    assert any(text.strip() == "of run 1" or "of run 1" in text for text in page.texts)
+    for unknown, status in (("777", 404), ("x", 404)):
+        assert client.get(f"/table?audit_id={unknown}").status_code == status
+
+
 def test_columns_without_an_order_have_no_link(client):
     html = client.get("/table?column=stiction_S&column=health").text
     assert '<th scope="col" class="number">Size S, units of OP</th>' in html

@@ -19,7 +19,7 @@ from app.storage import verdicts
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled
 
 MOST_ROWS = 20_000
-OF_LOOP = ("type", "description", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
+OF_LOOP = ("type", "description", "owner", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 

@@ -17,7 +17,7 @@ from app.storage.loops import SETTABLE, SPANS, LoopRow
 from app.storage.types import storable
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
-WORDS = ("unit", "type", "description", "pv_unit", "continues")
+WORDS = ("unit", "type", "description", "owner", "pv_unit", "continues")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
 USUAL = {"importance": 1.0, "retired": False}
 """What a loop is where nobody says otherwise, of what it cannot be without."""

@@ -42,6 +42,26 @@ def test_pages_of_the_table_put_together_are_the_table(client, plant, sort):
     assert len(rows) == 3
 
 
+def test_loops_are_found_by_what_they_control_and_who_looks_after_them(client, plant):
+    def found(path: str, **asked: str) -> list[str]:
+        rows = client.get(path, params=asked).json()["rows"]
+        return [row["loop" if "loop" in row else "tag"] for row in rows]
+
+    client.patch("/v1/loops/FIC101", json={"description": "Reflux of column 4", "owner": "crew A"}).raise_for_status()
+    try:
+        for path in ("/v1/reliability", "/v1/loops"):
+            for words in ("reflux", "CREW a", "fic101"):
+                assert found(path, search=words) == ["FIC101"]
+            assert found(path, search="100%") == []
+            assert found(path, owner="crew A") == ["FIC101"]
+            assert found(path, owner="crew") == []
+        told = client.get("/v1/reliability", params={"columns": "loop,owner", "sort": "owner"}).json()["rows"]
+        assert told[0] == {"loop": "FIC101", "owner": "crew A"}
+        assert told[1]["owner"] is None
+    finally:
+        client.patch("/v1/loops/FIC101", json={"description": None, "owner": None}).raise_for_status()
+
+
 def test_filters(client, plant):
     rows = client.get("/v1/reliability").json()["rows"]
     verdicts = {row["verdict"] for row in rows}
