@@ -175,6 +175,13 @@ def table(
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
+def count(connection: Connection, wanted: RowFilter) -> int:
+    """How many rows `table` has in all."""
+    quick = wanted.audit_id is None
+    query = select(func.count()).select_from(NEWEST_ROWS if quick else _rows_of(wanted))
+    return connection.scalar(query.where(*_conditions(wanted, QUICK if quick else SORTABLE))) or 0
+
+
 def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
     """By value, unknown ones last, then by tag."""
     return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag

@@ -25,6 +25,7 @@ from app.services.plant.nights import nights
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter
 from app.services.plant.worst import listed_first, worst_of_old
+from app.services.telling.asked_wording import asked_words
 from app.services.telling.next_steps import OF_NO_VERDICT
 from app.services.telling.wording import CAUSE_WORDS
 from app.web import loop, loop_list, runs, uploads
@@ -125,6 +126,8 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         backend.clock,
         rows=found.rows,
         run=run,
+        counted=reliability.count(backend, asked),
+        asked=asked_words(asked),
         last_nights=nights(backend, listed, asked.audit_id),
         judged=judged(backend, listed, asked.audit_id),
         next_cursor=found.next_cursor,

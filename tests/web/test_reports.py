@@ -86,11 +86,12 @@ def test_reports_of_many_loops_are_those_that_a_filter_leaves(two_nights, client
     assert whole.count("What to do:") == len(TAGS)
     assert whole.count("What the figures mean") == 1
     first = words_of(reports.loop_reports(two_nights, sort="-loop", most=1))
-    assert "reports of 1 loop These are the first 1 in the order that was asked for; there are more. Loop" in first
+    assert "reports of 1 loop 3 loops. Here are the first 1 ; a narrower filter, by unit or owner," in first
     assert "LIC7" in first
     some = client.get("/v1/reports", params={"search": "fic"})
     assert re.fullmatch(r'attachment; filename="plant-loops-[\d-]+\.html"', some.headers["content-disposition"])
     assert "LIC7" not in some.text
+    assert "1 loop: with “fic” in tag, description or owner." in words_of(some.text)
     assert "No loop fits." in client.get("/v1/reports", params={"unit": "elsewhere"}).text
     assert client.get("/v1/reports", params={"limit": 51}).status_code == 422
     assert client.get("/v1/reports", params={"audit_id": "777"}).status_code == 404

@@ -1,11 +1,16 @@
 """The page of the reliability table: sorted, filtered, with columns to choose, and exported."""
 
+import re
+
 import pytest
 from sqlalchemy import select, update
 
 from app.main import create_app
 from app.services.cursors import LONGEST
+from app.services.telling.asked_wording import asked_words
 from app.storage.tables import loops as stored_loops
+from app.storage.verdicts import RowFilter
+from app.web import pages
 from app.web.columns import COLUMNS
 from tests.web.conftest import seen
 
@@ -50,6 +55,20 @@ def test_the_table_is_of_a_run_where_that_is_asked(client):
     assert any(text.strip() == "of run 1" or "of run 1" in text for text in page.texts)
     for unknown, status in (("777", 404), ("x", 404)):
         assert client.get(f"/table?audit_id={unknown}").status_code == status
+
+
+def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
+    def counted(query: str) -> str:
+        return re.search(r'<p id="counted">(.*?)</p>', client.get(f"/table?{query}").text)[1]
+
+    assert counted("") == counted("audit_id=1") == "<b>3</b> loops"
+    assert counted("search=fic") == "<b>1</b> loop: with “fic” in tag, description or owner"
+    assert counted("search=101&retired=any").endswith("owner; retired or not")
+    monkeypatch.setattr(pages, "ROWS_A_PAGE", 2)
+    assert counted("sort=loop") == '<b>3</b> loops <span class="weak">(2 on this page)</span>'
+    asked = RowFilter(("stiction",), "reliable", "U1", owner="crew", min_probability=0.5)
+    of_these = "of unit U1; looked after by crew; probability of 0.5 or more"
+    assert asked_words(asked) == f"valve sticks; rely on it; {of_these}"
 
 
 def test_columns_without_an_order_have_no_link(client):

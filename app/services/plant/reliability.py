@@ -69,6 +69,12 @@ def table(
     return Page([{**written.beside(row), **more} for row, more in zip(shown, beside, strict=True)], found.next_cursor)
 
 
+def count(backend: Backend, filters: RowFilter) -> int:
+    """How many rows of the table fit."""
+    with backend.database.read() as connection:
+        return verdicts.count(connection, filters)
+
+
 def _stored(
     backend: Backend,
     limit: int,

@@ -21,7 +21,7 @@ from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.overview import Overview
 from app.services.plant.plant_sheet import plant_sheet
-from app.services.plant.reliability import table
+from app.services.plant.reliability import count, table
 from app.services.plant.sticking import sticking
 from app.services.plant.work_list import work_list
 from app.services.plant.worst import complaints_of_old, complaints_of_units, nothing_worst
@@ -29,6 +29,7 @@ from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.stating import notes
 from app.services.stating.shelving import Shelf, shelf
+from app.services.telling.asked_wording import asked_words
 from app.services.telling.wording import measured_probability
 from app.storage.verdicts import RowFilter
 
@@ -65,7 +66,12 @@ def loop_reports(
             continue
         meanings |= {figure.label: figure for figure, _, _ in told["figures"]}
         reports.append({"it": told["it"], "row": told["row"], "html": Markup(document("_loop.html", **told))})  # noqa: S704 - our own template, which escapes
-    values = {"reports": reports, "meanings": list(meanings.values()), "more": page.next_cursor is not None}
+    values = {
+        "reports": reports,
+        "meanings": list(meanings.values()),
+        "counted": count(backend, filters or RowFilter()),
+    }
+    values["asked"] = asked_words(filters) if filters else ""
     return document("loop_reports.html", **values, **_made(backend))
 
 
