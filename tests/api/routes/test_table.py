@@ -47,10 +47,11 @@ def test_loops_are_found_by_what_they_control_and_who_looks_after_them(client, p
         rows = client.get(path, params=asked).json()["rows"]
         return [row["loop" if "loop" in row else "tag"] for row in rows]
 
-    client.patch("/v1/loops/FIC101", json={"description": "Reflux of column 4", "owner": "crew A"}).raise_for_status()
+    told = {"description": "Rücklauf, reflux of column 4", "owner": "crew A"}
+    client.patch("/v1/loops/FIC101", json=told).raise_for_status()
     try:
         for path in ("/v1/reliability", "/v1/loops"):
-            for words in ("reflux", "CREW a", "fic101"):
+            for words in ("reflux", "CREW a", "fic101", "RÜCK"):
                 assert found(path, search=words) == ["FIC101"]
             assert found(path, search="100%") == []
             assert found(path, owner="crew A") == ["FIC101"]
