@@ -37,6 +37,25 @@ def test_units_show_their_health_on_a_narrow_screen(narrow: Page):
     expect(health.locator("meter")).to_be_visible()
 
 
+def test_a_label_without_a_value_is_not_shown_on_a_narrow_screen(narrow: Page):
+    settled(narrow, "/table?column=unit&column=health")
+    cells = narrow.locator("#loops td[data-label=Unit]")
+    assert cells.count() == 3
+    assert not any(cell.is_visible() for cell in cells.all())
+    expect(narrow.locator("#loops td[data-label=Health]").first).to_be_visible()
+
+
+def test_letters_that_turn_the_line_round_leave_the_figures_beside_a_tag_alone(opened: Page):
+    opened.goto("/runs/1")
+    place = """() => {
+      const list = document.createElement("p"), tag = document.createElement("a"), figure = document.createElement("i");
+      tag.href = "/"; tag.textContent = "FIC-1\u202eEVIL"; figure.textContent = "0.15 s";
+      list.append(tag, " ", figure); document.querySelector("main").append(list);
+      return figure.getBoundingClientRect().left >= tag.getBoundingClientRect().right;
+    }"""
+    assert opened.evaluate(place)
+
+
 @pytest.mark.parametrize("wide", [360, 700, 1280])
 def test_words_of_the_plant_report_are_not_parted(opened: Page, client, wide: int):
     opened.set_viewport_size({"width": wide, "height": 900})
