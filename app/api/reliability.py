@@ -64,6 +64,9 @@ class RowFilters(BaseModel):
     owner: str | None = Field(None, max_length=200, description="Only loops that this owner looks after.")
     likely_cause: str | None = Field(None, max_length=100, description="Only this likely cause.")
     min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
+    open_order: bool | None = Field(
+        None, description="true: with a work order that no repair was stated since; false: without one."
+    )
     audit_id: str | None = Field(None, max_length=40, description="The verdicts of this run instead of the newest.")
     search: str | None = Field(None, max_length=200, description="Part of a tag, of a description or of an owner.")
     retired: WhichRetired | None = Field(
@@ -73,8 +76,17 @@ class RowFilters(BaseModel):
     )
 
     def filters(self) -> service.RowFilter:
-        names = ("reliability", "unit", "type", "owner", "likely_cause", "table2_reading", "min_probability", "search")
-        given = {name: getattr(self, name) for name in names}
+        names = (
+            "reliability",
+            "unit",
+            "type",
+            "owner",
+            "likely_cause",
+            "table2_reading",
+            "min_probability",
+            "open_order",
+        )
+        given = {name: getattr(self, name) for name in (*names, "search")}
         run = None if self.audit_id is None else identifier(self.audit_id)
         retired = RETIRED[self.retired or ("false" if run is None else "any")]
         return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)

@@ -24,6 +24,7 @@ from app.storage.bulk import among, among_many
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
+from app.storage.notes import has_open_order
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
@@ -54,7 +55,7 @@ LONGEST_DETAIL = 64 << 20
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
     of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
-    tags: of these alone."""
+    open_order: whether a work order is written that no repair was stated since; tags: of these alone."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -70,6 +71,7 @@ class RowFilter:
     recorded_from_ns: int | None = None
     recorded_before_ns: int | None = None
     left_out: tuple[int, ...] = ()
+    open_order: bool | None = None
     tags: tuple[str, ...] | None = None
 
 
@@ -388,6 +390,8 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
     conditions += _by_newest_sample(wanted)
     if wanted.left_out:
         conditions.append(loops.c.id.not_in(wanted.left_out))
+    if wanted.open_order is not None:
+        conditions.append(has_open_order() if wanted.open_order else ~has_open_order())
     if wanted.tags is not None:
         conditions.append(loops.c.tag.in_(wanted.tags))
     if wanted.search:

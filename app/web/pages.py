@@ -25,6 +25,7 @@ from app.services.plant.nights import nights
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter
 from app.services.plant.worst import listed_first, worst_of_old
+from app.services.reports.documents import MOST_TOGETHER
 from app.services.telling.asked_wording import asked_words
 from app.services.telling.next_steps import OF_NO_VERDICT
 from app.services.telling.wording import CAUSE_WORDS
@@ -54,6 +55,7 @@ class TableForm(BaseModel):
     reliability: str = Field("", max_length=40)
     likely_cause: str = Field("", max_length=100)
     retired: Literal["", "false", "true", "any"] = ""
+    open_order: Literal["", "true", "false"] = ""
     audit_id: str = Field("", max_length=40)
     sort: str = Field("-priority", max_length=60)
     cursor: str = Field("", max_length=LONGEST_CURSOR)
@@ -63,7 +65,7 @@ class TableForm(BaseModel):
     def narrows(self) -> bool:
         """Whether a loop that has a verdict may be left out, but for one that is retired."""
         words = (self.search, self.unit, self.owner, self.verdict, self.reliability, self.likely_cause)
-        return any((*words, self.audit_id, self.cursor)) or self.retired == "true"
+        return any((*words, self.open_order, self.audit_id, self.cursor)) or self.retired == "true"
 
     def filters(self) -> RowFilter:
         return RowFilter(
@@ -74,6 +76,7 @@ class TableForm(BaseModel):
             likely_cause=self.likely_cause or None,
             search=self.search or None,
             retired=RETIRED[self.retired or "false"],
+            open_order={"true": True, "false": False}.get(self.open_order),
             audit_id=identifier(self.audit_id) if self.audit_id else None,
         )
 
@@ -126,6 +129,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         backend.clock,
         rows=found.rows,
         run=run,
+        most_reports=MOST_TOGETHER,
         counted=reliability.count(backend, asked),
         asked=asked_words(asked),
         last_nights=nights(backend, listed, asked.audit_id),

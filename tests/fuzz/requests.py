@@ -19,6 +19,7 @@ PAGES_QUERY = (
     "verdict",
     "reliability",
     "likely_cause",
+    "open_order",
     "audit_id",
     "sort",
     "cursor",

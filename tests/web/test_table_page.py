@@ -67,7 +67,7 @@ def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
     monkeypatch.setattr(pages, "ROWS_A_PAGE", 2)
     assert counted("sort=loop") == '<b>3</b> loops <span class="weak">(2 on this page)</span>'
     asked = RowFilter(("stiction",), "reliable", "U1", owner="crew", min_probability=0.5)
-    of_these = "of unit U1; looked after by crew; probability of 0.5 or more"
+    of_these = "probability of 0.5 or more; of unit U1; looked after by crew"
     assert asked_words(asked) == f"valve sticks; rely on it; {of_these}"
 
 
