@@ -24,8 +24,9 @@ from app.services.stating.loop_list import written
 
 router = APIRouter(tags=["loops"])
 
-Search = Annotated[str | None, Query(max_length=200, description="Part of a tag.")]
+Search = Annotated[str | None, Query(max_length=200, description="Part of a tag, of a description or of an owner.")]
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
+Owner = Annotated[str | None, Query(max_length=200, description="Who looks after the loops.")]
 Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
 WhichRetired = Literal["true", "false", "any"]
 Retired = Annotated[WhichRetired, Query(description="true: retired loops; false: those that are not; any: both.")]
@@ -44,6 +45,7 @@ def loops(
     limit: Limit = 100,
     cursor: Cursor = None,
     unit: Unit = None,
+    owner: Owner = None,
     search: Search = None,
     retired: Retired = "any",
     format_: Form = "json",
@@ -51,7 +53,7 @@ def loops(
     """As CSV all of them at once, whatever `limit` and `cursor` say, to be changed in a spreadsheet and sent back
     (`PATCH /v1/loops`); it begins with the byte order mark by which spreadsheets know UTF-8.
     """
-    wanted = ListFilter(unit, search, RETIRED[retired])
+    wanted = ListFilter(unit, owner, search, RETIRED[retired])
     if format_ == "json":
         return list_loops(backend, limit, cursor, wanted)
     headers = {"Content-Disposition": 'attachment; filename="loops.csv"'}

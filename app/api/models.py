@@ -86,6 +86,7 @@ class LoopOut(Read):
     unit: str | None = Field(description="Plant unit or area that it belongs to.")
     type: str | None = Field(description="flow, pressure, level, temperature, ...")
     description: str | None = Field(description="What it controls, in words.")
+    owner: str | None = Field(description="Who looks after it: a person, a crew, a group.")
     importance: float = Field(description="Weight in rankings; 1 is usual.")
     pv_unit: str | None = Field(description="Engineering unit of PV and SP.")
     pv_low: float | None = Field(description="Low end of PV's span, in the unit of PV.")
@@ -119,6 +120,7 @@ class LoopPatch(BaseModel):
         description=f"{', '.join(KNOWN_TYPES)}, or one that the plant's mapping gave to a loop.",
     )
     description: Name | None = Field(None, description="What it controls, in words.")
+    owner: Name | None = Field(None, description="Who looks after it: a person, a crew, a group.")
     importance: Annotated[float, Field(ge=0, le=MOST_IMPORTANT)] = Field(
         1.0, description="Weight in rankings; 1 is usual."
     )

@@ -54,8 +54,49 @@ def parted(given: Any) -> Any:
     return [value.strip() for one in given for value in one.split(",")]
 
 
-class TableQuery(BaseModel):
-    """Which rows, in which order; all filters that are given must hold."""
+class RowFilters(BaseModel):
+    """Which rows; all filters that are given must hold."""
+
+    verdict: Annotated[list[VerdictName], BeforeValidator(parted)] = Field(
+        [], description="Only these verdicts; may be given several times, or several with commas between."
+    )
+    reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
+    table2_reading: ReadingName | None = Field(None, description="Only this reading of table 2.")
+    unit: str | None = Field(None, max_length=200, description="Only loops of this plant unit.")
+    type: str | None = Field(None, max_length=200, description="Only loops of this type.")
+    owner: str | None = Field(None, max_length=200, description="Only loops that this owner looks after.")
+    likely_cause: str | None = Field(None, max_length=100, description="Only this likely cause.")
+    min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
+    open_order: bool | None = Field(
+        None, description="true: with a work order that no repair was stated since; false: without one."
+    )
+    audit_id: str | None = Field(None, max_length=40, description="The verdicts of this run instead of the newest.")
+    search: str | None = Field(None, max_length=200, description="Part of a tag, of a description or of an owner.")
+    retired: WhichRetired | None = Field(
+        None,
+        description="true: loops that are retired; false: those that are not; any: both. None: false, or with "
+        "audit_id any: what a run found stays.",
+    )
+
+    def filters(self) -> service.RowFilter:
+        names = (
+            "reliability",
+            "unit",
+            "type",
+            "owner",
+            "likely_cause",
+            "table2_reading",
+            "min_probability",
+            "open_order",
+        )
+        given = {name: getattr(self, name) for name in (*names, "search")}
+        run = None if self.audit_id is None else identifier(self.audit_id)
+        retired = RETIRED[self.retired or ("false" if run is None else "any")]
+        return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)
+
+
+class TableQuery(RowFilters):
+    """Which rows, in which order."""
 
     limit: int = Field(1000, ge=1, le=service.MOST_ROWS, description="Rows a page.")
     cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")
@@ -71,22 +112,6 @@ class TableQuery(BaseModel):
     byte_order_mark: bool = Field(
         False, description="As CSV: begins with the mark by which spreadsheets know UTF-8; programs want none."
     )
-    verdict: Annotated[list[VerdictName], BeforeValidator(parted)] = Field(
-        [], description="Only these verdicts; may be given several times, or several with commas between."
-    )
-    reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
-    table2_reading: ReadingName | None = Field(None, description="Only this reading of table 2.")
-    unit: str | None = Field(None, max_length=200, description="Only loops of this plant unit.")
-    type: str | None = Field(None, max_length=200, description="Only loops of this type.")
-    likely_cause: str | None = Field(None, max_length=100, description="Only this likely cause.")
-    min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
-    audit_id: str | None = Field(None, max_length=40, description="The verdicts of this run instead of the newest.")
-    search: str | None = Field(None, max_length=200, description="Part of a tag.")
-    retired: WhichRetired | None = Field(
-        None,
-        description="true: loops that are retired; false: those that are not; any: both. None: false, or with "
-        "audit_id any: what a run found stays.",
-    )
 
     @property
     def taken_apart(self) -> bool:
@@ -96,13 +121,6 @@ class TableQuery(BaseModel):
     @property
     def page(self) -> dict[str, Any]:
         return {"limit": self.limit, "cursor": self.cursor, "sort": self.sort, "filters": self.filters()}
-
-    def filters(self) -> service.RowFilter:
-        names = ("reliability", "unit", "type", "likely_cause", "table2_reading", "min_probability", "search")
-        given = {name: getattr(self, name) for name in names}
-        run = None if self.audit_id is None else identifier(self.audit_id)
-        retired = RETIRED[self.retired or ("false" if run is None else "any")]
-        return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)
 
     def wanted_columns(self) -> tuple[str, ...] | None:
         """Raises RequestError where a column is not there."""

@@ -12,8 +12,8 @@ MappingOption = Annotated[
     typer.Option(
         "--mapping",
         help="CSV or JSON that says which tag is which signal of which loop: columns tag, loop, signal (PV, OP, SP, "
-        "MODE or OTHER) and, where known, unit, low, high, loop_type, area, description. A tag that is not named in "
-        "it is grouped by its name.",
+        "MODE or OTHER) and, where known, unit, low, high, loop_type, area, description, owner. A tag that is not "
+        "named in it is grouped by its name.",
     ),
 ]
 

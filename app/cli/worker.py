@@ -64,10 +64,10 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
 
 def refuse_standstill(settings: "Settings") -> None:
     """A worker that hears nothing looks alive to everyone but the data base: loops wait, and nobody gives a sign."""
-    from app.services.upkeep.metrics import standstill_s
+    from app.services.auditing.standing_still import stands_still_s
 
     with opened(settings, migrates=False) as backend:
-        silent_s = standstill_s(backend)
-    if silent_s > 10 * settings.stalled_s:
+        silent_s = stands_still_s(backend)
+    if silent_s:
         raise RequestError("standstill", f"loops wait, and no worker gave a sign for {silent_s:.0f} s")
     say("loopaudit: work goes on, or there is none")

@@ -22,6 +22,7 @@ class Loop(Answer):
     unit: str | None
     type: str | None
     description: str | None
+    owner: str | None
     importance: float
     pv_unit: str | None
     pv_low: float | None

@@ -23,7 +23,7 @@ def list_loops(
     cursor: str | None = None,
     wanted: ListFilter | None = None,
 ) -> Page[LoopView]:
-    """Loops in the order of their tags; `search` of the filter is a part of the tag."""
+    """Loops in the order of their tags; `search` of the filter is a part of the tag, the description or the owner."""
     after = decode(cursor, (str,))
     with backend.database.read() as connection:
         rows = loops.page(connection, limit + 1, after[0] if after else None, wanted)

@@ -79,6 +79,7 @@ class LoopView:
     unit: str | None
     type: str | None
     description: str | None
+    owner: str | None
     importance: float
     pv_unit: str | None
     pv_low: float | None

@@ -141,6 +141,8 @@ def _sqlite(url: URL, *, writes: bool) -> Engine:
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = FULL")
         connection.execute("PRAGMA mmap_size = 0")
+        # SQLite's own knows no letters but those of ASCII: who looks for "öl" would not find "Ölpumpe".
+        connection.create_function("lower", 1, _lower, deterministic=True)
         if not writes:
             connection.execute("PRAGMA query_only = ON")
 
@@ -150,6 +152,10 @@ def _sqlite(url: URL, *, writes: bool) -> Engine:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
     return engine
+
+
+def _lower(text: str | None) -> str | None:
+    return None if text is None else text.lower()
 
 
 def _make_private(name: str) -> None:

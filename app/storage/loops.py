@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, Select, bindparam, func, select, update
+from sqlalchemy import ColumnElement, Connection, Select, bindparam, func, or_, select, update
 
 from app.storage.bulk import among, from_arrays, insert_new_rows
 from app.storage.locks import Lock, hold
@@ -16,6 +16,7 @@ SETTABLE = (
     "unit",
     "type",
     "description",
+    "owner",
     "importance",
     "pv_unit",
     "pv_low",
@@ -39,6 +40,7 @@ class LoopRow:
     unit: str | None
     type: str | None
     description: str | None
+    owner: str | None
     importance: float
     pv_unit: str | None
     pv_low: float | None
@@ -141,6 +143,7 @@ class ListFilter:
     """Which loops to list: all that are given must hold. retired: None, whether they are retired or not."""
 
     unit: str | None = None
+    owner: str | None = None
     search: str | None = None
     retired: bool | None = None
 
@@ -155,11 +158,19 @@ def page(
         query = query.where(loops.c.tag > after_tag)
     if wanted.unit is not None:
         query = query.where(loops.c.unit == wanted.unit)
+    if wanted.owner is not None:
+        query = query.where(loops.c.owner == wanted.owner)
     if wanted.search:
-        query = query.where(loops.c.tag.icontains(wanted.search, autoescape=True))
+        query = query.where(found_by(wanted.search))
     if wanted.retired is not None:
         query = query.where(loops.c.retired if wanted.retired else IN_SERVICE)
     return [LoopRow(*row) for row in connection.execute(query)]
+
+
+def found_by(words: str) -> ColumnElement[bool]:
+    """Whether these words are a part of a loop's tag, of what it controls, or of who looks after it."""
+    looked_at = (loops.c.tag, loops.c.description, loops.c.owner)
+    return or_(*(column.icontains(words, autoescape=True) for column in looked_at))
 
 
 def change(connection: Connection, loop_id: int, changes: dict[str, Any]) -> None:
@@ -224,6 +235,12 @@ def count_retired(connection: Connection) -> int:
 def types(connection: Connection) -> list[str]:
     """The types that loops of the plant have."""
     query = select(loops.c.type).where(loops.c.type.is_not(None)).distinct().order_by(loops.c.type)
+    return list(connection.scalars(query))
+
+
+def owners(connection: Connection) -> list[str]:
+    """Who looks after the loops in service."""
+    query = select(loops.c.owner).where(loops.c.owner.is_not(None), IN_SERVICE).distinct().order_by(loops.c.owner)
     return list(connection.scalars(query))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, Connection, FromClause, and_, insert, or_, select, true, update
+from sqlalchemy import ColumnElement, Connection, FromClause, and_, exists, func, insert, or_, select, true, update
 
 from app.storage.bulk import among_many
 from app.storage.tables import loops, notes
@@ -102,6 +102,15 @@ def standing(connection: Connection, tags: Iterable[str], at: datetime | None = 
         repair = (repaired_at, order) if repaired_at and counts else (before.repaired_at, before.repair_order)
         found[tag] = Standing(order, *repair)
     return {tag: one for tag, one in found.items() if one != Standing()}
+
+
+def has_open_order() -> ColumnElement[bool]:
+    """Of a loop: a work order was written, and no repair that stands was stated with it or after it."""
+    order, repair = notes.alias("order_note"), notes.alias("repair_note")
+    repaired = (repair.c.loop_id == loops.c.id, repair.c.repaired_at.is_not(None), stands(repair))
+    last_repair = select(func.max(repair.c.id)).where(*repaired).correlate(loops).scalar_subquery()
+    written = (order.c.loop_id == loops.c.id, order.c.work_order != "", order.c.id > func.coalesce(last_repair, 0))
+    return exists().where(*written).correlate(loops)
 
 
 def repairs_stated_last(connection: Connection, loop_ids: Iterable[int]) -> dict[int, datetime]:

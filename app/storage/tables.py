@@ -128,6 +128,7 @@ loops = Table(
     Column("unit", Text),
     Column("type", Text),
     Column("description", Text),
+    Column("owner", Text),  # who looks after it: a person, a crew, a group
     Column("importance", Float, nullable=False, server_default="1"),
     Column("pv_unit", Text),
     Column("pv_low", Float),

@@ -23,8 +23,9 @@ from sqlalchemy import (
 
 from app.storage.bulk import among, among_many
 from app.storage.json_texts import short_json
-from app.storage.loops import IN_SERVICE, retired
+from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
+from app.storage.notes import has_open_order
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
@@ -33,12 +34,13 @@ SORTABLE = {column.name: column for column in ROW if column.name != "reasons_tex
     "loop": loops.c.tag,
     "unit": loops.c.unit,
     "type": loops.c.type,
+    "owner": loops.c.owner,
     "importance": loops.c.importance,
     "recorded_to": loops.c.newest_ns,
     "priority": priority(verdicts).label("priority"),
 }
 """What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
-OF_LOOPS = ("loop", "unit", "type", "importance", "recorded_to")
+OF_LOOPS = ("loop", "unit", "type", "owner", "importance", "recorded_to")
 KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
 QUICK = (
     {name: SORTABLE[name] for name in OF_LOOPS}
@@ -55,12 +57,13 @@ LONGEST_DETAIL = 64 << 20
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
     of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
-    tags: of these alone."""
+    open_order: whether a work order is written that no repair was stated since; tags: of these alone."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
     unit: str | None = None
     type: str | None = None
+    owner: str | None = None
     likely_cause: str | None = None
     table2_reading: str | None = None
     min_probability: float | None = None
@@ -70,6 +73,7 @@ class RowFilter:
     recorded_from_ns: int | None = None
     recorded_before_ns: int | None = None
     left_out: tuple[int, ...] = ()
+    open_order: bool | None = None
     tags: tuple[str, ...] | None = None
 
 
@@ -190,6 +194,13 @@ def table(
     query = _select().add_columns(page.c.sorted_by).select_from(_with_run(page.join(_OF_LOOPS, mine)))
     query = query.order_by(*_order(page.c.sorted_by, descending))
     return [_dict(row) for row in connection.execute(query).mappings()]
+
+
+def count(connection: Connection, wanted: RowFilter) -> int:
+    """How many rows `table` has in all."""
+    quick = wanted.audit_id is None
+    query = select(func.count()).select_from(NEWEST_ROWS if quick else _rows_of(wanted))
+    return connection.scalar(query.where(*_conditions(wanted, QUICK if quick else SORTABLE))) or 0
 
 
 def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
@@ -405,7 +416,7 @@ def _rows_of(wanted: RowFilter) -> Any:
 
 
 def _select() -> Select[Any]:
-    of_loop = [SORTABLE[name] for name in ("unit", "type", "importance", "recorded_to", "priority")]
+    of_loop = [SORTABLE[name] for name in ("unit", "type", "owner", "importance", "recorded_to", "priority")]
     of_run = (audits.c.created_at.label("run_begun"), audits.c.newest_ns.label("run_newest_ns"))
     return select(
         loops.c.tag, loops.c.description, *of_loop, *of_run, verdicts.c.input_end_ns, verdicts.c.extra_json, *ROW
@@ -423,7 +434,7 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
         conditions.append(loops.c.retired if wanted.retired else IN_SERVICE)
     if wanted.verdict is not None:
         conditions.append(columns["verdict"].in_(wanted.verdict))
-    for name in ("reliability", "unit", "type", "likely_cause", "table2_reading"):
+    for name in ("reliability", "unit", "type", "owner", "likely_cause", "table2_reading"):
         value = getattr(wanted, name)
         if value is not None:
             conditions.append(columns[name] == value)
@@ -432,10 +443,12 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
     conditions += _by_newest_sample(wanted)
     if wanted.left_out:
         conditions.append(loops.c.id.not_in(wanted.left_out))
+    if wanted.open_order is not None:
+        conditions.append(has_open_order() if wanted.open_order else ~has_open_order())
     if wanted.tags is not None:
         conditions.append(loops.c.tag.in_(wanted.tags))
     if wanted.search:
-        conditions.append(loops.c.tag.icontains(wanted.search, autoescape=True))
+        conditions.append(found_by(wanted.search))
     return conditions
 
 

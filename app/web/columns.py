@@ -24,6 +24,7 @@ COLUMNS: Mapping[str, Column] = {
     "unit": Column("Unit", "text"),
     "type": Column("Type", "text"),
     "description": Column("Description", "text", 1, None),
+    "owner": Column("Owner", "text"),
     "verdict": Column("Verdict", "verdict"),
     "reliability": Column("Rely on it?", "reliability"),
     "health": Column("Health", "health"),

@@ -28,6 +28,12 @@ HEADINGS = {
     504: "It is not known whether this was done",
     507: "The disk of the service is full",
 }
+HEADING_BY_CODE = {
+    "unknown_loop": "There is no such loop",
+    "unknown_audit": "There is no such run",
+    "unknown_upload": "There is no such file",
+    "not_audited": "Nothing has been said of it yet",
+}
 NEXT = {
     401: "Log in with a key of yours, or ask whoever runs this service for one.",
     403: "Ask whoever runs this service for a key with the role that this needs.",
@@ -69,7 +75,7 @@ def error_page(problem: Mapping[str, Any]) -> HTMLResponse:
     status, code = int(problem["status"]), problem["code"]
     found = page(
         "error.html",
-        heading=HEADINGS.get(status, problem["title"]),
+        heading=HEADING_BY_CODE.get(code) or HEADINGS.get(status, problem["title"]),
         detail=DETAIL_BY_CODE.get(code, problem["detail"]),
         next_step=NEXT_BY_CODE.get(code) or NEXT.get(status, TRY_AGAIN),
         form_page=form_page(problem["instance"]),

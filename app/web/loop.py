@@ -186,6 +186,7 @@ def settings(
     unit: Field = "",
     type: Field = "",
     description: Field = "",
+    owner: Field = "",
     pv_unit: Field = "",
     pv_low: Field = "",
     pv_high: Field = "",
@@ -196,7 +197,8 @@ def settings(
     continues: Field = "",
     version: Field = "",
 ) -> Response:
-    words = {"unit": unit, "type": type, "description": description, "pv_unit": pv_unit, "continues": continues}
+    words = {"unit": unit, "type": type, "description": description, "owner": owner}
+    words |= {"pv_unit": pv_unit, "continues": continues}
     spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
     numbers, wrong = _numbers({"importance": importance, **spans})
     stated = {"moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}

@@ -10,7 +10,9 @@ from starlette.responses import FileResponse, JSONResponse
 
 from app.engine.plant_wide.groups import IN_STEP
 from app.http.backend import Services
+from app.services.auditing.audits import get_audit
 from app.services.cursors import LONGEST as LONGEST_CURSOR
+from app.services.cursors import identifier
 from app.services.loops import RETIRED
 from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
@@ -23,6 +25,8 @@ from app.services.plant.nights import nights
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter
 from app.services.plant.worst import listed_first, worst_of_old
+from app.services.reports.documents import MOST_TOGETHER
+from app.services.telling.asked_wording import asked_words
 from app.services.telling.next_steps import OF_NO_VERDICT
 from app.services.telling.wording import CAUSE_WORDS
 from app.web import loop, loop_list, runs, uploads
@@ -46,10 +50,13 @@ class TableForm(BaseModel):
 
     search: str = Field("", max_length=200)
     unit: str = Field("", max_length=200)
+    owner: str = Field("", max_length=200)
     verdict: str = Field("", max_length=40)
     reliability: str = Field("", max_length=40)
     likely_cause: str = Field("", max_length=100)
     retired: Literal["", "false", "true", "any"] = ""
+    open_order: Literal["", "true", "false"] = ""
+    audit_id: str = Field("", max_length=40)
     sort: str = Field("-priority", max_length=60)
     cursor: str = Field("", max_length=LONGEST_CURSOR)
     column: list[str] = Field([], max_length=len(COLUMNS))
@@ -57,17 +64,20 @@ class TableForm(BaseModel):
     @property
     def narrows(self) -> bool:
         """Whether a loop that has a verdict may be left out, but for one that is retired."""
-        asked = (self.search, self.unit, self.verdict, self.reliability, self.likely_cause, self.cursor)
-        return any(asked) or self.retired == "true"
+        words = (self.search, self.unit, self.owner, self.verdict, self.reliability, self.likely_cause)
+        return any((*words, self.open_order, self.audit_id, self.cursor)) or self.retired == "true"
 
     def filters(self) -> RowFilter:
         return RowFilter(
             verdict=(self.verdict,) if self.verdict else None,
             reliability=self.reliability or None,
             unit=self.unit or None,
+            owner=self.owner or None,
             likely_cause=self.likely_cause or None,
             search=self.search or None,
             retired=RETIRED[self.retired or "false"],
+            open_order={"true": True, "false": False}.get(self.open_order),
+            audit_id=identifier(self.audit_id) if self.audit_id else None,
         )
 
 
@@ -101,23 +111,35 @@ def tiles(backend: Services, unit: Annotated[str | None, Query(max_length=200)] 
     return JSONResponse(plants.tiles(backend) if unit is None else plants.unit_tiles(backend, unit or None))
 
 
+@router.get("/plant/course")
+def plant_course(backend: Services) -> HTMLResponse:
+    """How many valves stick night by night, for the page of the plant, which does not wait for it."""
+    return page("_course.html", backend.clock, course=course(backend))
+
+
 @router.get("/table")
 def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLResponse:
     names = [name for name in form.column if name in COLUMNS] or list(USUAL)
-    found = reliability.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, form.filters())
+    run, asked = get_audit(backend, form.audit_id) if form.audit_id else None, form.filters()
+    found = reliability.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, asked)
     listed = [row["loop"] for row in found.rows]
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
     return page(
         "table.html",
         backend.clock,
         rows=found.rows,
-        last_nights=nights(backend, listed),
-        judged=judged(backend, listed),
+        run=run,
+        most_reports=MOST_TOGETHER,
+        counted=reliability.count(backend, asked),
+        asked=asked_words(asked),
+        last_nights=nights(backend, listed, asked.audit_id),
+        judged=judged(backend, listed, asked.audit_id),
         next_cursor=found.next_cursor,
         form=form,
         names=names,
         columns=COLUMNS,
         units=plants.unit_names(backend),
+        owners=plants.owner_names(backend),
         causes=sorted(map(cause_to_ask_for, CAUSE_WORDS), key=lambda cause: cause[1].casefold()),
         address=query_without(told),
         told=told,

@@ -12,7 +12,20 @@ from tests.fuzz import hostile
 from tests.fuzz.seeds import seeds
 
 # Fields of forms and queries of the pages, which no schema lists.
-PAGES_QUERY = ("search", "unit", "verdict", "reliability", "likely_cause", "sort", "cursor", "column", "next")
+PAGES_QUERY = (
+    "search",
+    "unit",
+    "owner",
+    "verdict",
+    "reliability",
+    "likely_cause",
+    "open_order",
+    "audit_id",
+    "sort",
+    "cursor",
+    "column",
+    "next",
+)
 PAGES_FORM = (
     *(
         "key",
@@ -25,6 +38,7 @@ PAGES_FORM = (
         "unit",
         "type",
         "description",
+        "owner",
         "pv_unit",
     ),
     *("pv_low", "pv_high", "op_low", "op_high", "mapping", "file"),

@@ -89,6 +89,18 @@ def test_it_is_said_in_the_loop_list(renamed: Backend) -> None:
     assert loops.get_loop(renamed, "FIC-101A").unit == "U1"
 
 
+def test_the_letters_of_tags_may_be_great_or_small(renamed: Backend) -> None:
+    assert properties.patch_loop(renamed, "fic-101a", {"continues": " fic101 "}).continues == "FIC101"
+    assert loops.get_loop(renamed, "FIC101").retired
+    properties.patch_loop(renamed, "FIC-101A", {"continues": None})
+    done = take(renamed, read(b"tag,continues,unit\nfic-101a,fic101,\nFic102,,U7\nFIC102,,U8\n"))
+    assert (done.changed, [(one.loop, one.code) for one in done.refused]) == (2, [("FIC102", "named_twice")])
+    assert loops.get_loop(renamed, "FIC-101A").continues == "FIC101"
+    assert loops.get_loop(renamed, "FIC102").unit == "U7"
+    with pytest.raises(FieldError):
+        properties.patch_loop(renamed, "FIC-101A", {"continues": "fic-101A"})
+
+
 @pytest.mark.parametrize("earlier", ["FIC-101A", "NOWHERE", "half \ud83d"])
 def test_a_loop_that_there_is_not_is_not_continued(renamed: Backend, earlier: str) -> None:
     with pytest.raises(FieldError) as refused:

@@ -121,6 +121,8 @@ def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
     assert first.shelved in plant_report(judged)
     notes.add_note(judged, "A", "ordered again", "WO-18")
     assert work_list(judged, shelf(judged))[0].facts.endswith("; work order WO-18")
+    patch_loop(judged, "A", {"owner": "crew A"})
+    assert work_list(judged, shelf(judged))[0].facts.endswith("; work order WO-18; looked after by crew A")
 
 
 def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backend) -> None:

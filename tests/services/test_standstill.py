@@ -10,11 +10,13 @@ from app.cli.worker import refuse_standstill
 from app.errors import RequestError
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
+from app.services.auditing.run_figures import run_figures
+from app.services.auditing.standing_still import standstill_s
 from app.services.backend import Backend
 from app.services.explaining.explanations import ask
 from app.services.intake.uploads import receive
+from app.services.plant.newest_run import newest_run
 from app.services.upkeep import doctor
-from app.services.upkeep.metrics import standstill_s
 from app.services.upkeep.sweep import sweep
 from app.storage import deliveries, explanations, items, uploads
 from app.storage.audits import to_announce
@@ -102,6 +104,15 @@ def test_a_worker_that_could_call_nobody_has_given_a_sign(
     assert standstill_s(backend) < 60.0
     with backend.database.write() as connection:
         assert to_announce(connection, backend.settings.stalled_s) == [old_run]
+
+
+def test_who_waits_for_a_run_that_nobody_works_on_is_told_so(backend: Backend, old_run: int) -> None:
+    told = "Nobody works on it: for 20 minutes no worker gave a sign."
+    assert run_figures(backend, str(old_run)).nobody_works.startswith(told)
+    assert f" goes on, 0 of 2 loops are audited. {told}" in newest_run(backend).words
+    holds_a_loop(backend, old_run)
+    assert run_figures(backend, str(old_run)).nobody_works == ""
+    assert newest_run(backend).words.endswith("0 of 2 loops are audited")
 
 
 def test_a_standstill_is_told_to_health_checks(backend: Backend, old_run: int) -> None:

@@ -22,7 +22,7 @@ def test_all_of_them_are_listed_with_what_a_work_order_needs(backend: Backend, a
     notes.add_note(backend, "B", "ordered", "WO-7", None, "somebody")
     found = sticking(backend, shelf(backend), 5)
     assert [(unit, [one.loop for one in valves]) for unit, valves in found.units] == [("U1", ["B", "A"]), (None, ["E"])]
-    assert (found.units[0][1][0].description, found.units[0][1][0].row["work_order"]) == ("Reflux", "WO-7")
+    assert (found.units[0][1][0].row["description"], found.units[0][1][0].row["work_order"]) == ("Reflux", "WO-7")
     assert found.more == 2
     assert sticking(backend, shelf(backend), 3, most=1).more == 2
     html = plant_report(backend)

@@ -99,12 +99,13 @@ def test_a_file_that_is_no_export_fails_with_its_reason(backend: Backend) -> Non
 
 
 def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) -> None:
-    header = b"tag,loop,signal,unit,low,high,loop_type,area\n"
-    mapping = header + b"FIC1.PV,FIC-900,PV,t/h,0,120,flow,\nFIC1.OP,FIC-900,OP,%,0,100,,U9\n"
+    header = b"tag,loop,signal,unit,low,high,loop_type,area,description,owner\n"
+    mapping = header + b"FIC1.PV,FIC-900,PV,t/h,0,120,flow,,Feed,\nFIC1.OP,FIC-900,OP,%,0,100,,U9,,crew A\n"
     done = read(backend, send(backend, export(), options=ReadingOptions(mapping=mapping)))
     assert "FIC-900" in done.loops
     loop = loops.get_loop(backend, "FIC-900")
     assert (loop.type, loop.unit, loop.pv_unit, loop.pv_high, loop.op_low) == ("flow", "U9", "t/h", 120.0, 0.0)
+    assert (loop.description, loop.owner) == ("Feed", "crew A")
 
 
 def test_a_unit_in_the_heading_holds_where_nobody_says_another(backend: Backend) -> None:

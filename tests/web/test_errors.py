@@ -9,7 +9,7 @@ from markupsafe import escape
 from app.main import create_app
 from app.services.access.identity import Role
 from app.services.access.keys import create_key
-from app.web.errors import HEADINGS, error_page, form_page
+from app.web.errors import HEADING_BY_CODE, HEADINGS, error_page, form_page
 from tests.web.conftest import HOSTILE_PAGE
 
 BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
@@ -21,7 +21,7 @@ def told(answer: httpx.Response, status: int, code: str) -> str:
     assert answer.status_code == status, answer.text[:300]
     assert answer.headers["content-type"].startswith("text/html")
     assert answer.headers["content-security-policy"]
-    assert HEADINGS[status] in answer.text
+    assert HEADING_BY_CODE.get(code, HEADINGS[status]) in answer.text
     assert f"<code>{code}</code>" in answer.text
     assert f"request <code>{answer.headers['x-request-id']}</code>" in answer.text
     assert '<a href="/">' in answer.text

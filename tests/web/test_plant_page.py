@@ -7,7 +7,8 @@ from app.services.plant import groups
 from app.services.plant.changes import Changes
 from app.services.plant.judged import Judged, ToManual
 from app.services.plant.nights import Night
-from app.services.results import ChangeView
+from app.services.results import ChangeView, NightOfUnit
+from app.services.results import Night as Course
 from app.web import loop as loop_page
 from app.web import pages
 from tests.web.conftest import HOSTILE, seen
@@ -40,12 +41,29 @@ def test_a_plant_says_how_old_its_records_are(client):
     assert [row["loop"] for row in second["rows"]] == ["FIC101"]
 
 
+def test_the_course_of_the_plant_comes_apart_from_its_page(client, monkeypatch):
+    assert 'data-url="/plant/course"' in client.get("/").text
+    assert "One night so far" in client.get("/plant/course").text
+    nights = [
+        Course(f"2026-03-0{day}", str(day), 300, sticking, 81.2, 4, (NightOfUnit("U1", sticking),))
+        for day, sticking in ((1, 0), (2, 12), (3, 1))
+    ]
+    monkeypatch.setattr(pages, "course", lambda _: nights)
+    html = client.get("/plant/course").text
+    assert html.count("<li>") == 3
+    assert 'aria-label="2026-03-02: 12 valves stick, of 300 loops audited; health 81"' in html
+    assert 'aria-label="2026-03-03: 1 valve sticks, of' in html
+    assert '<rect width="10" y="0.0" height="100.0"/>' in html
+    monkeypatch.setattr(pages, "course", lambda _: [])
+    assert "No night so far" in client.get("/plant/course").text
+
+
 @pytest.mark.parametrize("path", ["/", "/table", "/loops/FIC101"])
 def test_the_last_nights_stand_behind_a_verdict(client, monkeypatch, path):
     assert 'class="nights"' not in client.get(path).text  # of one night there is no course
     told = (Night("2026-03-01", "no_stiction", "reliable"), Night("2026-03-02", "stiction", "not_reliable"))
     for module, name in ((pages, "nights"), (loop_page, "nights_of")):
-        monkeypatch.setattr(module, name, lambda _, tags: dict.fromkeys(tags, told))
+        monkeypatch.setattr(module, name, lambda _, tags, until=None: dict.fromkeys(tags, told))
     html = client.get(path).text
     assert '<span class="no_stiction">–</span><span class="stiction unsure">S</span>' in html
     assert "2026-03-01 no stiction (rely on it); 2026-03-02 valve sticks (look first)" in html

@@ -26,6 +26,7 @@ from app.services.stating.notes import add_note, end_shelving
 from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import next_step
 from app.storage import loops
+from tests.web.conftest import TAGS
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 VOID = {"meta", "link", "br", "input", "hr", "img", "rect", "line", "path", "circle"}
@@ -72,6 +73,29 @@ def test_a_report_says_what_to_do_next(two_nights):
 
 def of_loop(backend) -> str:
     return reports.loop_report(backend, HOSTILE)
+
+
+def of_all(backend) -> str:
+    return reports.loop_reports(backend)
+
+
+def test_reports_of_many_loops_are_those_that_a_filter_leaves(two_nights, client):
+    whole = words_of(of_all(two_nights))
+    assert f"reports of {len(TAGS)} loops" in whole
+    assert all(whole.count(tag) >= 2 for tag in TAGS), "in the list, and over its report"
+    assert whole.count("What to do:") == len(TAGS)
+    assert whole.count("What the figures mean") == 1
+    first = words_of(reports.loop_reports(two_nights, sort="-loop", most=1))
+    assert "reports of 1 loop 3 loops. Here are the first 1 ; a narrower filter, by unit or owner," in first
+    assert "LIC7" in first
+    some = client.get("/v1/reports", params={"search": "fic"})
+    assert re.fullmatch(r'attachment; filename="plant-loops-[\d-]+\.html"', some.headers["content-disposition"])
+    assert "LIC7" not in some.text
+    assert "1 loop: with “fic” in tag, description or owner." in words_of(some.text)
+    assert "No loop fits." in client.get("/v1/reports", params={"unit": "elsewhere"}).text
+    assert client.get("/v1/reports", params={"limit": 51}).status_code == 422
+    assert client.get("/v1/reports", params={"audit_id": "777"}).status_code == 404
+    assert client.get("/v1/reports", params={"sort": "nonsense"}).status_code == 400
 
 
 @pytest.mark.parametrize("make", [of_loop, reports.plant_report])

@@ -1,11 +1,16 @@
 """The page of the reliability table: sorted, filtered, with columns to choose, and exported."""
 
+import re
+
 import pytest
 from sqlalchemy import select, update
 
 from app.main import create_app
 from app.services.cursors import LONGEST
+from app.services.telling.asked_wording import asked_words
 from app.storage.tables import loops as stored_loops
+from app.storage.verdicts import RowFilter
+from app.web import pages
 from app.web.columns import COLUMNS
 from tests.web.conftest import seen
 
@@ -17,6 +22,53 @@ def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(cli
     assert "Yper, %" in found.texts
     assert "/v1/reliability?search=fic&sort=loop&format=csv&columns=all&limit=20000" in found.links
     assert client.get("/v1/reliability?search=fic&sort=loop&format=csv&columns=all&limit=20000").text.count("\n") == 2
+
+
+def test_what_a_loop_is_and_whose_stands_on_its_pages_and_is_found(client):
+    assert 'name="owner"' not in client.get("/table").text
+    told = {"description": "Reflux <b-evil>", "owner": "crew & A"}
+    client.patch("/v1/loops/FIC101", json=told).raise_for_status()
+    try:
+        page = seen(client, "/table?search=reflux")
+        assert ("/loops/FIC101" in page.links, "/loops/LIC7" in page.links) == (True, False)
+        assert "Reflux <b-evil>" in page.texts
+        assert "Reflux <b-evil>" in seen(client, "/").texts
+        assert "Reflux <b-evil>" in [text.strip() for text in seen(client, "/table?column=description").texts]
+        found = seen(client, "/table?owner=crew+%26+A&column=owner")
+        assert [link for link in found.links if link.startswith("/loops/")] == ["/loops/FIC101"]
+        assert "/v1/reports?owner=crew+%26+A&sort=-priority" in found.links
+        loop = seen(client, "/loops/FIC101")
+        assert "/table?owner=crew%20%26%20A" in loop.links
+        for report in ("/v1/loops/FIC101/report", "/v1/reports?search=reflux"):
+            assert "crew &amp; A" in client.get(report).text
+    finally:
+        client.patch("/v1/loops/FIC101", json=dict.fromkeys(told)).raise_for_status()
+
+
+def test_the_table_is_of_a_run_where_that_is_asked(client):
+    run = seen(client, "/runs/1")
+    assert "/table?audit_id=1&verdict=stiction" in run.links
+    page = seen(client, "/table?audit_id=1&sort=loop")
+    assert {"/loops/FIC101", "/loops/LIC7", "/runs/1"} <= set(page.links)
+    assert [link for link in page.links if link.startswith("/table?sort=loop&column=unit")], "the newest ones"
+    assert "/v1/reliability?audit_id=1&sort=loop&format=csv&columns=all&limit=20000" in page.links
+    assert any(text.strip() == "of run 1" or "of run 1" in text for text in page.texts)
+    for unknown, status in (("777", 404), ("x", 404)):
+        assert client.get(f"/table?audit_id={unknown}").status_code == status
+
+
+def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
+    def counted(query: str) -> str:
+        return re.search(r'<p id="counted">(.*?)</p>', client.get(f"/table?{query}").text)[1]
+
+    assert counted("") == counted("audit_id=1") == "<b>3</b> loops"
+    assert counted("search=fic") == "<b>1</b> loop: with “fic” in tag, description or owner"
+    assert counted("search=101&retired=any").endswith("owner; retired or not")
+    monkeypatch.setattr(pages, "ROWS_A_PAGE", 2)
+    assert counted("sort=loop") == '<b>3</b> loops <span class="weak">(2 on this page)</span>'
+    asked = RowFilter(("stiction",), "reliable", "U1", owner="crew", min_probability=0.5)
+    of_these = "probability of 0.5 or more; of unit U1; looked after by crew"
+    assert asked_words(asked) == f"valve sticks; rely on it; {of_these}"
 
 
 def test_columns_without_an_order_have_no_link(client):

@@ -8,7 +8,9 @@ from playwright.sync_api import Page, expect
 from app.services.auditing.audits import list_audits
 from app.services.digests.digest import digest_of
 from app.services.digests.telling import as_html
+from app.services.results import Night
 from app.services.stating.notes import add_note
+from app.web import pages
 from tests.web.test_browser import NARROW, narrow, opened, settled, width
 
 __all__ = ["narrow", "opened"]
@@ -35,6 +37,38 @@ def test_units_show_their_health_on_a_narrow_screen(narrow: Page):
     place = health.bounding_box()
     assert place["x"] + place["width"] <= NARROW["width"]
     expect(health.locator("meter")).to_be_visible()
+
+
+def test_the_bars_of_a_fortnight_leave_room_for_their_dates(opened: Page, monkeypatch: pytest.MonkeyPatch):
+    nights = [Night(f"2026-03-{day:02d}", str(day), 300, 100 + day, 80.0, 4, ()) for day in range(1, 15)]
+    monkeypatch.setattr(pages, "course", lambda _: nights)
+    for wide, shown in ((360, 7), (700, 14)):
+        opened.set_viewport_size({"width": wide, "height": 800})
+        opened.goto("/")
+        labels = opened.locator(".course span:visible")
+        expect(labels).to_have_count(shown)
+        assert labels.last.inner_text() == "03-14"
+        assert labels.evaluate_all("all => all.every(one => one.scrollWidth <= one.parentElement.clientWidth)")
+        assert opened.locator(".course").evaluate("list => list.scrollWidth <= list.clientWidth")
+
+
+def test_a_label_without_a_value_is_not_shown_on_a_narrow_screen(narrow: Page):
+    settled(narrow, "/table?column=unit&column=health")
+    cells = narrow.locator("#loops td[data-label=Unit]")
+    assert cells.count() == 3
+    assert not any(cell.is_visible() for cell in cells.all())
+    expect(narrow.locator("#loops td[data-label=Health]").first).to_be_visible()
+
+
+def test_letters_that_turn_the_line_round_leave_the_figures_beside_a_tag_alone(opened: Page):
+    opened.goto("/runs/1")
+    place = """() => {
+      const list = document.createElement("p"), tag = document.createElement("a"), figure = document.createElement("i");
+      tag.href = "/"; tag.textContent = "FIC-1\u202eEVIL"; figure.textContent = "0.15 s";
+      list.append(tag, " ", figure); document.querySelector("main").append(list);
+      return figure.getBoundingClientRect().left >= tag.getBoundingClientRect().right;
+    }"""
+    assert opened.evaluate(place)
 
 
 @pytest.mark.parametrize("wide", [360, 700, 1280])

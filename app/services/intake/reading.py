@@ -250,7 +250,7 @@ def _samples(stretch: LoopSamples) -> Samples:
 
 
 LONGEST_UNIT = 40
-OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description"}
+OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description", "owner": "owner"}
 """What a mapping says of a loop in the rows of its tags: the first row that says it decides."""
 
 

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 from app.services.auditing.audits import whole_run
 from app.services.auditing.nightly import latest_hour, told
+from app.services.auditing.standing_still import nobody_works
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.results import AuditView
@@ -32,6 +33,8 @@ class NewestRun:
 def newest_run(backend: Backend, now: datetime | None = None) -> NewestRun:
     run = whole_run(backend)
     words = "" if run is None else _in_words(run, _any_before(backend, run), backend.clock)
+    if run is not None and not run.ended and (nobody := nobody_works(backend)):
+        words += f". {nobody.removesuffix('.')}"
     return NewestRun(run, words, _missed(backend, run, now or datetime.now(UTC)))
 
 

@@ -10,7 +10,7 @@ from app.services.results import UnitView
 from app.storage import plant
 from app.storage.digests import CountRow
 from app.storage.loops import count as count_loops
-from app.storage.loops import count_retired
+from app.storage.loops import count_retired, owners
 from app.storage.plant import UnitCount
 
 MOST_TILES = 400  # what a browser lays out and paints at once
@@ -95,6 +95,11 @@ def unit_tiles(backend: Backend, unit: str | None) -> dict[str, list[Any]]:
 def unit_names(backend: Backend) -> list[str]:
     with backend.database.read() as connection:
         return plant.units(connection)
+
+
+def owner_names(backend: Backend) -> list[str]:
+    with backend.database.read() as connection:
+        return owners(connection)
 
 
 def _units(counted: Iterable[UnitCount]) -> list[UnitView]:

@@ -20,7 +20,7 @@ from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled, T
 
 MOST_ROWS = 20_000
 PART_ROWS = 500
-OF_LOOP = ("type", "description", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
+OF_LOOP = ("type", "description", "owner", "importance", "priority", "recorded_to")  # of the loop, not of its verdict
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
@@ -70,6 +70,12 @@ def table(
     written = written_of(backend, shown, shelved, notes_until)
     beside = [{"step": written.step(row), "shelved": written.shelved_words(row)} for row in shown]
     return Page([{**written.beside(row), **more} for row, more in zip(shown, beside, strict=True)], found.next_cursor)
+
+
+def count(backend: Backend, filters: RowFilter) -> int:
+    """How many rows of the table fit."""
+    with backend.database.read() as connection:
+        return verdicts.count(connection, filters)
 
 
 def _stored(

@@ -9,7 +9,6 @@ from app.services.backend import Backend
 from app.services.plant.reliability import table
 from app.services.stating.shelving import Shelf
 from app.services.telling.size_wording import equal_digits
-from app.storage import loops
 from app.storage.verdicts import RowFilter
 
 MOST = 1000
@@ -18,11 +17,10 @@ MOST = 1000
 @dataclass(frozen=True)
 class StickingValve:
     """size: S with its 95 % interval and share of OP's span, empty where the record does not tell it. row: of the
-    reliability table, with its work order and repair."""
+    reliability table, with what its loop is, its work order and repair."""
 
     loop: str
     unit: str | None
-    description: str
     size: str
     row: Mapping[str, Any]
 
@@ -40,12 +38,7 @@ def sticking(backend: Backend, shelved: Shelf, counted: int, most: int = MOST) -
     """counted: how many there are in the plant. Shelved ones are among them, and say so."""
     asked = RowFilter(verdict=("stiction",), reliability="reliable")
     rows = table(backend, most, filters=asked, shelved=shelved).rows
-    with backend.database.read() as connection:
-        ids = loops.ids_of(connection, [row["loop"] for row in rows])
-        told = {found.tag: found.description or "" for found in loops.by_ids(connection, ids.values()).values()}
-    valves = [
-        StickingValve(row["loop"], row["unit"], told.get(row["loop"], ""), size_with_interval(row), row) for row in rows
-    ]
+    valves = [StickingValve(row["loop"], row["unit"], size_with_interval(row), row) for row in rows]
     # A sort keeps the order within a unit; loops that name none stand last.
     by_unit = sorted(valves, key=lambda valve: (valve.unit is None, valve.unit or ""))
     units = [(unit, list(some)) for unit, some in groupby(by_unit, lambda valve: valve.unit)]

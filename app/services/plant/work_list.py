@@ -34,7 +34,8 @@ class Work:
     """A loop and what to do about it. size: S, the deadband plus stickband, empty where it is not measured; since: how
     long the same was said of it; judged: of which time its verdict is, where not up to its newest samples; shelved:
     until when it is shelved, and why it is listed all the same; written: its work order and repair. stood_with: the
-    other loops that came to stand with it, which are not listed for themselves; together: what is said of them all."""
+    other loops that came to stand with it, which are not listed for themselves; together: what is said of them all.
+    owner: who looks after it."""
 
     loop: str
     unit: str | None
@@ -49,13 +50,15 @@ class Work:
     shelved: str = ""
     stood_with: tuple[str, ...] = ()
     together: str = ""
+    owner: str = ""
 
     @property
     def facts(self) -> str:
         """All but the step, in one line."""
         others = f"with it {named(self.stood_with)}" if self.stood_with else ""
         told = (self.together, others, self.size, self.since, self.judged, self.shelved, self.written)
-        return "; ".join(one for one in told if one)
+        whose = f"looked after by {self.owner}" if self.owner else ""
+        return "; ".join(one for one in (*told, whose) if one)
 
 
 def work_list(
@@ -124,6 +127,7 @@ def _work(
         written=", ".join(written),
         judged=of_time.words(clock) if of_time else "",
         shelved=row["shelved"] or "",
+        owner=row["owner"] or "",
     )
 
 

@@ -21,18 +21,21 @@ from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.overview import Overview
 from app.services.plant.plant_sheet import plant_sheet
-from app.services.plant.reliability import table
+from app.services.plant.reliability import count, table
 from app.services.plant.sticking import sticking
 from app.services.plant.work_list import work_list
 from app.services.plant.worst import complaints_of_old, complaints_of_units, nothing_worst
 from app.services.rendering import document
 from app.services.reports.svg import WIDTH, Ends, Line, chart
 from app.services.stating import notes
-from app.services.stating.shelving import shelf
+from app.services.stating.shelving import Shelf, shelf
+from app.services.telling.asked_wording import asked_words
 from app.services.telling.wording import measured_probability
 from app.storage.verdicts import RowFilter
 
 NOTES = 20
+MOST_TOGETHER = 50
+"""Reports in one file: some ten megabytes, which a browser can still lay out and print."""
 WORST_OF_UNIT = 5
 REFUSED = 200
 COMPLAINTS = ("stiction", "inconclusive")
@@ -43,29 +46,57 @@ BAR_WIDTH = 180
 
 def loop_report(backend: Backend, tag: str) -> str:
     """Raises NotFoundError for a loop that there is not, or that was never audited."""
+    plant_groups(backend)  # a page is loaded again when they are known, a file is not
+    return document("loop_report.html", **_told_of(backend, tag, shelf(backend)))
+
+
+def loop_reports(
+    backend: Backend, filters: RowFilter | None = None, sort: str = "-priority", most: int = MOST_TOGETHER
+) -> str:
+    """The reports of the loops that fit, in this order, in one file: the first `most` of them."""
+    plant_groups(backend)
+    shelved = shelf(backend)
+    page = table(backend, most, sort=sort, filters=filters, shelved=shelved)
+    reports: list[dict[str, Any]] = []
+    meanings: dict[str, Any] = {}
+    for row in page.rows:
+        try:
+            told = _told_of(backend, row["loop"], shelved)
+        except NotFoundError:  # its verdict went with an old run since the table was read
+            continue
+        meanings |= {figure.label: figure for figure, _, _ in told["figures"]}
+        reports.append({"it": told["it"], "row": told["row"], "html": Markup(document("_loop.html", **told))})  # noqa: S704 - our own template, which escapes
+    values = {
+        "reports": reports,
+        "meanings": list(meanings.values()),
+        "counted": count(backend, filters or RowFilter()),
+    }
+    values["asked"] = asked_words(filters) if filters else ""
+    return document("loop_reports.html", **values, **_made(backend))
+
+
+def _told_of(backend: Backend, tag: str, shelved: Shelf) -> dict[str, Any]:
+    """By the names of the template of one loop."""
     found = loops.find(backend, tag)
     explained = explanations.newest(backend, tag)
-    plant_groups(backend)  # a page is loaded again when they are known, a file is not
-    shelved = shelf(backend)
     sheet = loop_sheet(backend, found, explained, shelved)
     together, by_chance = told_apart(sheet["groups"])
     drawn = charts(backend, tag)
     written = notes.list_notes(backend, found)
-    return document(
-        "loop_report.html",
+    return {
         **(loop_head(backend, found, shelved) | sheet | {"groups": together}),
-        by_chance=by_chance,
-        notes=written[:NOTES],
-        more_notes=max(len(written) - NOTES, 0),
-        explanation=in_words(explained, backend.clock) if explained and explained["state"] == "done" else None,
-        trend=_trend(drawn, backend.clock),
-        damage=drawn["damage"],
-        path=_path(drawn),
-        path_of=_path_of(drawn),
-        course=_course(sheet["history"], backend.clock),
-        address=loop_address(backend.settings.public_url, tag),
+        "by_chance": by_chance,
+        "notes": written[:NOTES],
+        "more_notes": max(len(written) - NOTES, 0),
+        "explanation": in_words(explained, backend.clock) if explained and explained["state"] == "done" else None,
+        "trend": _trend(drawn, backend.clock),
+        "damage": drawn["damage"],
+        "path": _path(drawn),
+        "path_of": _path_of(drawn),
+        "course": _course(sheet["history"], backend.clock),
+        "address": loop_address(backend.settings.public_url, tag),
         **_made(backend),
-    )
+    }
 
 
 def plant_report(backend: Backend) -> str:

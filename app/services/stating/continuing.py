@@ -16,7 +16,7 @@ from app.storage.loops import SPANS, LoopRow
 from app.storage.types import storable
 
 CONTINUES = "continues"
-TAKEN = ("unit", "type", "description", "pv_unit", "integrating", "moves_valve")
+TAKEN = ("unit", "type", "description", "owner", "pv_unit", "integrating", "moves_valve")
 USUAL_IMPORTANCE = 1.0
 
 NEW = timedelta(days=14)

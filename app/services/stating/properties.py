@@ -17,7 +17,7 @@ from app.storage.loops import SETTABLE, SPANS, LoopRow
 from app.storage.types import storable
 
 KNOWN_TYPES = ("flow", "pressure", "level", "temperature", "composition", "speed", "position", "other")
-WORDS = ("unit", "type", "description", "pv_unit", "continues")
+WORDS = ("unit", "type", "description", "owner", "pv_unit", "continues")
 LONGEST_WORDS, MOST_IMPORTANT = 200, 1000
 USUAL = {"importance": 1.0, "retired": False}
 """What a loop is where nobody says otherwise, of what it cannot be without."""
@@ -35,14 +35,15 @@ def patch_loop(
     if unknown_fields:
         raise RequestError("unknown_field", f"a loop has no {unknown_fields[0]!r} to set; it has {', '.join(SETTABLE)}")
     with backend.database.write() as connection:
-        loops.to_change(connection, loops.ids_of(connection, _named(tag, changes)).values())  # in one order for all
-        row = loops.by_tag(connection, tag, to_change=True)
+        spelled = loops.as_spelled(connection, _named(tag, changes))
+        loops.to_change(connection, loops.ids_of(connection, [*spelled.values()]).values())  # in one order for all
+        row = loops.by_tag(connection, spelled[tag], to_change=True) if tag in spelled else None
         if row is None:
             raise unknown(tag)
         if only_if is not None and not only_if(view_of(row)):
             text = f"loop {tag!r} is not as the request takes it to be: get it again and look at what has changed"
             raise RequestError("changed_meanwhile", text)
-        values = _wanted(row, changes, lambda: loops.types(connection))
+        values = _wanted(row, _spelled(changes, spelled), lambda: loops.types(connection))
         values, earlier = _continuing(connection, row, values)
         loops.change(connection, row.id, values)
         if values[CONTINUES] != row.continues:
@@ -58,17 +59,18 @@ def change_loops(
     """
     refused: list[FailureView] = []
     with backend.database.write() as connection:
-        ids = loops.ids_of(connection, sorted({one for tag, changes in wanted for one in _named(tag, changes)}))
-        rows = loops.to_change(connection, ids.values())
+        named = sorted({one for tag, changes in wanted for one in _named(tag, changes)})
+        spelled = loops.as_spelled(connection, named)
+        by_tag = loops.ids_of(connection, [*set(spelled.values())])
+        ids = {tag: by_tag[own] for tag, own in spelled.items()}
+        rows = loops.to_change(connection, by_tag.values())
         own_types = cache(lambda: frozenset(loops.types(connection)))
         changed: dict[int, dict[str, Any]] = {}
         before: dict[int, LoopRow | None] = {}
         for tag, changes in wanted:
             try:
-                row = _named_once(tag, ids, rows, changed)
-                values, wrong = (
-                    _settable(row, changes, own_types) if by_cell else (_wanted(row, changes, own_types), [])
-                )
+                row, told = _named_once(tag, ids, rows, changed), _spelled(changes, spelled)
+                values, wrong = _settable(row, told, own_types) if by_cell else (_wanted(row, told, own_types), [])
                 refused += [refusal(tag, error.code, error.message) for error in wrong]
                 changed[row.id], before[row.id] = _continuing(connection, row, values)
             except LoopauditError as error:
@@ -88,7 +90,15 @@ def refusal(tag: str, code: str, text: str) -> FailureView:
 def _named(tag: str, changes: Mapping[str, Any]) -> list[str]:
     """The tags that a change is about, as far as they can be stored."""
     earlier = changes.get(CONTINUES)
-    return sorted({one for one in (tag, earlier) if isinstance(one, str) and storable(one) == one})
+    told = (tag, _stripped(earlier) if isinstance(earlier, str) else None)
+    return sorted({one for one in told if isinstance(one, str) and storable(one) == one})
+
+
+def _spelled(changes: Mapping[str, Any], spelled: Mapping[str, str]) -> Mapping[str, Any]:
+    """With the loop that is continued as it is spelled itself: great and small letters tell no loops apart."""
+    earlier = changes.get(CONTINUES)
+    own = spelled.get(_stripped(earlier) or "") if isinstance(earlier, str) else None
+    return changes if own is None else {**changes, CONTINUES: own}
 
 
 def _continuing(connection: Connection, row: LoopRow, values: dict[str, Any]) -> tuple[dict[str, Any], LoopRow | None]:

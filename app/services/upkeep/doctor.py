@@ -16,6 +16,7 @@ from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_answers
+from app.services.auditing.standing_still import stands_still_s
 from app.services.backend import Backend
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
@@ -24,7 +25,7 @@ from app.services.telling.naming import one_line
 from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
-from app.storage import figures, health, retention, schema, standstill, uploads
+from app.storage import figures, health, retention, schema, uploads
 from app.storage.database import WAL_SAFE_FROM, parsed
 
 State = Literal["ok", "warning", "problem"]
@@ -213,8 +214,7 @@ def workers(backend: Backend) -> Check:
     """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
     with backend.database.read() as connection:
         found = figures.waiting(connection)
-        silent_s = standstill.standstill_s(connection)
-    if silent_s > 10 * backend.settings.stalled_s:
+    if silent_s := stands_still_s(backend):
         advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
         return Check("workers", "problem", f"loops wait, and no worker gave a sign for {silent_s:.0f} s", advice)
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from app.services.backend import Backend
 from app.services.plant.arrivals import Arrivals, arrivals
-from app.storage import figures, standstill
+from app.storage import figures
 from app.storage.figures import EndedRun, Figures
 
 
@@ -120,12 +120,6 @@ def _kept(found: Figures, free_bytes: int) -> tuple[Metric, ...]:
         *_ended("night", "the newest ended nightly run", found.last_night),
         _gauge("loopaudit_active_keys", "Keys that are neither revoked nor expired.", (Sample(found.active_keys),)),
     )
-
-
-def standstill_s(backend: Backend) -> float:
-    """For how many seconds no worker gave a sign although loops wait; 0 where none waits or one is at work."""
-    with backend.database.read() as connection:
-        return standstill.standstill_s(connection)
 
 
 def _ended(name: str, words: str, run: EndedRun | None) -> Iterator[Metric]:

@@ -51,6 +51,14 @@ def test_a_list_as_a_spreadsheet_writes_it_is_set(client):
     assert loop(client, "FIC101") == flow
 
 
+def test_a_list_may_spell_tags_in_other_letters_as_other_routes_take_them(client):
+    lines = [{"tag": "fic101", "unit": "U7"}, {"tag": "lic7", "owner": "crew A"}, {"tag": "nowhere", "unit": "U7"}]
+    answer = client.patch("/v1/loops", json={"loops": lines}).json()
+    assert (answer["changed"], [one["loop"] for one in answer["refused"]]) == (2, ["nowhere"])
+    assert (loop(client, "FIC101")["unit"], loop(client, "LIC7")["owner"]) == ("U7", "crew A")
+    assert client.patch("/v1/loops/lic7", json={"owner": None}).json()["owner"] is None
+
+
 def test_what_is_written_can_be_read_again(client):
     lines = [
         {"tag": HOSTILE, "unit": "=1+1", "description": 'a "wide", deep\nlevel', "pv_low": -1.5e-7, "pv_high": 1 / 3},

@@ -44,6 +44,46 @@ def test_pages_of_the_table_put_together_are_the_table(client, plant, sort):
     assert len(rows) == 3
 
 
+def test_loops_are_found_by_what_they_control_and_who_looks_after_them(client, plant):
+    def found(path: str, **asked: str) -> list[str]:
+        rows = client.get(path, params=asked).json()["rows"]
+        return [row["loop" if "loop" in row else "tag"] for row in rows]
+
+    told = {"description": "Rücklauf, reflux of column 4", "owner": "crew A"}
+    client.patch("/v1/loops/FIC101", json=told).raise_for_status()
+    try:
+        for path in ("/v1/reliability", "/v1/loops"):
+            for words in ("reflux", "CREW a", "fic101", "RÜCK"):
+                assert found(path, search=words) == ["FIC101"]
+            assert found(path, search="100%") == []
+            assert found(path, owner="crew A") == ["FIC101"]
+            assert found(path, owner="crew") == []
+        told = client.get("/v1/reliability", params={"columns": "loop,owner", "sort": "owner"}).json()["rows"]
+        assert told[0] == {"loop": "FIC101", "owner": "crew A"}
+        assert told[1]["owner"] is None
+    finally:
+        client.patch("/v1/loops/FIC101", json={"description": None, "owner": None}).raise_for_status()
+
+
+def test_loops_with_and_without_an_open_work_order(client, plant):
+    def found(asked: str) -> list[str]:
+        return [row["loop"] for row in client.get(f"/v1/reliability?open_order={asked}").json()["rows"]]
+
+    notes = "/v1/loops/LIC7/notes"
+    everything = len(client.get("/v1/reliability").json()["rows"])
+    assert found("true") == []
+    client.post(notes, json={"work_order": "WO-1"}).raise_for_status()
+    assert (found("true"), len(found("false"))) == (["LIC7"], everything - 1)
+    repair = client.post(notes, json={"repaired_at": "2026-01-02T08:00:00Z"}).json()
+    assert found("true") == [], "it has been done"
+    client.delete(f"{notes}/{repair['id']}/repair").raise_for_status()
+    assert found("true") == ["LIC7"], "it has not"
+    client.post(notes, json={"work_order": "WO-1", "repaired_at": "2026-01-02T08:00:00Z"}).raise_for_status()
+    assert "LIC7" in found("false")
+    assert client.get("/table?open_order=false").text.count("without an open work order") == 1
+    assert client.get("/v1/reliability?open_order=perhaps").status_code == 422
+
+
 def test_filters(client, plant):
     rows = client.get("/v1/reliability").json()["rows"]
     verdicts = {row["verdict"] for row in rows}
