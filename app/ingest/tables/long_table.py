@@ -80,6 +80,8 @@ class LongTable:
         self._number_of: dict[str, int] = {}
         self._new_tags: list[str] = []  # that the scanner has not learnt
         self._tags_before = 0  # the chunk that is read
+        self._unsized: list[Gathered] = []  # of which `_largest` does not tell yet
+        self._largest = np.zeros(0)  # by number of the tag, of the values that were read before
         self._scanner: Scanner | None = None
 
     def types(self) -> dict[int, pl.DataType]:
@@ -102,8 +104,10 @@ class LongTable:
             for rows in reader.rows(self._plan.first_row):
                 self._tally.rows_read += rows.height
                 batch.append(self._gather(rows, reader))
+                self._unsized.append(batch[-1])
                 if sum(map(len, batch)) * VALUES_A_ROW >= most_values:
                     spill = spill or Spill(self._options.spill_folder, most_values)
+                    self._size()
                     whole, rest = in_whole_instants(joined(batch))
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
@@ -124,6 +128,23 @@ class LongTable:
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
         return reader.scanning(self._plan)
+
+    def _size(self) -> None:
+        """Takes in how large the values of each tag are."""
+        more = len(self._places) - len(self._largest)
+        self._largest = np.append(self._largest, np.zeros(more))
+        for gathered in self._unsized:
+            np.maximum.at(self._largest, gathered.codes, np.abs(np.nan_to_num(gathered.values)))
+        self._unsized = []
+
+    def _largest_before(self, tag: str) -> float | None:
+        """Of the values of a tag that was there before the chunk that is read; None for others."""
+        number = self._number_of[tag]
+        if number >= self._tags_before:
+            return None
+        if self._unsized:
+            self._size()
+        return float(self._largest[number])
 
     def _settle_places(self) -> None:
         """When all tags have come: a later one may have taken the signal of one that came before."""
@@ -382,7 +403,7 @@ class LongTable:
             texts.filter(pl.Series(left)),
             all_tags.filter(pl.Series(left)),
             lambda: pl.DataFrame({"tag": all_tags.filter(read), "text": texts.filter(read)}),
-            lambda tag: self._number_of[tag] < self._tags_before,
+            self._largest_before,
         )
         if writing.own:
             left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()
