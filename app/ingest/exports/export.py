@@ -232,6 +232,7 @@ class TableExport(Export):
     def _units(self) -> Iterator[tuple[str, str]]:
         for timed in self._plan.groups if isinstance(self._plan, WidePlan) else ():
             yield from ((without_controls(value.tag), value.unit) for value in timed.values if value.unit)
+        yield from self._tally.units.items()
 
     def _zone(self) -> str:
         form = self._plan.form

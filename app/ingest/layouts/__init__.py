@@ -14,6 +14,7 @@ from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
 from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.columns.row_ends import with_ends
+from app.ingest.columns.unit_column import with_unit_column
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
     aveva,
@@ -57,6 +58,7 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     if plan is None:
         return None
     plan = with_ends(plan, head)
+    plan = with_unit_column(plan, head) if isinstance(plan, LongPlan) else plan
     return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
 
 

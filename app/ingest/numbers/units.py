@@ -1,6 +1,7 @@
 """Units behind numbers in one field, as `36.4 %` or `12,3 °C`: the number is read, its unit told."""
 
 import re
+import unicodedata
 from collections.abc import Mapping
 
 import numpy as np
@@ -64,6 +65,12 @@ def _shown(units: Mapping[str, str]) -> str:
 
 def is_unit(text: str) -> bool:
     return "".join(text.lower().split()) in UNITS
+
+
+def plain_unit(text: str) -> str:
+    """A unit as others may write it: m³/h and m3/hr, °C and degC."""
+    plain = "".join(unicodedata.normalize("NFKC", text).lower().split()).strip("[]()").replace("°", "deg")
+    return plain.removesuffix("r") if plain.endswith("/hr") else plain
 
 
 def are_units(texts: pl.Series) -> pl.Series:

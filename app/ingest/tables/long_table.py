@@ -23,6 +23,7 @@ from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, join
 from app.ingest.tables.scanning import Scan, Scanner
 from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
 from app.ingest.tables.tally import Tally
+from app.ingest.tables.unit_column import UnitColumn
 from app.ingest.tags.grouping import Place
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
@@ -83,6 +84,7 @@ class LongTable:
         self._unsized: list[Gathered] = []  # of which `_largest` does not tell yet
         self._largest = np.zeros(0)  # by number of the tag, of the values that were read before
         self._scanner: Scanner | None = None
+        self._units = UnitColumn()
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -92,6 +94,8 @@ class LongTable:
         types[self._plan.value] = pl.Float64()
         if self._plan.quality is not None:
             types[self._plan.quality] = self._quality_type
+        if self._plan.unit is not None:
+            types[self._plan.unit] = pl.String()
         return types
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
@@ -112,6 +116,7 @@ class LongTable:
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
+            self._tally.units = {at.tag: unit for n, at in enumerate(self._places) if (unit := self._units.of(n))}
             self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
@@ -127,7 +132,7 @@ class LongTable:
                 spill.close()
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
-        return reader.scanning(self._plan)
+        return reader.scanning(self._plan) if self._plan.unit is None else None
 
     def _size(self) -> None:
         """Takes in how large the values of each tag are."""
@@ -237,6 +242,7 @@ class LongTable:
         kept = self._kept(cells, texts, codes, time_ns)
         values = self._values(cells, codes, kept)
         self._refuse_quality(cells, kept, values)
+        self._refuse_other_units(cells, codes, kept, values)
         at = np.flatnonzero(kept)
         if len(at) < len(codes):
             codes, time_ns, values = codes[at], time_ns[at], values[at]
@@ -424,6 +430,18 @@ class LongTable:
         bad = self._quality.bad(texts)
         at = np.flatnonzero(bad & kept & np.isfinite(values))
         self._refuse(cells, "bad_quality", at, (str(texts[int(row)]) for row in at))
+        values[at] = np.nan
+
+    def _refuse_other_units(
+        self, cells: Cells, codes: NDArray[np.uint32], kept: NDArray[np.bool_], values: FloatArray
+    ) -> None:
+        if self._plan.unit is None:
+            return
+        texts = cells.rows.frame[name_of(self._plan.unit)]
+        finite = kept & np.isfinite(values)
+        at = np.flatnonzero(self._units.in_others(texts, codes, finite))
+        words = (f"in {texts[int(row)]}, and its tag is in {self._units.of(int(codes[row]))}" for row in at)
+        self._refuse(cells, "other_unit", at, words)
         values[at] = np.nan
 
     def _refuse(self, cells: Cells, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:
