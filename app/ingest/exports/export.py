@@ -15,6 +15,7 @@ from app.ingest.exports.preparing import prepared
 from app.ingest.files.head import Head
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.numbers.marks import DoubtfulMarks
+from app.ingest.numbers.scale_jumps import ScaleJumps
 from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import UNREADABLE, RowReader, in_short
@@ -133,6 +134,7 @@ class TableExport(Export):
         self._mapping = mapping
         self._grouping = Grouping(source.head.stem, mapping)
         self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
+        self._scale_jumps = ScaleJumps()
         self._taken = False
 
     @property
@@ -145,6 +147,8 @@ class TableExport(Export):
 
     def loops(self) -> Iterator[LoopSamples]:
         for batch in self._batches(self._table(self._plan)):
+            for block in batch:
+                self._scale_jumps.look(block)
             yield from stretches(batch)
 
     def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
@@ -260,6 +264,7 @@ class TableExport(Export):
         notes += self._notes_of_times()
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
+        notes += self._scale_jumps.notes()
         if self._tally.wordy:
             shown = ", ".join(tag[:80] for tag in self._tally.wordy[:5]) + (
                 ", ..." if len(self._tally.wordy) > 5 else ""
