@@ -350,3 +350,28 @@ def test_what_was_appended_to_fill_holes(read: Read, late: Callable[[int], bool]
 def test_words_that_take_turns_beside_values_that_go_on(read: Read, words: tuple[str, str]) -> None:
     table = [[f"{FIRST + timedelta(seconds=k)}", f"{k}", "1", words[k % 2]] for k in range(300)]
     assert read(text("Time,FIC1.PV,FIC1.OP,How", table)).loops["FIC1"].pv.tolist() == list(range(300))
+
+
+@pytest.mark.parametrize("late_ms", [0, 300])
+@pytest.mark.parametrize("words", [("north", "south"), ("S1", "S2")])
+def test_the_same_tags_of_several_places_are_not_mixed(read: Read, words: tuple[str, str], late_ms: int) -> None:
+    table = [
+        [words[at], f"FIC1.{word}", f"{FIRST + timedelta(seconds=k)}.{at * late_ms:03d}", f"{k % 5 + 100 * at}"]
+        for k in range(200)
+        for at in (0, 1)
+        for word in ("PV", "OP")
+    ]
+    with pytest.raises(DataError, match="the column 'Site' tells the rows of one time apart"):
+        read(text("Site,Tag,Time,Value", table))
+    assert read(text("Site,Tag,Time,Value", [row for row in table if row[0] == words[0]])).loops["FIC1"].samples == 200
+
+
+def test_several_sums_of_a_tag_and_a_time_are_not_mixed(read: Read) -> None:
+    table = [
+        [f"FIC1.{word}", f"{FIRST + timedelta(minutes=k)}", kind, f"{k}"]
+        for k in range(200)
+        for kind in ("Min", "Max", "Avg")
+        for word in ("PV", "OP")
+    ]
+    with pytest.raises(DataError, match="the column 'Aggregate' tells"):
+        read(text("Tag,Time,Aggregate,Value", table))

@@ -13,8 +13,7 @@ from app.ingest.columns.clocks import MOST, joined_stamp
 from app.ingest.columns.plans import LongPlan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
-from app.ingest.numbers.units import without_unit
-from app.ingest.tags.grouping import place
+from app.ingest.numbers.units import as_number
 from app.ingest.tags.modes import UNKNOWN_MODE, automatic_flags
 from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.half_clock import HOUR_NS
@@ -119,9 +118,7 @@ def take_turns(words: Sequence[str]) -> bool:
 def _numbers(rows: Sequence[tuple[str, ...]], column: int, head: Head) -> list[float]:
     """Of a column, row by row; NaN where none stands."""
     fields = (row[column] if column < len(row) else "" for row in rows)
-    return [
-        float(without_unit(text).replace(",", ".")) if is_number(text, head.decimal_mark) else np.nan for text in fields
-    ]
+    return [as_number(text) if is_number(text, head.decimal_mark) else np.nan for text in fields]
 
 
 def _have_levels(words: Sequence[str], numbers: Sequence[float]) -> bool:
@@ -134,19 +131,31 @@ def _have_levels(words: Sequence[str], numbers: Sequence[float]) -> bool:
     return len(across) >= _OFTEN and len(within) > 0 and bool(np.median(across) > _LEVELS * np.median(within))
 
 
-def column_that_parts_signals(plan: LongPlan, head: Head) -> int | None:
-    """Where tags are words of signals alone, the column whose words tell their rows of one time apart: it has loops."""
+def column_that_parts_tags(plan: LongPlan, head: Head) -> int | None:
+    """The column whose words tell the rows of a tag and a time apart, or take turns over a tag, each with values of its
+    own: of loops, servers or ways to sum up."""
     of_key = (plan.tag, *plan.time)
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(of_key) and all(row[at] for at in of_key)]
     keys = [tuple(row[at] for at in of_key) for row in rows]
-    places = [place(tag, "") for tag in {row[plan.tag] for row in rows}]
-    if len(set(keys)) > MOST * len(keys) or any(at.loop or at.signal == "OTHER" for at in places):
-        return None
     for index in sorted(set(range(plan.width)) - plan.read):
         words = [row[index] if index < len(row) else "" for row in rows]
-        if _are_few_words(words, head.decimal_mark) and len(set(zip(keys, words, strict=True))) >= _ALL * len(keys):
+        if not _are_few_words(words, head.decimal_mark):
+            continue
+        different = len(set(zip(keys, words, strict=True)))
+        if len(set(keys)) <= MOST * len(keys) and different >= _ALL * len(keys):
+            return index
+        if _take_turns_over_tags(words, rows, plan, head):
             return index
     return None
+
+
+def _take_turns_over_tags(words: Sequence[str], rows: list[tuple[str, ...]], plan: LongPlan, head: Head) -> bool:
+    numbers = _numbers(rows, plan.value, head)
+    of_tag: dict[str, list[tuple[str, float]]] = {}
+    for row, word, found in zip(rows, words, numbers, strict=True):
+        of_tag.setdefault(row[plan.tag], []).append((word, found))
+    each = (list(zip(*own, strict=True)) for own in of_tag.values())
+    return any(take_turns(own) and _have_levels(own, found) for own, found in each)
 
 
 def refuse_to_mix(names: tuple[str, ...], column: int | None) -> None:

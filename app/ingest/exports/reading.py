@@ -28,7 +28,8 @@ from app.ingest.times.stamps import check_time_zone
 
 _NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
-_JSON = re.compile(r'\s*(\[\s*)?\{\s*"')
+_JSON = re.compile(r'\s*(\[\s*)*(\{\s*"|\[\s*[\["\d])')
+_MARKUP = re.compile(r"(?i)\s*<(\?xml|!doctype|html|table|meta|style)\b")
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
 
@@ -75,7 +76,7 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
         every = partial(_fields, file, head)
         plan = recognise_again(plan, with_samples(head, file.samples(start)), options, every)
     if plan is None:
-        _refuse_json(file.head)
+        _refuse_other_text(file.head)
         raise not_recognised(head)
     return TextSource(file, plan, head, file.compressed)
 
@@ -91,9 +92,12 @@ def _fields(file: TextFile, head: Head, columns: Sequence[int]) -> list[tuple[st
     return found
 
 
-def _refuse_json(head: str) -> None:
-    if _JSON.match(head):
-        raise DataError("not_an_export", "this is JSON, which is not read; CSV or TSV text, parquet or xlsx is needed")
+def _refuse_other_text(head: str) -> None:
+    kind = "JSON" if _JSON.match(head) else "XML or HTML" if _MARKUP.match(head) else ""
+    if kind:
+        raise DataError(
+            "not_an_export", f"this is {kind}, which is not read; CSV or TSV text, parquet or xlsx is needed"
+        )
 
 
 def is_export_name(name: str) -> bool:

@@ -81,3 +81,8 @@ def without_unit(field: str) -> str:
     """The number of a field that has a unit behind it; other fields as they are."""
     found = None if field[-1:].isdigit() else _FIELD.match(field)
     return found[1] if found and is_unit(found[2]) else field
+
+
+def as_number(field: str) -> float:
+    """Of a field that is a number, with a point or a comma before its decimals, perhaps with its unit behind it."""
+    return float(without_unit(field).replace(",", "."))
