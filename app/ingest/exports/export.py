@@ -297,6 +297,11 @@ class TableExport(Export):
             notes.append(SPREAD_NOTE)
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
+        if count := self._tally.in_other_order:
+            notes.append(
+                f"check this first, day and month stand in both orders: {count} dates fit with them exchanged alone "
+                "and were refused; those that fit in both orders may be months off"
+            )
         if self._tally.lacks_half:
             notes.append("hours go to 12 and begin again: nothing tells AM from PM, and times may be wrong by 12 hours")
         if self._tally.stuttering:

@@ -117,6 +117,7 @@ class LongTable:
                     batch = [rest]
             self._settle_places()
             self._tally.units = {at.tag: unit for n, at in enumerate(self._places) if (unit := self._units.of(n))}
+            self._tally.in_other_order = self._time.in_other_order
             self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []

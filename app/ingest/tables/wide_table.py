@@ -129,6 +129,7 @@ class WideTable:
                 chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None
                 if chunk is not None:
                     yield number, chunk
+        self._tally.in_other_order = self._times[0].in_other_order
         self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
