@@ -9,7 +9,8 @@ from app.ingest.model import FloatArray, SignalBlock
 LEAST_DECADES, TOLERANCE_DECADES = 2, 0.2
 """Of what is told, and how far level and noise may each be from whole ones."""
 WINDOW, FEWEST = 100, 20  # samples before and behind a jump that are asked
-MOST_JUMPS = 20  # of a tag: what jumps more often does so by itself
+LEAST = 10.0 ** (LEAST_DECADES - 2 * TOLERANCE_DECADES)  # from one sample to the next
+MOST_JUMPS = 4  # of a tag: what jumps more often does so by itself
 _SHOWN = 5
 
 
@@ -24,17 +25,18 @@ class ScaleJump:
 def scale_jump(block: SignalBlock) -> ScaleJump | None:
     """The first one of a signal: its level and the size of its steps from sample to sample change alike and at once.
     A process that starts changes one of them, or both in other ratios."""
-    at = np.flatnonzero(np.isfinite(block.value) & (block.value != 0.0))
-    values = block.value[at]
-    sizes = np.abs(values)
-    least = 10.0 ** (LEAST_DECADES - 2 * TOLERANCE_DECADES)
-    if len(values) < 2 * FEWEST or sizes.max() < least * sizes.min():
-        return None
-    jumps = 1 + np.flatnonzero((sizes[1:] > least * sizes[:-1]) | (sizes[:-1] > least * sizes[1:]))
+    sizes = np.abs(block.value)
+    if len(sizes) < 2 * FEWEST or np.fmax.reduce(sizes) < LEAST * np.fmin.reduce(sizes):
+        return None  # most signals
+    at = np.flatnonzero(sizes > 0.0)
+    values, sizes = block.value[at], sizes[at]
+    jumps = 1 + np.flatnonzero((sizes[1:] > LEAST * sizes[:-1]) | (sizes[:-1] > LEAST * sizes[1:]))
     if len(jumps) > MOST_JUMPS:
         return None
     bounds = [0, *jumps.tolist(), len(values)]
     for first, jump, end in zip(bounds, bounds[1:], bounds[2:], strict=False):
+        if min(jump - first, end - jump) < FEWEST:
+            continue
         decades = _decades(values[max(first, jump - WINDOW) : jump], values[jump : min(end, jump + WINDOW)])
         if abs(decades) >= LEAST_DECADES:
             return ScaleJump(int(block.time_ns[at[jump]]), decades)
@@ -44,7 +46,7 @@ def scale_jump(block: SignalBlock) -> ScaleJump | None:
 def _decades(before: FloatArray, after: FloatArray) -> int:
     """0 where level and steps do not change alike, or nothing moves."""
     levels, steps = ([of(part) for part in (before, after)] for of in (np.median, _mean_step))
-    if min(len(before), len(after)) < FEWEST or levels[0] * levels[1] <= 0.0 or min(steps) == 0.0:
+    if levels[0] * levels[1] <= 0.0 or min(steps) == 0.0:
         return 0
     ratios = np.log10([levels[1] / levels[0], steps[1] / steps[0]])
     decades = round(ratios[0])
