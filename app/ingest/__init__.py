@@ -21,7 +21,7 @@ For services that store a plant's samples::
   `.number("low")`.
 
 Reject codes: bad_time, not_a_number, unclear_mark, not_finite, sentinel, bad_quality, off_line, unknown_mode,
-ragged_row, other_names, unbalanced_quote, duplicate_time, name_too_long, no_tag, sheet_not_read.
+ragged_row, other_names, other_unit, unbalanced_quote, duplicate_time, name_too_long, no_tag, sheet_not_read.
 DataError codes: empty_file, not_an_export, unknown_layout, nothing_readable, decompressed_too_large, compression_ratio,
 line_too_long, too_many_tags, bad_mapping, excel_not_installed, unknown_time_zone, matlab_version,
 more_fields_than_names.

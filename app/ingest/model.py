@@ -129,7 +129,7 @@ class LoopTags:
 @dataclass(frozen=True)
 class FileSummary:
     """What a file was found to hold. Counts are those of the rows read so far, complete once all blocks were taken.
-    units: by tag, as a row of units tells them."""
+    units: by tag, as a row or a column of units tells them."""
 
     layout: str
     encoding: str

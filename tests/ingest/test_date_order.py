@@ -111,3 +111,12 @@ def test_the_last_day_tells_the_order_of_a_packed_file_too(read: Read, packed: b
     content = read(gzip.compress(data) if packed else data, options=CLOCK)
     days_read = content.loops["A"].time_ns[[0, -1]].astype("datetime64[ns]").astype("datetime64[D]").astype(str)
     assert days_read.tolist() == ["2026-05-01", "2026-05-16"]
+
+
+def test_both_orders_in_one_file_are_told(read: Read) -> None:
+    text = night(*(f"{day:02d}/03/2024" for day in range(9, 14)), *(f"03/{day:02d}/2024" for day in range(14, 20)))
+    content = read(text)
+    refused = content.rejects.counts["bad_time"]
+    (note,) = (note for note in content.summary.notes if "both orders" in note)
+    assert f": {refused} dates fit with them exchanged alone" in note
+    assert not any("both orders" in note for note in read(night("13/03/2024", "14/03/2024", "soon")).summary.notes)

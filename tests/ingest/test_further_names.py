@@ -86,3 +86,21 @@ def test_an_empty_stamp_is_no_name_of_an_unnamed_index(read: Read) -> None:
     content = read('"","A.PV","A.OP"\n' + "".join(lines))
     assert content.loops["A"].samples == 599
     assert dict(content.rejects.counts) == {"bad_time": 1}
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+@pytest.mark.parametrize(
+    ("first", "again", "others"),
+    [
+        ("time,A.PV [degC],A.OP [%]", "time,A.PV [degF],A.OP [%]", True),
+        ("time,A.PV [degC],A.OP [%]", "time,A.PV [\N{DEGREE SIGN}C],A.OP", False),
+        ("time,A.PV,A.OP\n,degC,%", "time,A.PV,A.OP\n,degF,%", True),
+        ("time,A.PV,A.OP\n,m3/h,%", "time,A.PV,A.OP\n,m\N{SUPERSCRIPT THREE}/h,%", False),
+    ],
+)
+def test_the_same_names_in_other_units(
+    read: Read, first: str, again: str, others: bool, options: IngestOptions
+) -> None:
+    content = read(f"{first}\n{rows(0, 450)}{again}\n{rows(450, 500)}", options=options)
+    assert content.loops["A"].pv.tolist() == list(range(450 if others else 500))
+    assert content.rejects.counts.get("other_names", 0) == (50 if others else 0)

@@ -507,6 +507,11 @@ def test_json_is_refused_as_such(read: Read) -> None:
     for text in ('{"ts": "2024-03-01T00:00:00Z", "FIC1.PV": 1.5}\n' * 9, '[\n {"ts": 1, "FIC1.PV": 1.5}]'):
         with pytest.raises(DataError, match="this is JSON"):
             read(text)
+    with pytest.raises(DataError, match="this is JSON"):
+        read("[[1709251200000, 1.5],\n [1709251201000, 1.6]]")
+    for text in ("<html><table><tr><td>Time</td></tr></table></html>", '<?xml version="1.0"?>\n<rows/>'):
+        with pytest.raises(DataError, match="this is XML or HTML"):
+            read(text)
 
 
 @pytest.mark.parametrize("name", ["N.F1.PV.F_CV", "N.F1_PV.F_CV", "F1.PV.f_cv"])

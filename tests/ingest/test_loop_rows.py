@@ -1,5 +1,6 @@
 """A row a loop: tables of a data base that have the signals of all loops in the same columns."""
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -296,3 +297,81 @@ def test_words_of_signals_alone_do_not_mix_what_another_column_parts(read: Read)
         [*row[1:], "bar" if row[2] == "PV" else "pct"] for row in in_words_of("north", "south") if row[0] == "north"
     ]
     assert read(text("Time,Signal,Value,UOM", table), name="FIC7.csv").loops["FIC7"].samples == 300
+
+
+def machines(order: str, late_ms: int, words: tuple[str, str], count: int) -> list[list[str]]:
+    """Two machines, sampled at the same times or the second one a little later; a row after the other, sorted by
+    machine, or by the part of the day and the machine."""
+    cells = [(k, at, word) for k in range(count) for at, word in enumerate(words)]
+    keys = {"taking turns": (0, 1), "sorted": (1, 0), "in parts": (2, 1, 0)}[order]
+    cells.sort(key=lambda cell: [(*cell[:2], cell[0] * 4 // count)[key] for key in keys])
+    stamps = [f"{FIRST + timedelta(seconds=k)}.{at * late_ms:03d}" for k, at, _ in cells]
+    return [
+        [stamp, word, f"{at * 100 + k % 7}", f"{at * 10 + k % 5}"]
+        for stamp, (k, at, word) in zip(stamps, cells, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("count", [100, 2000])
+@pytest.mark.parametrize("words", [("north", "south"), ("M1", "M2")])
+@pytest.mark.parametrize("late_ms", [0, 400])
+@pytest.mark.parametrize("order", ["taking turns", "sorted", "in parts"])
+def test_machines_are_not_mixed(read: Read, order: str, late_ms: int, words: tuple[str, str], count: int) -> None:
+    table = machines(order, late_ms, words, count)
+    with pytest.raises(DataError, match="the column 'Machine' tells the rows of one time apart"):
+        read(text("Time,Machine,PV,OP", table))
+    assert set(read(text("Time,Device,PV,OP", machines(order, late_ms, ("P-1", "P-2"), count))).loops) == {"P-1", "P-2"}
+
+
+def test_a_few_rows_of_something_else_behind_all_others_are_not_mixed(read: Read) -> None:
+    table = [[f"{FIRST + timedelta(seconds=k)}", "online", f"{k}", "1"] for k in range(600)]
+    table += [[f"{FIRST + timedelta(seconds=k)}.500", "lab", f"{k}", "1"] for k in range(0, 600, 60)]
+    with pytest.raises(DataError, match="the column 'Method' tells"):
+        read(text("Time,Method,PV,OP", table))
+
+
+LATE = [lambda k: k % 30 == 7, lambda k: k % 3 == 1, lambda k: k % 200 > 150, lambda k: 99 < k < 160]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("count", [300, 600, 3000])
+@pytest.mark.parametrize(
+    "late", [lambda k: k % 30 == 7, lambda k: k % 3 == 1, lambda k: k % 200 > 150, lambda k: 99 < k < 160]
+)
+def test_what_was_appended_to_fill_holes(read: Read, late: Callable[[int], bool], count: int, way: int) -> None:
+    order = sorted(range(count), key=lambda k: (late(k), way * k))
+    table = [[f"{FIRST + timedelta(seconds=k)}", f"{k}", "1", "late" if late(k) else "live"] for k in order]
+    content = read(text("Time,FIC1.PV,FIC1.OP,Source", table))
+    assert content.loops["FIC1"].pv.tolist() == list(range(count))
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize("words", [("raw", "interpolated"), ("GW1", "GW2")])
+def test_words_that_take_turns_beside_values_that_go_on(read: Read, words: tuple[str, str]) -> None:
+    table = [[f"{FIRST + timedelta(seconds=k)}", f"{k}", "1", words[k % 2]] for k in range(300)]
+    assert read(text("Time,FIC1.PV,FIC1.OP,How", table)).loops["FIC1"].pv.tolist() == list(range(300))
+
+
+@pytest.mark.parametrize("late_ms", [0, 300])
+@pytest.mark.parametrize("words", [("north", "south"), ("S1", "S2")])
+def test_the_same_tags_of_several_places_are_not_mixed(read: Read, words: tuple[str, str], late_ms: int) -> None:
+    table = [
+        [words[at], f"FIC1.{word}", f"{FIRST + timedelta(seconds=k)}.{at * late_ms:03d}", f"{k % 5 + 100 * at}"]
+        for k in range(200)
+        for at in (0, 1)
+        for word in ("PV", "OP")
+    ]
+    with pytest.raises(DataError, match="the column 'Site' tells the rows of one time apart"):
+        read(text("Site,Tag,Time,Value", table))
+    assert read(text("Site,Tag,Time,Value", [row for row in table if row[0] == words[0]])).loops["FIC1"].samples == 200
+
+
+def test_several_sums_of_a_tag_and_a_time_are_not_mixed(read: Read) -> None:
+    table = [
+        [f"FIC1.{word}", f"{FIRST + timedelta(minutes=k)}", kind, f"{k}"]
+        for k in range(200)
+        for kind in ("Min", "Max", "Avg")
+        for word in ("PV", "OP")
+    ]
+    with pytest.raises(DataError, match="the column 'Aggregate' tells"):
+        read(text("Tag,Time,Aggregate,Value", table))

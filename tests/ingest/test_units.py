@@ -161,7 +161,16 @@ def test_one_number_tells_decimals(read: Read, text: str) -> None:
     assert content.summary.notes == ()
 
 
-@pytest.mark.parametrize("text", ["0.123", "12.5", "1234.567", "1,234.567", "1,234,567"])
+@pytest.mark.parametrize("text", ["0.123", "12.5", "1234.567"])
+def test_one_number_near_to_the_others_as_decimals_leaves_them_in_doubt(read: Read, text: str) -> None:
+    """A mark that changes over within a tag looks so too."""
+    content = read(wide(["50,123"] * 39 + [text], ";"))
+    assert np.isnan(content.loops["FIC1"].op[:39]).all()
+    assert content.loops["FIC1"].op[39] == float(text)
+    assert dict(content.rejects.counts) == {"unclear_mark": 39}
+
+
+@pytest.mark.parametrize("text", ["9876.5", "1,234.567", "1,234,567"])
 def test_one_number_tells_thousands(read: Read, text: str) -> None:
     content = read(wide(["50,123"] * 39 + [text], ";"))
     assert content.loops["FIC1"].op.tolist() == [50123.0] * 39 + [float(text.replace(",", ""))]

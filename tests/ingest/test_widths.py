@@ -131,3 +131,18 @@ def test_rows_that_leave_out_what_is_not_read(read: Read, names: str, row: str, 
     content = read(f"{names}\n" + "\n".join(rows) + "\n")
     assert content.rejects.total == 0
     assert content.loops["A"].pv.tolist() == content.loops["A"].op.tolist() == list(range(240))
+
+
+@pytest.mark.parametrize(("name", "last"), [("Remark", "ok"), ("A.SP", "15")])
+def test_most_rows_leave_out_what_stands_last(read: Read, name: str, last: str) -> None:
+    rows = [f"{stamp},{i % 7 + 50},{i % 5 + 10}" + (f",{last}" if i % 6 == 0 else "") for i, stamp in enumerate(HOURS)]
+    content = read("\n".join((f"time,A.PV,A.OP,{name}", *rows)) + "\n")
+    assert content.loops["A"].pv.tolist() == [i % 7 + 50 for i in range(240)]
+    assert content.rejects.total == 0
+
+
+def test_most_rows_lost_a_field_before_the_last(read: Read) -> None:
+    """What stands in their place of OP is nothing like OP."""
+    rows = [f"{stamp},50," + (f"{i % 5 + 10}," if i % 6 == 0 else "") + "900" for i, stamp in enumerate(HOURS)]
+    content = read("\n".join(("time,A.PV,A.OP,A.SP", *rows)) + "\n")
+    assert dict(content.rejects.counts) == {"ragged_row": 200}

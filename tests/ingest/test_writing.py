@@ -161,10 +161,37 @@ def test_a_tag_stays_as_it_showed_itself(read: Read, table: Table, monkeypatch: 
 
 
 def test_tags_that_show_two_ways_behind_the_start_of_the_file_are_read_in_their_own(read: Read) -> None:
-    pv, op = ["50,123"] * 500 + ["50,12"] * 100, ["40,123"] * 500 + ["40.12"] * 100
+    pv, op = ["50,123"] * 500 + ["50,12"] * 100, ["40,123"] * 500 + ["40,123.5"] * 100
     loop = read(wide(pv, op, count=600)).loops["FIC1"]
     assert loop.pv.tolist() == [50.123] * 500 + [50.12] * 100
-    assert loop.op.tolist() == [40123] * 500 + [40.12] * 100
+    assert loop.op.tolist() == [40123] * 500 + [40123.5] * 100
+
+
+@LAYOUTS
+@MIRRORED
+@pytest.mark.parametrize("sure", ["0,123", "40,12"])
+@pytest.mark.parametrize("options", [IngestOptions(), CHUNKS])
+def test_marks_that_change_over_are_not_read_as_thousands(
+    read: Read, table: Table, marks: str, sure: str, options: IngestOptions
+) -> None:
+    """As in a file whose second half was written with other settings: the same numbers, with the other mark."""
+    first, second = [sure, "5,123", "37,165", "99,871"], ["5.123", "37.165", "99.871"]
+    pv = marked(first * 200 + second * 200, marks)
+    content = read(table(pv, marked(["7"], marks), count=len(pv)), options=options)
+    found = content.loops["FIC1"].pv
+    assert found[:800].tolist() == [float(text.replace(",", ".")) for text in first] * 200
+    assert np.isnan(found[800:]).all()
+    assert dict(content.rejects.counts) == {"unclear_mark": 600}
+    assert content.summary.notes[0] == f"{DOUBT}refused: FIC1.PV"
+
+
+@LAYOUTS
+@MIRRORED
+def test_thousands_that_a_tag_shows_do_not_change_over(read: Read, table: Table, marks: str) -> None:
+    pv = marked(["0,5", "1.005,5", "5.123", "37.165"], marks)
+    content = read(table(pv, marked(["40,1"], marks)))
+    assert content.loops["FIC1"].pv.tolist() == [0.5, 1005.5, 5123, 37165] * 15
+    assert content.rejects.total == 0
 
 
 def test_flags_of_signals_that_are_off_line_may_have_a_point(read: Read) -> None:

@@ -15,7 +15,7 @@ from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
-from app.ingest.numbers.units import without_unit as bare_number
+from app.ingest.numbers.units import as_number
 from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
 from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
@@ -231,7 +231,7 @@ def _tell_rows(head: Head, names: tuple[str, ...], time: tuple[int, ...], first_
 def numbers_of(head: Head, column: int, first_row: int) -> FloatArray:
     """(n,) those of a column's fields that are some, without their units."""
     texts = (text for text in head.column(column, first_row) if is_number(text, head.decimal_mark))
-    return np.array([float(bare_number(text).replace(",", ".")) for text in texts])
+    return np.array([as_number(text) for text in texts])
 
 
 def name_at(names: tuple[str, ...], index: int) -> str:

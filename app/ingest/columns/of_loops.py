@@ -8,7 +8,7 @@ import polars as pl
 
 from app.ingest.columns.clocks import MOST, joined_stamp
 from app.ingest.columns.names import ONE_WAY, TAG_NAMES, plain
-from app.ingest.columns.of_words import lie_among, states_among, times_by_word
+from app.ingest.columns.of_words import lie_among, states_among, take_turns, times_by_word
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
@@ -107,17 +107,18 @@ class Rows:
         return list(zip(self._cells(column), self._time_ns.tolist(), strict=True))
 
     def _parts(self, column: int) -> bool:
-        """Whether its words tell rows of one time apart: of most rows, or where rows are sorted by them."""
+        """Whether its words tell rows of one time apart: of most rows, or where times go back with them; or take turns,
+        as where each place is asked at times of its own."""
         words: dict[tuple[str, str], set[str]] = {}
         for key, word in zip(self._keys, self._cells(column), strict=True):
             words.setdefault(key, set()).add(word)
-        if 2 * sum(len(words[key]) > 1 for key in self._keys) >= len(self._keys):
+        if 2 * sum(len(words[key]) > 1 for key in self._keys) >= len(self._keys) or take_turns(self._cells(column)):
             return True
         rows = [(word, at) for word, at in self._timed(column) if word and at != NO_TIME]
         times = times_by_word(rows)
         changes = [(one, other) for one, other in pairwise(rows) if one[0] != other[0]]
-        once = len(changes) + 1 == len(times)
-        return once and any(one[1] > other[1] and lie_among(times[one[0]], times[other[0]]) for one, other in changes)
+        back = dict.fromkeys((one[0], other[0]) for one, other in changes if one[1] > other[1])
+        return any(lie_among(times[one], times[other]) for one, other in back)
 
 
 def _follow_each_other(rows: list[tuple[str, int]]) -> bool:

@@ -65,7 +65,7 @@ class LongPlan:
     = good; None where it is not told. `signals`: where a row holds several values of the loop that stands in column
     `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
     where it is not one for all rows. `others`: such columns of no signal, which are kept beside them. `ends`: as in a
-    wide plan."""
+    wide plan. `unit`: the column of the units of the values."""
 
     layout: str
     first_row: int
@@ -82,12 +82,13 @@ class LongPlan:
     word: int | None = None
     others: tuple[ValueColumn, ...] = ()
     ends: frozenset[int] = frozenset()
+    unit: int | None = None
 
     @property
     def read(self) -> frozenset[int | None]:
         """The columns that are read."""
         values = (value.index for value in (*self.signals, *self.others))
-        return frozenset((*self.time, self.tag, self.value, self.quality, self.word, *values))
+        return frozenset((*self.time, self.tag, self.value, self.quality, self.word, self.unit, *values))
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""

@@ -1,12 +1,18 @@
 """After how many fields a row may end, because what it leaves out was empty or is not read."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from app.ingest.columns.names import mostly_numbers
 from app.ingest.columns.plans import Plan, WidePlan
-from app.ingest.files.head import Head
+from app.ingest.files.head import Head, is_number
+from app.ingest.model import FloatArray
+from app.ingest.numbers.units import as_number
 
+Rows = Sequence[tuple[str, ...]]
 _SOME_ROWS, _SOME_SHARE = 3, 0.1
 
 
@@ -27,13 +33,36 @@ def with_ends(plan: Plan, head: Head) -> Plan:
     for end in range(plan.width - 1, _least(plan) - 1, -1):
         if end in read:
             seldom = False
-            if 2 * sum(not row[end] for row in full) <= len(full):
+            if 2 * sum(not row[end] for row in full) <= len(full) and not _is_left_out(end, rows, full, plan, head):
                 break
         elif mostly_numbers(head.column(end, plan.first_row), head.decimal_mark):
             break
         if seldom or counts[end] >= often:
             ends.add(end)
     return replace(plan, ends=frozenset(ends))
+
+
+def _is_left_out(end: int, rows: Rows, full: Rows, plan: Plan, head: Head) -> bool:
+    """Whether rows that end there leave out what stands in full ones, and lost nothing else: most rows do, or words are
+    left out, and what stands before is as large as in full rows."""
+    short = [row for row in rows if len(row) == end]
+    words = not mostly_numbers(head.column(end, plan.first_row), head.decimal_mark)
+    if len(full) < _SOME_ROWS or not (2 * len(short) >= len(rows) or words):
+        return False
+    return all(_are_alike(_numbers(short, at, head), _numbers(full, at, head)) for at in plan.read if at and at < end)
+
+
+def _numbers(rows: Rows, column: int, head: Head) -> FloatArray:
+    texts = (row[column] for row in rows)
+    return np.array([as_number(text) for text in texts if is_number(text, head.decimal_mark)])
+
+
+def _are_alike(short: FloatArray, full: FloatArray) -> bool:
+    """Whether those of rows that end early lie about where those of full rows do; words stand in both or in none."""
+    if not len(short) or not len(full):
+        return len(short) == len(full)
+    low, high = float(full.min()), float(full.max())
+    return low - (high - low) <= float(np.median(short)) <= high + (high - low)
 
 
 def _least(plan: Plan) -> int:

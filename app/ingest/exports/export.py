@@ -15,6 +15,7 @@ from app.ingest.exports.preparing import prepared
 from app.ingest.files.head import Head
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
 from app.ingest.numbers.marks import DoubtfulMarks
+from app.ingest.numbers.scale_jumps import ScaleJumps
 from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import UNREADABLE, RowReader, in_short
@@ -133,6 +134,7 @@ class TableExport(Export):
         self._mapping = mapping
         self._grouping = Grouping(source.head.stem, mapping)
         self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
+        self._scale_jumps = ScaleJumps()
         self._taken = False
 
     @property
@@ -145,6 +147,8 @@ class TableExport(Export):
 
     def loops(self) -> Iterator[LoopSamples]:
         for batch in self._batches(self._table(self._plan)):
+            for block in batch:
+                self._scale_jumps.look(block)
             yield from stretches(batch)
 
     def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
@@ -232,6 +236,7 @@ class TableExport(Export):
     def _units(self) -> Iterator[tuple[str, str]]:
         for timed in self._plan.groups if isinstance(self._plan, WidePlan) else ():
             yield from ((without_controls(value.tag), value.unit) for value in timed.values if value.unit)
+        yield from self._tally.units.items()
 
     def _zone(self) -> str:
         form = self._plan.form
@@ -259,6 +264,7 @@ class TableExport(Export):
         notes += self._notes_of_times()
         notes += self._ahead_of_clock()
         notes += self._tally.writing.notes()
+        notes += self._scale_jumps.notes()
         if self._tally.wordy:
             shown = ", ".join(tag[:80] for tag in self._tally.wordy[:5]) + (
                 ", ..." if len(self._tally.wordy) > 5 else ""
@@ -291,6 +297,11 @@ class TableExport(Export):
             notes.append(SPREAD_NOTE)
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
+        if count := self._tally.in_other_order:
+            notes.append(
+                f"check this first, day and month stand in both orders: {count} dates fit with them exchanged alone "
+                "and were refused; those that fit in both orders may be months off"
+            )
         if self._tally.lacks_half:
             notes.append("hours go to 12 and begin again: nothing tells AM from PM, and times may be wrong by 12 hours")
         if self._tally.stuttering:

@@ -1,6 +1,8 @@
 """An export file, opened: which kind of file it is."""
 
 import re
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import polars as pl
@@ -13,9 +15,9 @@ from app.ingest.exports.matlab import open_matlab
 from app.ingest.exports.sheets import SheetsExport
 from app.ingest.exports.tables_in import open_parquet
 from app.ingest.exports.workbooks import open_workbook
-from app.ingest.files.head import Head, look, with_samples, with_tail
+from app.ingest.files.head import Head, look, split_line, with_samples, with_tail
 from app.ingest.files.matlab_values import is_matlab
-from app.ingest.files.opening import TextFile
+from app.ingest.files.opening import MOST_ROWS, TextFile
 from app.ingest.files.unpacking import GZIP
 from app.ingest.layouts import not_recognised, recognise, recognise_again
 from app.ingest.model import IngestOptions
@@ -26,7 +28,8 @@ from app.ingest.times.stamps import check_time_zone
 
 _NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
-_JSON = re.compile(r'\s*(\[\s*)?\{\s*"')
+_JSON = re.compile(r'\s*(\[\s*)*(\{\s*"|\[\s*[\["\d])')
+_MARKUP = re.compile(r"(?i)\s*<(\?xml|!doctype|html|table|meta|style)\b")
 SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
 
 
@@ -70,16 +73,31 @@ def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:
         plan = recognise(with_tail(head, file.tail()), options) or plan
     if plan is not None and may_part_rows_below(plan, head):
         start = sum(len(line.encode()) + 1 for line in head.lines)
-        plan = recognise_again(plan, with_samples(head, file.samples(start)), options)
+        every = partial(_fields, file, head)
+        plan = recognise_again(plan, with_samples(head, file.samples(start)), options, every)
     if plan is None:
-        _refuse_json(file.head)
+        _refuse_other_text(file.head)
         raise not_recognised(head)
     return TextSource(file, plan, head, file.compressed)
 
 
-def _refuse_json(head: str) -> None:
-    if _JSON.match(head):
-        raise DataError("not_an_export", "this is JSON, which is not read; CSV or TSV text, parquet or xlsx is needed")
+def _fields(file: TextFile, head: Head, columns: Sequence[int]) -> list[tuple[str, ...]]:
+    """Those of some columns in all rows that have them; none where there are too many rows."""
+    found: list[tuple[str, ...]] = []
+    for lines in file.chunks():
+        if len(found) > MOST_ROWS:
+            return []
+        rows = (split_line(line, head.delimiter) for line in lines.data.decode("utf-8", "replace").split("\n"))
+        found += [tuple(row[at] for at in columns) for row in rows if len(row) > max(columns)]
+    return found
+
+
+def _refuse_other_text(head: str) -> None:
+    kind = "JSON" if _JSON.match(head) else "XML or HTML" if _MARKUP.match(head) else ""
+    if kind:
+        raise DataError(
+            "not_an_export", f"this is {kind}, which is not read; CSV or TSV text, parquet or xlsx is needed"
+        )
 
 
 def is_export_name(name: str) -> bool:

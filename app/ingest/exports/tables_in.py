@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from app.errors import DataError
 from app.ingest.columns.further_down import may_part_rows_below
 from app.ingest.columns.plans import LongPlan, Plan, name_of
 from app.ingest.files.head import HEAD_ROWS, TAIL_ROWS, Head, find_decimal_mark, with_rows
-from app.ingest.files.opening import SAMPLES
+from app.ingest.files.opening import MOST_ROWS, SAMPLES
 from app.ingest.layouts import not_recognised, recognise, recognise_again
 from app.ingest.model import IngestOptions
 from app.ingest.numbers.marks import POINTED, WRITTEN
@@ -91,7 +92,8 @@ class TableSource:
     def _take(self, head: Head) -> None:
         plan = recognise(head, self._options)
         if plan is not None and may_part_rows_below(plan, head):
-            plan = recognise_again(plan, with_rows(head, _sampled(self._table)), self._options)
+            every = partial(_fields, self._table)
+            plan = recognise_again(plan, with_rows(head, _sampled(self._table)), self._options, every)
         if plan is None:
             raise not_recognised(head)
         self.head: Head = head
@@ -178,6 +180,14 @@ def _sampled(table: Table) -> tuple[tuple[str, ...], ...]:
     if table.width * each * len(places) > CELLS_OF_HEAD:
         return ()
     return tuple(row for place in places for row in _rows(table, place, each))
+
+
+def _fields(table: Table, columns: Sequence[int]) -> list[tuple[str, ...]]:
+    """Those of some columns in all rows; none where there are too many rows."""
+    if table.height > MOST_ROWS:
+        return []
+    frame = table.part(0, table.height, columns)
+    return list(zip(*(_as_text(frame[name_of(at)]).fill_null("").to_list() for at in columns), strict=True))
 
 
 def _rows(table: Table, offset: int, count: int) -> tuple[tuple[str, ...], ...]:

@@ -91,9 +91,14 @@ def with_tail(head: Head, text: str) -> Head:
 
 
 def with_samples(head: Head, texts: Sequence[str]) -> Head:
-    """The same with rows from all over the file: the first hundreds may be of one tag alone."""
-    lines = (line for text in texts for line in text.split("\n")[: TAIL_ROWS // len(texts)] if line.strip())
-    return with_rows(head, tuple(split_line(line, head.delimiter) for line in lines))
+    """The same with rows from all over the file, its last ones among them: the first hundreds may be of one tag alone,
+    and what was appended few."""
+    parts = [[line for line in text.split("\n") if line.strip()] for text in texts]
+    each = TAIL_ROWS // max(1, len(parts))
+    taken = [part[:each] for part in parts]
+    if parts and len(parts[-1]) > each:
+        taken[-1] = [*parts[-1][: each // 2], *parts[-1][-(each - each // 2) :]]
+    return with_rows(head, tuple(split_line(line, head.delimiter) for lines in taken for line in lines))
 
 
 def with_rows(head: Head, rows: tuple[tuple[str, ...], ...]) -> Head:

@@ -22,6 +22,7 @@ HEAD_LINES = 12  # a row of 50,000 columns is half a megabyte
 HEAD_LIMIT = 1 << 24
 TAIL_BYTES = 1 << 16
 SAMPLES, SAMPLE_BYTES = 16, 1 << 14
+MOST_ROWS = 2_000_000  # that are asked one by one for what samples leave open
 PROBED_BYTES = 1 << 18
 COUNTED_BYTES = 1 << 18
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
@@ -118,7 +119,9 @@ class TextFile:
         if self._bare_returns or not self.encoding.startswith("utf-8"):
             return []
         size = sum(map(len, self._bytes())) if self.compressed else self._path.stat().st_size
-        places = range(start, size, max(SAMPLE_BYTES, (size - start) // SAMPLES))
+        places = [*range(start, size, max(SAMPLE_BYTES, (size - start) // SAMPLES))]
+        if places and size - places[-1] > 2 * SAMPLE_BYTES:
+            places.append(size - SAMPLE_BYTES)  # what was appended last
         taken = self._unpacked_at(places) if self.compressed else self._bytes_at(places)
         texts = (data.decode("utf-8", "replace").replace("\r\r\n", "\n").replace("\r\n", "\n") for data in taken)
         return [text.partition("\n")[2].rpartition("\n")[0] for text in texts]

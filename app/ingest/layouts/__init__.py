@@ -3,15 +3,18 @@
 A new layout is a new file with a function `sniff(head, options) -> Plan | None` and a line here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from app.errors import DataError
+from app.ingest.columns.clocks import joined_stamp
 from app.ingest.columns.further_down import tells_more
 from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
+from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.columns.row_ends import with_ends
+from app.ingest.columns.unit_column import with_unit_column
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
     aveva,
@@ -30,6 +33,7 @@ from app.ingest.layouts import (
 )
 from app.ingest.model import IngestOptions
 
+Every = Callable[[Sequence[int]], Sequence[tuple[str, ...]]]
 Sniff = Callable[[Head, IngestOptions], Plan | None]
 
 LAYOUTS: tuple[Sniff, ...] = (
@@ -54,22 +58,33 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     if plan is None:
         return None
     plan = with_ends(plan, head)
+    plan = with_unit_column(plan, head) if isinstance(plan, LongPlan) else plan
     return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
 
 
-def recognise_again(plan: Plan, head: Head, options: IngestOptions) -> Plan:
+def recognise_again(plan: Plan, head: Head, options: IngestOptions, every: Every) -> Plan:
     """The plan by a head with rows from further down, where they tell more than the first rows did. They make none of
-    tags and loops unknown: a word that no signal has may stand beside those that are known.
+    tags and loops unknown: a word that no signal has may stand beside those that are known. every: gives the fields
+    of some columns, row by row, of the whole table, or nothing where these are too many.
 
     Raises DataError where the rows of a wide table are such that they would be mixed.
     """
     try:
         found = recognise(head, options)
-    except DataError:
-        if isinstance(plan, LongPlan):
+    except DataError as error:
+        if isinstance(plan, LongPlan) or (
+            isinstance(error, WordsPartRows) and _part_none(plan, error.column, options, every)
+        ):
             return plan
         raise
     return found if found is not None and tells_more(found, plan) else plan
+
+
+def _part_none(plan: WidePlan, column: int, options: IngestOptions, every: Every) -> bool:
+    """Whether the words of a column, which some rows show to part them, do not by all rows."""
+    rows = every((column, *plan.groups[0].time))
+    stamps = [joined_stamp(stamp) for _, *stamp in rows]
+    return bool(rows) and not are_sorted_by([word for word, *_ in rows], stamps, plan, options)
 
 
 def _with_units(plan: Plan, head: Head) -> Plan:

@@ -2,7 +2,7 @@
 passed over."""
 
 from app.ingest.columns.names import long_from
-from app.ingest.columns.of_words import column_that_parts_signals, refuse_to_mix
+from app.ingest.columns.of_words import column_that_parts_tags, refuse_to_mix
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
@@ -13,6 +13,6 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
         if len(names) >= 3:
             plan = long_from(head, "long", names, index + 1, options)
             if plan is not None:
-                refuse_to_mix(names, column_that_parts_signals(plan, head))
+                refuse_to_mix(names, column_that_parts_tags(plan, head))
                 return plan
     return None

@@ -17,7 +17,7 @@ from app.ingest.columns.names import (
     times_assumed,
     wide_from,
 )
-from app.ingest.columns.of_words import column_that_sorts, refuse_to_mix
+from app.ingest.columns.of_words import column_that_sorts, column_that_takes_turns, refuse_to_mix
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
@@ -50,10 +50,11 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
 
 
 def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan, options: IngestOptions) -> None:
-    """Raises DataError("unknown_layout") where a column of words tells the rows of one time apart: each word has values
-    of its own, which would be mixed."""
-    found = _words_of_stamps(head, names, plan)
-    refuse_to_mix(names, column_that_sorts(plan, head, options) if found is None else found)
+    """Raises WordsPartRows where a column of words tells the rows of one time apart, or those of some time: each word
+    has values of its own, which would be mixed."""
+    refuse_to_mix(names, _words_of_stamps(head, names, plan))
+    refuse_to_mix(names, column_that_sorts(plan, head, options))
+    refuse_to_mix(names, column_that_takes_turns(plan, head))
 
 
 def _words_of_stamps(head: Head, names: tuple[str, ...], plan: WidePlan) -> int | None:

@@ -4,7 +4,8 @@ Either may be meant where exactly three digits follow one to three others that d
 thousand.
 """
 
-from collections.abc import Collection, Iterable, Iterator
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import numpy as np
 import polars as pl
@@ -16,11 +17,13 @@ _BEFORE, _BEHIND = r"^[ \"]*[+-]?", r"(?:[^\d.,eE].*)?$"
 GROUPED = _BEFORE + r"[1-9]\d{0,2}(?:%s\d{3})+(?:%s\d+)?" + _BEHIND
 DOUBTFUL = r"^[ \"]*([+-]?[1-9]\d{0,2}[.,]\d{3})" + _BEHIND
 WHOLE = r"^[ \"]*([+-]?\d+)(?:\s*[^\d\s.,:+-].*)?$"
+DECIMALS = r"^[ \"]*([+-]?\d+[%s]\d+)" + _BEHIND
 WRITTEN = r"^[ \"]*[+-]?[1-9]\d{0,2}\.\d\d0[ \"]*$"  # in doubt, and no number of a cell: these end in no zero
 ALL_DOUBTFUL = r"^(?:[+-]?[1-9]\d{0,2}[.,]\d{3}|\D*)$"
 POINTED = _BEFORE + r"\d+\.\d+[ \"]*$"
 FIRST_BYTES = 1 << 16
 PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mark
+BETWEEN_BOTH = 1000**0.5  # of a tag's decimals over what is doubtful: halfway from 1 to 1,000
 BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000
 
 MOST_CODES, MOST_CODES_SHARE = 3, 0.1  # of a tag's numbers, for how many stand for no data or a limit
@@ -38,6 +41,23 @@ def before_decimals(mark: str, behind: str = _BEHIND) -> str:
     return rf"{_BEFORE}(?:{decimals}|{parted}|{twice}){behind}"
 
 
+def groups_for_sure(mark: str) -> str:
+    """What a number looks like whose thousands are parted by the mark for sure: twice, or with decimals behind."""
+    return rf"{_BEFORE}[1-9]\d{{0,2}}(?:(?:[{mark}]\d{{3}}){{2,}}|[{mark}]\d{{3}}[{other_mark(mark)}]\d+){_BEHIND}"
+
+
+def near_decimals(doubtful: pl.DataFrame, decimals: pl.DataFrame, largest: Mapping[str, float]) -> set[str]:
+    """The tags whose doubtful numbers, taken as decimals, are nearer to their others than as thousands. Tags and
+    numbers: doubtful, and decimals beside them; largest: by tag, of numbers that were read before."""
+    sizes = _sizes(doubtful)
+    sizes = sizes.join(_sizes(decimals), on="tag", how="left", suffix="_beside")
+    return {
+        tag
+        for tag, size, _, beside, _ in sizes.iter_rows()
+        if min(beside or math.inf, largest.get(tag, math.inf)) < BETWEEN_BOTH * size
+    }
+
+
 class DoubtfulMarks:
     """How numbers with a doubtful mark are read. In a file that does not tell: by what a tag's numbers without a mark
     are near to, but for codes, each tag by itself; tags without any as the others; where none has any, as usual. In a
@@ -47,6 +67,7 @@ class DoubtfulMarks:
         self._usual = usual
         self._of: dict[str, str] = {}  # decimals, thousands or, where neither is clear, nothing
         self._as_file: dict[str, str] = {}  # thousands or nothing, of tags that are read as the others tell
+        self.changing: set[str] = set()  # tags whose marks change over: what would be thousands is refused
 
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
         """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
@@ -78,7 +99,8 @@ class DoubtfulMarks:
     def told(self) -> str:
         """What was read as what; nothing where no mark was in doubt."""
         words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}
-        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(self._as_file | self._of).items())
+        found_of = self._as_file | dict.fromkeys(sorted(self.changing), "") | self._of
+        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(found_of).items())
 
 
 def _without_codes(doubtful: pl.DataFrame, beside: pl.DataFrame) -> pl.DataFrame:

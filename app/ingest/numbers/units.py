@@ -1,6 +1,7 @@
 """Units behind numbers in one field, as `36.4 %` or `12,3 °C`: the number is read, its unit told."""
 
 import re
+import unicodedata
 from collections.abc import Mapping
 
 import numpy as np
@@ -66,6 +67,12 @@ def is_unit(text: str) -> bool:
     return "".join(text.lower().split()) in UNITS
 
 
+def plain_unit(text: str) -> str:
+    """A unit as others may write it: m³/h and m3/hr, °C and degC."""
+    plain = "".join(unicodedata.normalize("NFKC", text).lower().split()).strip("[]()").replace("°", "deg")
+    return plain.removesuffix("r") if plain.endswith("/hr") else plain
+
+
 def are_units(texts: pl.Series) -> pl.Series:
     return texts.str.to_lowercase().str.replace_all(r"\s", "").is_in(sorted(UNITS))
 
@@ -74,3 +81,8 @@ def without_unit(field: str) -> str:
     """The number of a field that has a unit behind it; other fields as they are."""
     found = None if field[-1:].isdigit() else _FIELD.match(field)
     return found[1] if found and is_unit(found[2]) else field
+
+
+def as_number(field: str) -> float:
+    """Of a field that is a number, with a point or a comma before its decimals, perhaps with its unit behind it."""
+    return float(without_unit(field).replace(",", "."))

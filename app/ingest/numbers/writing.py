@@ -7,7 +7,17 @@ import polars as pl
 
 from app.ingest.numbers.blanks import Blanks
 from app.ingest.numbers.kinds import decimal_mark_of
-from app.ingest.numbers.marks import DOUBTFUL, GROUPED, WHOLE, DoubtfulMarks, before_decimals, other_mark
+from app.ingest.numbers.marks import (
+    DECIMALS,
+    DOUBTFUL,
+    GROUPED,
+    WHOLE,
+    DoubtfulMarks,
+    before_decimals,
+    groups_for_sure,
+    near_decimals,
+    other_mark,
+)
 from app.ingest.numbers.units import UnitsOfTags, are_units
 from app.ingest.telling import tags_by
 from app.ingest.times.stamps import to_numbers
@@ -32,16 +42,18 @@ class Writing:
     marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
     blanks: Blanks = field(default_factory=Blanks)
     _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
+    _parted: set[str] = field(default_factory=set)  # tags whose thousands are parted for sure
 
     def learn(
         self,
         texts: pl.Series,
         tags: pl.Series,
         rest: Callable[[], pl.DataFrame],
-        was_read: Callable[[str], bool] = lambda _: False,
+        before: Callable[[str], float | None] = lambda _: None,
     ) -> None:
         """Looks for what tells thousands from decimals, before numbers are read. texts: what the fast reader left.
-        rest: tag and text of what it read. was_read: whether some of a tag was read before."""
+        rest: tag and text of what it read. before: how large the numbers of a tag are at most that were read before;
+        None where none of it was."""
         odd = pl.DataFrame({"tag": tags, "text": texts})
         self.blanks.learn(odd, rest)
         odd = odd.with_columns(text=self._without_groups(texts, tags))
@@ -51,7 +63,8 @@ class Writing:
         if not concerned:
             return
         every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(concerned)))
-        self._learn_own(otherwise, every, was_read)
+        self._learn_own(otherwise, every, lambda tag: before(tag) is not None)
+        self._learn_changing(doubtful, every, before)
         doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
         if len(doubtful):
             self._look(doubtful, every)
@@ -83,6 +96,20 @@ class Writing:
             if self.thousands and tag not in self.own and was_read(tag):
                 self._late.add(tag)
             self.own[tag] = shown if self.own.get(tag, shown) == shown else ""
+
+    def _learn_changing(
+        self, doubtful: pl.DataFrame, every: pl.DataFrame, before: Callable[[str], float | None]
+    ) -> None:
+        """The tags of which numbers with the mark between thousands are near to those with the one before decimals, or
+        to what was read before: then their marks change over. Not those that part thousands for sure."""
+        for thousands in {self.thousands, *self.own.values()} - {""}:
+            tags = [tag for tag in doubtful["tag"].unique() if self.own.get(tag, self.thousands) == thousands]
+            own = every.filter(pl.col("tag").is_in(tags))
+            self._parted.update(own["tag"].filter(_contains(own["text"], groups_for_sure(thousands))))
+            parted = _numbers(own, DOUBTFUL.replace("[.,]", f"[{thousands}]"))
+            decimals = _numbers(own, DECIMALS % other_mark(thousands))
+            largest = {tag: size for tag in tags if (size := before(tag))}
+            self.marks.changing.update(near_decimals(parted, decimals, largest) - self._parted)
 
     def _look(self, doubtful: pl.DataFrame, every: pl.DataFrame) -> None:
         """What the numbers without a mark say of the doubtful ones; what the file tells needs no word where the tag
@@ -129,7 +156,7 @@ class Writing:
         """Where a doubtful number is refused: what its tag has beside it tells otherwise than the file, or it was read
         otherwise before its tag told: none is read both ways."""
         met = {tag: self.marks.meant(tag) for tag in self.marks.met()} if self.thousands or self.own else {}
-        unlike = [*self._late, *self.marks.as_file("")]
+        unlike = [*self._late, *self.marks.changing, *self.marks.as_file("")]
         unlike_before = [tag for tag in self.marks.as_file("thousands", "") if tag in self.own]
         if not (met or unlike or unlike_before):
             return pl.repeat(False, len(texts), dtype=pl.Boolean, eager=True)

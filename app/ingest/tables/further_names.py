@@ -2,15 +2,16 @@
 other names than the first ones is of other columns."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.columns.plans import TimedColumns, name_of
+from app.ingest.numbers.units import is_unit, plain_unit
 from app.ingest.tables.frames import RowReader, Rows
-from app.ingest.tags.grouping import without_unit
+from app.ingest.tags.grouping import unit_of, without_unit
 
 _BLANKS = "[ \t\u00a0\u2007\u202f]+"
 _ROUND = " '\"\ufeff"  # may stand around a name: files that were put behind one another each begin with their own mark
@@ -26,6 +27,8 @@ class FurtherNames:
         self._time = " ".join(self._first[at] for at in group.time)
         self._possible = len(groups) == 1 and all(self._first[at] for at in group.time)
         self._names = {at: without_unit(self._first[at]) for at in _columns(group) if self._first[at]}
+        units = {value.index: unit_of(self._first[value.index]) or value.unit for value in group.values}
+        self._units = {at: plain_unit(unit) for at, unit in units.items() if unit}
         self._under_others = False
         self.lines: list[int] = []  # in which other names stand
 
@@ -58,7 +61,14 @@ class FurtherNames:
             return self._under_others
         name, first = written.pop()
         last_is_other = name != first if names[max(names)] else not first.startswith(name)
-        return last_is_other or any(name != first for name, first in written)
+        return last_is_other or any(name != first for name, first in written) or self._are_in_others(texts, names, at)
+
+    def _are_in_others(self, texts: pl.DataFrame, names: Mapping[int, str], at: int) -> bool:
+        """Whether a column has another unit than below the first names: in its name, or in a row of units below it."""
+        below = {column: texts[name_of(column)][at + 1] or "" for column in names} if at + 1 < texts.height else {}
+        are_units = all(map(is_unit, filter(None, below.values())))
+        told = {column: unit_of(name) or (below.get(column, "") if are_units else "") for column, name in names.items()}
+        return any(unit and plain_unit(unit) != self._units.get(at, plain_unit(unit)) for at, unit in told.items())
 
 
 def _columns(group: TimedColumns) -> list[int]:

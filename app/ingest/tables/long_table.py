@@ -23,6 +23,7 @@ from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, join
 from app.ingest.tables.scanning import Scan, Scanner
 from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
 from app.ingest.tables.tally import Tally
+from app.ingest.tables.unit_column import UnitColumn
 from app.ingest.tags.grouping import Place
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
@@ -80,7 +81,10 @@ class LongTable:
         self._number_of: dict[str, int] = {}
         self._new_tags: list[str] = []  # that the scanner has not learnt
         self._tags_before = 0  # the chunk that is read
+        self._unsized: list[Gathered] = []  # of which `_largest` does not tell yet
+        self._largest = np.zeros(0)  # by number of the tag, of the values that were read before
         self._scanner: Scanner | None = None
+        self._units = UnitColumn()
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -90,6 +94,8 @@ class LongTable:
         types[self._plan.value] = pl.Float64()
         if self._plan.quality is not None:
             types[self._plan.quality] = self._quality_type
+        if self._plan.unit is not None:
+            types[self._plan.unit] = pl.String()
         return types
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
@@ -102,12 +108,16 @@ class LongTable:
             for rows in reader.rows(self._plan.first_row):
                 self._tally.rows_read += rows.height
                 batch.append(self._gather(rows, reader))
+                self._unsized.append(batch[-1])
                 if sum(map(len, batch)) * VALUES_A_ROW >= most_values:
                     spill = spill or Spill(self._options.spill_folder, most_values)
+                    self._size()
                     whole, rest = in_whole_instants(joined(batch))
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
+            self._tally.units = {at.tag: unit for n, at in enumerate(self._places) if (unit := self._units.of(n))}
+            self._tally.in_other_order = self._time.in_other_order
             self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
@@ -123,7 +133,24 @@ class LongTable:
                 spill.close()
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
-        return reader.scanning(self._plan)
+        return reader.scanning(self._plan) if self._plan.unit is None else None
+
+    def _size(self) -> None:
+        """Takes in how large the values of each tag are."""
+        more = len(self._places) - len(self._largest)
+        self._largest = np.append(self._largest, np.zeros(more))
+        for gathered in self._unsized:
+            np.maximum.at(self._largest, gathered.codes, np.abs(np.nan_to_num(gathered.values)))
+        self._unsized = []
+
+    def _largest_before(self, tag: str) -> float | None:
+        """Of the values of a tag that was there before the chunk that is read; None for others."""
+        number = self._number_of[tag]
+        if number >= self._tags_before:
+            return None
+        if self._unsized:
+            self._size()
+        return float(self._largest[number])
 
     def _settle_places(self) -> None:
         """When all tags have come: a later one may have taken the signal of one that came before."""
@@ -216,6 +243,7 @@ class LongTable:
         kept = self._kept(cells, texts, codes, time_ns)
         values = self._values(cells, codes, kept)
         self._refuse_quality(cells, kept, values)
+        self._refuse_other_units(cells, codes, kept, values)
         at = np.flatnonzero(kept)
         if len(at) < len(codes):
             codes, time_ns, values = codes[at], time_ns[at], values[at]
@@ -382,7 +410,7 @@ class LongTable:
             texts.filter(pl.Series(left)),
             all_tags.filter(pl.Series(left)),
             lambda: pl.DataFrame({"tag": all_tags.filter(read), "text": texts.filter(read)}),
-            lambda tag: self._number_of[tag] < self._tags_before,
+            self._largest_before,
         )
         if writing.own:
             left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()
@@ -403,6 +431,18 @@ class LongTable:
         bad = self._quality.bad(texts)
         at = np.flatnonzero(bad & kept & np.isfinite(values))
         self._refuse(cells, "bad_quality", at, (str(texts[int(row)]) for row in at))
+        values[at] = np.nan
+
+    def _refuse_other_units(
+        self, cells: Cells, codes: NDArray[np.uint32], kept: NDArray[np.bool_], values: FloatArray
+    ) -> None:
+        if self._plan.unit is None:
+            return
+        texts = cells.rows.frame[name_of(self._plan.unit)]
+        finite = kept & np.isfinite(values)
+        at = np.flatnonzero(self._units.in_others(texts, codes, finite))
+        words = (f"in {texts[int(row)]}, and its tag is in {self._units.of(int(codes[row]))}" for row in at)
+        self._refuse(cells, "other_unit", at, words)
         values[at] = np.nan
 
     def _refuse(self, cells: Cells, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:

@@ -1,7 +1,7 @@
 """Fields of a wide table that are no numbers to the fast reader, or not for sure: read again as text, only in the
 columns that have any."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -79,8 +79,9 @@ class ChunkColumns:
 class OddFields:
     """Reads them, chunk by chunk, and refuses those that are none."""
 
-    def __init__(self, writing: Writing, wordy: WordyColumns) -> None:
-        self._writing, self._wordy = writing, wordy
+    def __init__(self, writing: Writing, wordy: WordyColumns, largest: Callable[[int], float]) -> None:
+        """largest: by column, of the numbers of the chunks before."""
+        self._writing, self._wordy, self._largest = writing, wordy, largest
         self._begun: set[str] = set()  # tags of which a chunk was read
 
     def read(self, chunk: ChunkColumns) -> None:
@@ -130,8 +131,13 @@ class OddFields:
             each = ((chunk.columns[p].tag, chunk.texts[p].filter(pl.Series(at == found))) for p, at in left.items())
             return tagged(each)
 
+        columns = {chunk.columns[p].tag: chunk.columns[p].index for p in left}
+
+        def before(tag: str) -> float | None:
+            return self._largest(columns[tag]) if tag in self._begun else None
+
         odd = of(True)
-        self._writing.learn(odd["text"], odd["tag"], lambda: of(False), self._begun.__contains__)
+        self._writing.learn(odd["text"], odd["tag"], lambda: of(False), before)
 
     def _read_again(self, chunk: ChunkColumns, position: int, left: Where, stands: bool) -> None:
         tag, texts, values = chunk.columns[position].tag, chunk.texts[position], chunk.numbers.values

@@ -15,7 +15,8 @@ class Tally:
     whose stamp repeated the one before and stood for the step after it; `spread` says that stamps of a long table were
     cut, and their rows spread inside of them; `comments` those that hold none but a
     comment, `repeats` those whose time their tags had already; `wordy` are columns of words
-    that are no signals; `lacks_half`: hours go to 12 and begin again, and nothing tells AM from PM."""
+    that are no signals; `units` those of tags, by a column of units; `lacks_half`: hours go to 12 and begin again, and
+    nothing tells AM from PM; `in_other_order` counts dates that fit with day and month exchanged alone."""
 
     rows_read: int = 0
     rows_kept: int = 0
@@ -26,7 +27,9 @@ class Tally:
     comments: int = 0
     repeats: int = 0
     wordy: list[str] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
     lacks_half: bool = False
+    in_other_order: int = 0
     first_time_ns: int | None = None
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)

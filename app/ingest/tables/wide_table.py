@@ -45,7 +45,7 @@ class WideTable:
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
-        self._odd_fields = OddFields(tally.writing, self._wordy)
+        self._odd_fields = OddFields(tally.writing, self._wordy, self._largest)
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         number_of_loop = NumberOfLoop()
         self._loop_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint32)
@@ -129,11 +129,16 @@ class WideTable:
                 chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None
                 if chunk is not None:
                     yield number, chunk
+        self._tally.in_other_order = self._times[0].in_other_order
         self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
             if rest is not None:
                 yield number, rest
+
+    def _largest(self, column: int) -> float:
+        """How large the values of a column are at most that were read so far; 0 where there is none."""
+        return float(max(-self._lowest[column], self._highest[column], 0.0))
 
     def _is_mode(self, value: ValueColumn) -> bool:
         return value.index in self._modes

@@ -34,6 +34,12 @@ class Chosen:
     notes: tuple[str, ...] = ()
 
 
+def in_other_order(format_: str) -> str:
+    """The same with day and month exchanged; empty where not both stand first, or their order is told."""
+    orders = {**dict(zip(DAY_FIRST, MONTH_FIRST, strict=True)), **dict(zip(MONTH_FIRST, DAY_FIRST, strict=True))}
+    return next((other + format_[len(own) :] for own, other in orders.items() if format_.startswith(own)), "")
+
+
 def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
     """The first reading in the order that was said; else of those that are not ahead of the clock, if any, the one in
     which time runs most evenly."""

@@ -12,7 +12,7 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.model import FloatArray, IngestOptions, TimeArray
 from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
-from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose
+from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose, in_other_order
 from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.spelled_times import respelled, tells_utc
 from app.ingest.times.told_zones import told_utc_offset_ns, told_zone, zone_in_letters
@@ -276,6 +276,7 @@ class TimeReader:
         self._zone = form.zone or options.time_zone
         self.clock = WallClock(self._zone if self._told_ns is None else "UTC")
         self.half_clock = HalfClock()
+        self.in_other_order = 0  # dates that can be read with day and month exchanged alone
         self._options = options
 
     @property
@@ -343,7 +344,14 @@ class TimeReader:
         if len(missing):
             times = times.copy()
             times[missing] = self._odd(texts[missing])
+            self._look_for_other_order(texts[missing].filter(pl.Series(times[missing] == NO_TIME)))
         return times
+
+    def _look_for_other_order(self, texts: pl.Series) -> None:
+        other = in_other_order(self.form.format)
+        if other and len(texts):
+            found = self._of_forms(_with_point(texts.str.strip_chars(' "')), other)
+            self.in_other_order += int(np.count_nonzero(found != NO_TIME))
 
     def _odd(self, texts: pl.Series) -> TimeArray:
         """Rows in a slightly other form: blanks around them, with or without seconds or their fraction, a comma
