@@ -18,7 +18,7 @@ help:
 	@echo "make evaluate the verdict on labelled recordings, leaving one valve out (RECORDINGS=folder with labels.csv)"
 	@echo "make testbench whole audits of simulated loops, one factor at a time (minutes; JOBS=processes)"
 	@echo "make chaos    half an hour of faults on a service of its own, and what is left of its promises (SEED=number replays)"
-	@echo "make prove    run explain blind over loops with concealed physics (COUNT, SEED, JOBS, FORMS=own, KINDS=clean|one|two|outside, RUNNING=1, UNKNOWN=0.5)"
+	@echo "make prove    run explain blind over loops with concealed physics (COUNT, SEED, JOBS, FORMS=own, KINDS=clean|one|two|outside, RUNNING=1, UNKNOWN=0.5, SAMPLES=50000)"
 	@echo "make fuzz     hostile requests to the API, files led by coverage to the readers (COUNT=requests, SECONDS=, SEED=)"
 	@echo "make coverage every branch of claim and finish and of the readers, or it fails"
 	@echo "make load     many clients at once against a real API process"
@@ -87,7 +87,7 @@ testbench: install
 # Blind cases with concealed physics: what explain names, what it accuses wrongly, how well it fits (COUNT=200 takes a quarter hour).
 prove: install
 	PYTHONPATH=. OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python tests/proof/prove.py --count $(or $(COUNT),200) --jobs $(or $(JOBS),1) \
-		--seed $(or $(SEED),7) --forms $(or $(FORMS),foreign) --kinds $(or $(KINDS),all) $(if $(RUNNING),--running) $(if $(UNKNOWN),--unknown $(UNKNOWN)) $(if $(LEAST),--least-energy $(LEAST)) $(if $(OUT),--out $(OUT))
+		--seed $(or $(SEED),7) --forms $(or $(FORMS),foreign) --kinds $(or $(KINDS),all) $(if $(RUNNING),--running) $(if $(UNKNOWN),--unknown $(UNKNOWN)) $(if $(SAMPLES),--samples $(SAMPLES)) $(if $(LEAST),--least-energy $(LEAST)) $(if $(OUT),--out $(OUT))
 
 # Finds are written to .fuzz/found; the corpus of the readers stays in .fuzz/readers for the next search.
 fuzz: install

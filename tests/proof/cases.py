@@ -36,21 +36,25 @@ EXCITED_BY_SET_POINT = (
 )  # fmt: skip
 
 
-def make_case(seed: int, effects: tuple[str, ...], foreign: bool, least: float = LEAST_ENERGY) -> Case:
+def make_case(
+    seed: int, effects: tuple[str, ...], foreign: bool, least: float = LEAST_ENERGY, samples: int | None = None
+) -> Case:
     """The case of a seed: the first of some tries whose effects can be seen; of many where few loops suit them."""
     rng = np.random.default_rng(seed)
-    case = attempt(rng, effects, foreign, seed)
+    case = attempt(rng, effects, foreign, seed, samples)
     for tried in range(MOST_TRIES):
         if case is not None and (tried >= TRIES or not effects or case.truth.energy >= least):
             return case
-        case = attempt(rng, effects, foreign, seed) or case
+        case = attempt(rng, effects, foreign, seed, samples) or case
     if case is None:
         raise ValueError(f"no loop for {effects} from seed {seed}")
     return case
 
 
-def attempt(rng: Generator, effects: tuple[str, ...], foreign: bool, seed: int) -> Case | None:
-    loop = make_loop(rng, foreign)
+def attempt(
+    rng: Generator, effects: tuple[str, ...], foreign: bool, seed: int, samples: int | None = None
+) -> Case | None:
+    loop = make_loop(rng, foreign, samples)
     self_regulating = not loop.process.integrating and len(loop.process.taus) == 1
     if any(e in NEED_SELF_REGULATION + NEED_ONE_LAG for e in effects) and not self_regulating:
         return None

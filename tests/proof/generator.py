@@ -127,10 +127,11 @@ def set_points(rng: Generator, n: int, speed: float, kind: str) -> FloatArray:
     return sp
 
 
-def make_loop(rng: Generator, foreign: bool) -> Loop:
-    """A random loop. speed: samples of its slowest time constant."""
+def make_loop(rng: Generator, foreign: bool, samples: int | None = None) -> Loop:
+    """A random loop. speed: samples of its slowest time constant. samples: how long it runs; None: 1,500 to 2,400."""
     ts = float(rng.choice([0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0])) if foreign else 1.0
-    n = int(rng.choice([1500, 2000, 2400])) if foreign else 2400
+    usual = int(rng.choice([1500, 2000, 2400])) if foreign else 2400
+    n = usual if samples is None else samples
     kind = str(rng.choice(["first", "first", "second", "integrating"])) if foreign else "first"
     speed = float(rng.uniform(8.0, 28.0))
     tau, theta = speed * ts, float(rng.integers(1, 7)) * ts

@@ -89,8 +89,9 @@ def one(
     running: bool,
     least: float = LEAST_ENERGY,
     unknown: float = 0.0,
+    samples: int | None = None,
 ) -> dict[str, object]:
-    case = make_case(*plan, foreign, least)
+    case = make_case(*plan, foreign, least, samples)
     case = cut_out(case, plan[0]) if running else case
     return judged(case, *answer(case, sim, unknown))
 
@@ -139,6 +140,7 @@ def main() -> None:
     options.add_argument("--no-simulation", action="store_true")
     options.add_argument("--running", action="store_true", help="records cut out of loops that run already")
     options.add_argument("--unknown", type=float, default=0.0, help="share of PV that was not recorded, in gaps")
+    options.add_argument("--samples", type=int, help="length of every record; without it 1,500 to 2,400")
     options.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     options.add_argument("--out", type=Path)
     given = options.parse_args()
@@ -150,7 +152,13 @@ def main() -> None:
         plans = planned(given.seed, given.count, *SHARES[given.kinds], foreign)
     sim = not given.no_simulation
     asked = partial(
-        one, foreign=foreign, sim=sim, running=given.running, least=given.least_energy, unknown=given.unknown
+        one,
+        foreign=foreign,
+        sim=sim,
+        running=given.running,
+        least=given.least_energy,
+        unknown=given.unknown,
+        samples=given.samples,
     )
     compile_kernels()  # else the first case pays for it
     lines = []

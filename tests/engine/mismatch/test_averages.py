@@ -124,6 +124,24 @@ def test_no_averages_are_taken_beside_a_simulation_where_op_follows_pv() -> None
     assert shortened(replace(closed, simulation=None)).sampling_interval_s == 2.0
 
 
+@pytest.mark.parametrize("by_trace", [False, True])
+def test_of_a_long_loop_the_part_is_explained_in_which_something_happens(by_trace: bool) -> None:
+    """An effect that begins after the first samples that can be fitted is in no part that ends before it."""
+    samples, at = MOST_SAMPLES + 12_000, MOST_SAMPLES + 4000
+    closed = loop(samples, moving=True)
+    if by_trace:
+        trace = 50.0 + run_process(closed.op - 50.0, Plant(1.0, TAU, 0.0), 1.0)
+        closed = replace(closed, simulation=None, trace=trace)
+    late = replace(closed, pv=closed.pv + 6.0 * (np.arange(samples) >= at))
+    part = shortened(late)
+    begin = samples - MOST_SAMPLES
+    assert np.array_equal(part.pv, late.pv[begin:])
+    assert np.array_equal(part.op, late.op[begin:])
+    (note,) = part.notes
+    assert f"those from {begin} to {samples - 1} s" in note.text
+    assert np.array_equal(shortened(closed).pv, closed.pv[:MOST_SAMPLES])
+
+
 def test_what_averages_suggest_of_our_own_loop_goes_with_a_reason() -> None:
     """OP's means hold the controller's answers; what they are taken for does not pay among the samples themselves."""
     said = explain(replace(loop(4100, moving=True, seed=1), simulation=None))

@@ -10,8 +10,9 @@ import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.compete.competition import Contender, survey
+from app.engine.mismatch.compete.looking_ahead import looked_ahead
 from app.engine.mismatch.compete.naming import believed
-from app.engine.mismatch.compete.pairing import Candidate, couples, joint_scores, reordered
+from app.engine.mismatch.compete.pairing import Candidate, Couple, couples, joint_scores, reordered
 from app.engine.mismatch.compete.pairs import Pair, Places, paying_alone
 from app.engine.mismatch.compete.searching import Begun, foremost, searched
 from app.engine.mismatch.compete.selection import Selection, in_place_of
@@ -86,6 +87,20 @@ def test_the_couple_that_was_put_in_is_looked_at_unless_one_of_it_is_to_be_taken
     assert put_in in looked_at(())
     assert put_in not in looked_at((frozenset(put_in),))
     assert looked_at((frozenset(put_in),))
+
+
+def test_the_foremost_is_looked_for_beside_what_did_not_compete(both: Fit) -> None:
+    """The drift is a partner in a couple alone; beside it the deadband explains more than by itself."""
+    blocks = tuple(block for block in library(both.record) if block.code in {"valve.deadband", "sensor.drift"})
+    surveyed = survey(both, blocks)
+    alone = fitted(both, (backlash(),))
+    first = Contender(DEADBAND, alone, alone.likelihood - both.likelihood, both)
+    promising = (Couple((backlash(), drift()), 0.0),)
+    found = looked_ahead(both, surveyed, promising, (first,), ())
+    assert [{part.block.code for part in couple.parts} for couple in found] == [{"valve.deadband", "sensor.drift"}]
+    assert found[0].likelihood >= fitted(both, (backlash(), drift())).likelihood - 1.0
+    assert looked_ahead(both, surveyed, (), (first,), ()) == ()
+    assert looked_ahead(both, surveyed, promising, (), ()) == ()
 
 
 def test_the_order_of_a_couple_changes_nothing_but_its_order(both: Fit) -> None:
@@ -183,13 +198,14 @@ def blind() -> Callable[[int, tuple[str, str]], Explanation]:
     [
         (4_100_043, ("valve.deadband", "disturbance.oscillation")),
         (4_100_025, ("process.extra_lag", "disturbance.ramp")),
+        (20_100_001, ("process.friction", "disturbance.oscillation")),
     ],
 )
 def test_both_are_named(
     blind: Callable[[int, tuple[str, str]], Explanation], seed: int, effects: tuple[str, str]
 ) -> None:
     """A deadband whose likelihood an oscillation's noise hid; a lag and a ramp of which neither leads to the other
-    alone.
+    alone; a friction that hardly pays alone, and beside which an oscillation explains twice as much.
     """
     assert {effect.code for effect in blind(seed, effects).effects} == set(effects)
 

@@ -9,7 +9,7 @@ from app.engine.mismatch.compare.thinning import centred_all, centred_means, hel
 from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.loop.experiment import LARGEST, Experiment, experiment
 from app.engine.mismatch.loop.law import Controller
-from app.engine.mismatch.loop.plant import Plant
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
@@ -18,6 +18,7 @@ LEAST_MOVES = 10
 STRONGEST = 1e12
 WILD, WILD_SHARE, OUTSIDE = 30.0, 0.01, 5.0
 MOST_SAMPLES = 40_000
+STRETCHES_TRIED, CLEARLY_FARTHER = 9, 1.2  # of a longer record; times as far as its beginning is
 QUICK_SAMPLES, MOST_QUICK_SAMPLES, MOST_QUICK_AS_SAMPLED = 1500, 3000, 20_000
 INTERVALS_A_MEMORY = 3.0
 LEAST_TIME_CONSTANT = 0.05
@@ -225,13 +226,12 @@ def wild_samples(pv: FloatArray) -> BoolArray:
 
 def shortened(comparison: Comparison) -> Comparison:
     """The comparison at a longer interval where it has more samples than can be fitted in reasonable time; beside
-    a given simulation its beginning where OP follows PV, because means of such a loop are of another one
+    a given simulation a part of it where OP follows PV, because means of such a loop are of another one
     (`thinning.factor_for`).
     """
     samples = len(comparison.pv)
-    if samples > MOST_SAMPLES and answers_a_simulation(comparison) and is_at_work(comparison, MOST_SAMPLES):
-        return begun(comparison, MOST_SAMPLES)
-    return at_interval(comparison, -(-samples // MOST_SAMPLES))
+    part = part_as_sampled(comparison, MOST_SAMPLES) if samples > MOST_SAMPLES else None
+    return at_interval(comparison, -(-samples // MOST_SAMPLES)) if part is None else part
 
 
 def answers_a_simulation(comparison: Comparison) -> bool:
@@ -240,23 +240,66 @@ def answers_a_simulation(comparison: Comparison) -> bool:
     return given and record_of(comparison).fed_back
 
 
-def is_at_work(comparison: Comparison, most: int) -> bool:
-    """Whether OP, PV and a given trace move within the first `most` samples."""
+def is_at_work(comparison: Comparison) -> bool:
+    """Whether OP, PV and a given trace move."""
     signals = (comparison.op, comparison.pv, *(() if comparison.trace is None else (comparison.trace,)))
-    beginnings = (signal[:most][np.isfinite(signal[:most])] for signal in signals)
-    return all(len(beginning) and np.ptp(beginning) > 0.0 for beginning in beginnings)
+    known = (signal[np.isfinite(signal)] for signal in signals)
+    return all(len(signal) and np.ptp(signal) > 0.0 for signal in known)
 
 
-def begun(comparison: Comparison, most: int) -> Comparison:
-    """The first `most` samples of a comparison that has more, with a note."""
-    if len(comparison.pv) <= most:
-        return comparison
+def part_as_sampled(comparison: Comparison, most: int) -> Comparison | None:
+    """Of a longer comparison whose OP answers a given simulation's PV the `most` samples over which PV leaves that
+    simulation by most, with a note: an effect that begins late is nowhere else. The first of them, where no others are
+    clearly farther off; None where nothing of that kind is there, or no part is at work.
+    """
+    if not answers_a_simulation(comparison):
+        return None
+    samples = len(comparison.pv)
+    begins = [int(begin) for begin in np.linspace(0, samples - most, STRETCHES_TRIED).round()]
+    parts = {begin: comparison.part(slice(begin, begin + most)) for begin in begins}
+    begins = [begin for begin in begins if is_at_work(parts[begin])]
+    if not begins:
+        return None
+    seen = np.ones(samples, dtype=np.bool_) if comparison.known is None else comparison.known
+    left = left_of_a_simulation(comparison, seen)
+    apart = {begin: spread_over(left, seen, slice(begin, begin + most)) for begin in begins}
+    farthest, first = max(begins, key=apart.__getitem__), begins[0]
+    chosen = farthest if apart[farthest] > CLEARLY_FARTHER * apart[first] else first
+    note = Reason("part_explained", part_in_words(comparison, chosen, most))
+    return replace(parts[chosen], notes=(*comparison.notes, note))
+
+
+def part_in_words(comparison: Comparison, begin: int, most: int) -> str:
+    """Which part of a comparison is explained, and why no more."""
+    ts = comparison.sampling_interval_s
+    which = f"the first {most}" if begin == 0 else f"those from {begin * ts:g} to {(begin + most - 1) * ts:g} s"
     text = (
-        f"of {len(comparison.pv)} samples the first {most} are explained: OP follows PV, and in averages of more the "
+        f"of {len(comparison.pv)} samples {which} are explained: OP follows PV, and in averages of more the "
         "controller's answers cannot be told from the process'"
     )
-    note = Reason("part_explained", text)
-    return replace(comparison.part(slice(0, most)), notes=(*comparison.notes, note))
+    if begin == 0:
+        return text
+    return f"{text}; PV leaves the simulation by more there than before, and seconds count from their start"
+
+
+def left_of_a_simulation(comparison: Comparison, seen: BoolArray) -> FloatArray:
+    """What the given simulation leaves of PV (N,), its level, its gain and how late it is by least squares over the
+    samples `seen` (N,).
+    """
+    trace = comparison.trace
+    if trace is None:
+        record, simulation = record_of(comparison), comparison.simulation
+        assert simulation is not None  # noqa: S101 - asked where there is one or the other
+        trace = run_process(record.op_deviation, given_of(simulation, record).plant, record.sampling_interval_s)
+    basis = np.stack([np.ones(len(trace)), trace - np.mean(trace), np.gradient(trace)], axis=1)
+    left = comparison.pv - float(np.mean(comparison.pv[seen]))
+    return np.asarray(left - basis @ np.linalg.lstsq(basis[seen], left[seen], rcond=None)[0], dtype=np.float64)
+
+
+def spread_over(left: FloatArray, seen: BoolArray, which: slice) -> float:
+    """Standard deviation over the samples of a stretch that are seen; 0 where they are less than half of it."""
+    within = seen[which]
+    return float(np.std(left[which][within])) if 2 * within.sum() >= len(within) else 0.0
 
 
 def glimpse(comparison: Comparison) -> Comparison:
@@ -264,9 +307,12 @@ def glimpse(comparison: Comparison) -> Comparison:
     beside a given simulation where OP follows PV.
     """
     n = len(comparison.pv)
-    as_sampled = n > MOST_QUICK_SAMPLES and answers_a_simulation(comparison)
-    if as_sampled and is_at_work(comparison, MOST_QUICK_AS_SAMPLED):
-        return begun(comparison, MOST_QUICK_AS_SAMPLED)
+    if n > MOST_QUICK_AS_SAMPLED:
+        part = part_as_sampled(comparison, MOST_QUICK_AS_SAMPLED)
+        if part is not None:
+            return part
+    elif n > MOST_QUICK_SAMPLES and answers_a_simulation(comparison) and is_at_work(comparison):
+        return comparison
     allowed = max(int(memory_samples(comparison.pv) / INTERVALS_A_MEMORY), 1)
     return at_interval(comparison, max(min(-(-n // QUICK_SAMPLES), allowed), -(-n // MOST_QUICK_SAMPLES)))
 

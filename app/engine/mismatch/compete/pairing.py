@@ -100,14 +100,12 @@ def joint_scores(candidates: list[Candidate], under: Ground) -> FloatArray:
     return scores
 
 
-def coupled(
-    found: Fit, surveyed: tuple[Scanned, ...], apart: tuple[frozenset[str], ...], single: Fit
-) -> tuple[Fit, ...]:
-    """The best couples fitted beside what was found, the best score first: of the first descents those by likelihood
-    and those by free run are pursued, as far as they come near the score of the best `single` effect or run much nearer
-    to PV.
+def coupled(found: Fit, promising: tuple[Couple, ...], single: Fit) -> tuple[Fit, ...]:
+    """The best of some couples fitted beside what was found, the best score first: of the first descents those by
+    likelihood and those by free run are pursued, as far as they come near the score of the best `single` effect or run
+    much nearer to PV.
     """
-    begun = [begin_couple(found, couple) for couple in couples(found, surveyed, apart)]
+    begun = [begin_couple(found, couple) for couple in promising]
     begun = [both for both in begun if both.score > single.score - WITHIN or nearer(both, single)]
     by_score = sorted(begun, key=lambda fitted: -fitted.score)[:PURSUED]
     by_run = sorted(begun, key=free_run_error)[:PURSUED]

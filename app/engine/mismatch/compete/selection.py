@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from app.engine.mismatch.compete.competition import Contender, Scanned, survey
+from app.engine.mismatch.compete.looking_ahead import looked_ahead
 from app.engine.mismatch.compete.naming import Believed, believed
-from app.engine.mismatch.compete.pairing import coupled
+from app.engine.mismatch.compete.pairing import coupled, couples
 from app.engine.mismatch.compete.pairs import (
     Pair,
     Places,
@@ -120,7 +121,8 @@ def found_together(base: Fit, surveyed: tuple[Scanned, ...], ranking: tuple[Cont
     """Pairs that were looked for as such; where no single effect pays only those that run much nearer to PV."""
     single = max((contender.fit for contender in ranking), key=lambda fit: fit.score, default=base) if pays else base
     named = tuple(scanned for scanned in surveyed if scanned.block.code != UNNAMED)
-    found = coupled(base, named, APART, single)
+    promising = couples(base, named, APART)
+    found = (*coupled(base, promising, single), *looked_ahead(base, named, promising, ranking, APART))
     return [pair for both in found if pays or nearer(both, base) for pair in pairs_of(both, base, ranking)]
 
 

@@ -14,7 +14,7 @@ from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
 SLOW_TIMES, SLOW_COST = 5.0, 7.0
-FURTHER, FURTHER_ROUNDS, FURTHER_STEPS = 32, 4, 6
+LEAST_FURTHER, FURTHER_OF_ROOT, FURTHER_ROUNDS, FURTHER_STEPS = 32, 2.0, 4, 6
 STILL = 1e-12  # of PV's span: the deviation of noise where PV stands
 
 
@@ -51,8 +51,17 @@ class Fit:
         As long as the record is short beside what the noise model lacks, it is enough; a longer one shows the rest,
         and under feedback OP holds it.
         """
-        given = replace(self.given, further=FURTHER)
+        given = replace(self.given, further=further_lags(compared_count(self.record.usable)))
         return fit(task_of(replace(self, given=given)), self.x, None, FURTHER_ROUNDS, FURTHER_STEPS)
+
+
+def further_lags(count: int) -> int:
+    """How many lags an autoregression has beside the noise model where so many samples are compared: by the cube root
+    of their number, because the longer a record, the more lags of the noise it shows. Source: Berk 1974,
+    doi 10.1214/aos/1176342709 (an autoregression is consistent where the cube of its order is small beside the
+    samples).
+    """
+    return max(LEAST_FURTHER, round(FURTHER_OF_ROOT * count ** (1.0 / 3.0)))
 
 
 def task_of(found: Fit) -> Task:
