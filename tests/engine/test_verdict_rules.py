@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from app.engine.evidence import Finding, Measured
-from app.engine.features import NAMES
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
 from app.engine.oscillation import Oscillation, detect
@@ -46,7 +45,7 @@ class Evidence:
 
 @pytest.fixture(scope="module")
 def evidence() -> Evidence:
-    """Of a flow in the limit cycle of its valve, not in quadrature, of whose record nothing is to be said."""
+    """Of a flow in the limit cycle of its valve, of whose record nothing is to be said."""
     spec = LoopSpec(
         plant=first_order(1.0, 3.0, 1.0), controller=Pid(0.3, 6.0), noise=Signal(noise_sd=0.03),
         valve=TwoParameterValve(2.0, 2.0), upset=Signal(value=3.0), settle_s=300.0,
@@ -55,9 +54,6 @@ def evidence() -> Evidence:
     oscillation = detect(fitness.audited)
     weighing = weigh(fitness.audited, oscillation)
     assert weighing is not None
-    values = weighing.features.values.copy()
-    values[NAMES.index("phase_sine")] = 0.5
-    weighing = replace(weighing, features=replace(weighing.features, values=values))
     return Evidence(weighing, oscillation, with_cycles(fitness, oscillation))
 
 

@@ -2,8 +2,9 @@
 
 import pytest
 
-from app.services.telling.reason_wording import REASON_WORDS
+from app.services.telling.reason_wording import _DOUBTS, REASON_WORDS
 from app.services.telling.why_rely import (
+    AGAINST,
     APART,
     DIVIDED,
     DOUBTED,
@@ -60,7 +61,8 @@ def test_a_loop_that_another_may_shake_is_not_said_to_be_moved_by_none(verdict, 
 
 @pytest.mark.parametrize(
     ("code", "point"),
-    [("few_cycles", "length"), ("uncoupled", "PV and OP"), ("evidence_not_clear", "shapes"), ("filled_share", "record"),
+    [("few_cycles", "length"), ("uncoupled", "PV and OP"), ("evidence_not_clear", "shapes"),
+     ("linear_look_alikes", "shapes"), ("filled_share", "record"),
      ("shaken_by_neighbour", "other loops"), ("before_repair", "time"), ("disturbance", "other explanations")],
 )  # fmt: skip
 def test_what_takes_the_reliability_is_crossed(code, point):
@@ -110,6 +112,11 @@ def test_without_a_known_law_nothing_is_said_of_it():
 
 def test_every_code_that_is_looked_for_is_one():
     assert {*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED, *OLDER} <= set(REASON_WORDS)
+
+
+def test_every_doubt_of_a_valve_that_was_judged_is_crossed():
+    of_no_verdict, not_against = {"no_variation", "pv_does_not_answer", "prior_only"}, {"set_point_rests"}
+    assert set(_DOUBTS) - of_no_verdict - not_against <= AGAINST
 
 
 def test_what_was_not_judged_has_no_points():

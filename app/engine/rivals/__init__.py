@@ -2,11 +2,8 @@
 
 from app.engine.rivals.compete import compete
 from app.engine.rivals.contest import contest, runner_up, winner
-from app.engine.rivals.periodic import held_out_fundamental
 from app.engine.rivals.rival import Rival
 from app.engine.rivals.saturation import SATURATED
-from app.engine.rivals.set_point import BEHIND_ALL, FOLLOWED
+from app.engine.rivals.set_point import BEHIND_ALL
 
-__all__ = [
-    "BEHIND_ALL", "FOLLOWED", "SATURATED", "Rival", "compete", "contest", "held_out_fundamental", "runner_up", "winner",
-]  # fmt: skip
+__all__ = ["BEHIND_ALL", "SATURATED", "Rival", "compete", "contest", "runner_up", "winner"]

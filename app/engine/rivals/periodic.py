@@ -5,11 +5,10 @@ from numba import njit
 
 from app.engine.features import PER_CYCLE
 from app.engine.recording import FloatArray
-from app.engine.signals.sampled import REORDERED_SUMS, moving_average, without_drift
+from app.engine.signals.sampled import REORDERED_SUMS, without_drift
 
 _PERIODS = PER_CYCLE * np.linspace(0.96, 1.04, 13)
 _DRIFT_HALF = int(1.5 * PER_CYCLE)
-_FUNDAMENTAL_HALF = 6
 
 
 def held_out_sine(x: FloatArray) -> float:
@@ -18,11 +17,6 @@ def held_out_sine(x: FloatArray) -> float:
     x at PER_CYCLE samples a cycle; its period is searched within 4 % on the whole, amplitude and phase on the half.
     """
     return max(float(_held_out(without_drift(x, _DRIFT_HALF), _PERIODS)), 0.0)
-
-
-def held_out_fundamental(x: FloatArray) -> float:
-    """The same of x without what is faster than a third of a cycle: whether the oscillation itself keeps its phase."""
-    return held_out_sine(moving_average(x, _FUNDAMENTAL_HALF))
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,7 @@ from app.engine.rivals.rival import Rival, not_evaluated, rising
 from app.engine.rivals.scene import Scene
 from app.engine.signals.sampled import correlation
 
-FOLLOWED = 0.7
+_FOLLOWED = 0.7
 _NOTHING = 0.4
 ALONG = 0.5
 """The product of the shares of PV and of OP that go along with the set point as it is, from where on they follow it."""
@@ -26,7 +26,7 @@ def set_point_following(scene: Scene) -> Rival:
         return not_evaluated("set_point_following", "the set point does not move or is not known")
     pv, op = scene.from_sp
     plainly = 0.0 if scene.record.sp is None else scene.pv_along_sp * correlation(scene.record.op, scene.record.sp) ** 2
-    later = rising(min(pv, op), _NOTHING, 2 * FOLLOWED - _NOTHING)
+    later = rising(min(pv, op), _NOTHING, 2 * _FOLLOWED - _NOTHING)
     strength = max(later, plainly)
     if plainly > later:
         text, statistic, threshold = f"PV and OP go along with the set point as it is, by {plainly:.2f}", plainly, ALONG
@@ -35,7 +35,7 @@ def set_point_following(scene: Scene) -> Rival:
             f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
             f"({100 * op:.0f} %)"
         )
-        statistic, threshold = min(pv, op), FOLLOWED
+        statistic, threshold = min(pv, op), _FOLLOWED
     plain = strength >= BEHIND_ALL and scene.features.named("misfit_drop") < _STICTION_EXPLAINS
     if plain:
         text += "; from OP a sticky valve explains PV no better than one that follows"

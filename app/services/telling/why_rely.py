@@ -15,6 +15,7 @@ JUDGED = ("stiction", "no_stiction")
 UNCLEAR: tuple[ReasonCode, ...] = (
     "evidence_not_clear",
     "not_cleared",
+    "linear_look_alikes",
     "set_point_moves",
     "nearly_sinusoidal",
     "keeps_time",
@@ -27,6 +28,7 @@ APART: tuple[ReasonCode, ...] = (
     "foreign_cycle",
     "hidden_band",
     "pv_stands",
+    "wound_up",
     "answers_no_more",
 )
 DIVIDED: tuple[ReasonCode, ...] = (
