@@ -57,6 +57,21 @@ def test_the_table_is_of_a_run_where_that_is_asked(client):
         assert client.get(f"/table?audit_id={unknown}").status_code == status
 
 
+def test_what_is_exported_of_a_run_is_what_the_table_shows(client):
+    def shown_and_exported(asked: str) -> tuple[int, int]:
+        page = seen(client, f"/table?audit_id=1{asked}")
+        (export,) = (link for link in page.links if link.startswith("/v1/") and "columns=all" in link and "csv" in link)
+        rows = client.get(export).text.count("\n") - 1
+        return sum(link.startswith("/loops/") for link in page.links), rows
+
+    client.patch("/v1/loops/LIC7", json={"retired": True}).raise_for_status()
+    try:
+        assert shown_and_exported("") == (2, 2)
+        assert shown_and_exported("&retired=any") == (3, 3)
+    finally:
+        client.patch("/v1/loops/LIC7", json={"retired": False}).raise_for_status()
+
+
 def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
     def counted(query: str) -> str:
         return re.search(r'<p id="counted">(.*?)</p>', client.get(f"/table?{query}").text)[1]
