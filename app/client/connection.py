@@ -98,16 +98,22 @@ class Client:
         self._http.close()
 
     def loops(
-        self, *, unit: str | None = None, search: str | None = None, retired: bool | None = None
+        self,
+        *,
+        unit: str | None = None,
+        owner: str | None = None,
+        search: str | None = None,
+        retired: bool | None = None,
     ) -> Iterator[Loop]:
         """retired: only those that are, or only those that are not; None: all."""
-        return self._pages(Loop, "/v1/loops", {"unit": unit, "search": search, "retired": retired})
+        wanted = {"unit": unit, "owner": owner, "search": search, "retired": retired}
+        return self._pages(Loop, "/v1/loops", wanted)
 
     def loop(self, tag: str) -> Loop:
         return Loop.of(self._get(_of_loop(tag)))
 
     def change_loop(self, tag: str, **changes: Any) -> Loop:
-        """Sets what is named (unit, type, importance, spans, retired, ...); None forgets it."""
+        """Sets what is named (unit, type, owner, importance, spans, retired, ...); None forgets it."""
         return Loop.of(self._asked("PATCH", _of_loop(tag), json=changes))
 
     def change_loops(self, loops: Sequence[Mapping[str, Any]]) -> LoopsChanged:
@@ -189,7 +195,7 @@ class Client:
         yield from (Group.of(row) for row in self._get("/v1/groups")["rows"])
 
     def reliability(self, *, sort: str = "loop", **filters: Any) -> Iterator[Row]:
-        """The plant's table; filters as in the API: verdict, reliability, unit, likely_cause, min_probability, ..."""
+        """The plant's table; filters as in the API: verdict, reliability, unit, owner, likely_cause, open_order, ..."""
         return self._pages(Row, "/v1/reliability", {"sort": sort, **filters})
 
     def upload(

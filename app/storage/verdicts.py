@@ -155,6 +155,7 @@ class ToldRow(NamedTuple):
     value: Any
     type: str | None
     description: str | None
+    owner: str | None
     importance: float
     newest_ns: int | None
 
@@ -237,7 +238,7 @@ def told_rows(
 ) -> list[ToldRow]:
     """The rows of `table`, without what their verdicts say."""
     query = _without_texts(sort, descending, wanted, after)
-    query = query.add_columns(loops.c.type, loops.c.description, loops.c.importance, loops.c.newest_ns)
+    query = query.add_columns(*(loops.c[name] for name in ToldRow._fields[5:]))
     return [ToldRow._make(row) for row in connection.execute(query.limit(limit))]
 
 

@@ -124,6 +124,8 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
     found = reliability.table(backend, ROWS_A_PAGE, form.cursor or None, form.sort, asked)
     listed = [row["loop"] for row in found.rows]
     told: dict[str, Any] = form.model_dump(exclude={"cursor"}) | {"column": names}
+    if run is not None:  # of a run the API leaves none out unless it is told so
+        told["retired"] = form.retired or "false"
     return page(
         "table.html",
         backend.clock,

@@ -99,6 +99,9 @@ def test_a_loop_is_changed(client, upload):
     assert client.change_loop(TAG, unit="area 2", importance=3).importance == 3.0
     assert [loop.tag for loop in client.loops(unit="area 2")] == [TAG]
     assert list(client.loops(unit="elsewhere")) == []
+    assert client.change_loop(TAG, owner="crew A").owner == "crew A"
+    assert [[loop.tag for loop in client.loops(owner=owner)] for owner in ("crew A", "crew B")] == [[TAG], []]
+    assert [row.loop for row in client.reliability(owner="crew B")] == []
 
 
 def test_many_loops_are_changed_at_once(client, upload):

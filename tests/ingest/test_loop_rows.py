@@ -352,6 +352,16 @@ def test_words_that_take_turns_beside_values_that_go_on(read: Read, words: tuple
     assert read(text("Time,FIC1.PV,FIC1.OP,How", table)).loops["FIC1"].pv.tolist() == list(range(300))
 
 
+@pytest.mark.parametrize("words", [("OPEN", "CLOSED"), ("on", "off"), ("HI", "Normal"), ("RUNNING", "STOPPED")])
+def test_states_of_the_process_that_take_turns_with_its_values(read: Read, words: tuple[str, str]) -> None:
+    values = [100 * (k % 2) + k % 7 for k in range(300)]
+    stamps = [f"{FIRST + timedelta(seconds=k)}" for k in range(300)]
+    wide = [[stamps[k], words[k % 2], f"{values[k]}", "1"] for k in range(300)]
+    long = [[f"FIC1.{name}", stamps[k], f"{values[k]}", words[k % 2]] for k in range(300) for name in ("PV", "OP")]
+    for content in (read(text("Time,State,FIC1.PV,FIC1.OP", wide)), read(text("Tag,Time,Value,State", long))):
+        assert content.loops["FIC1"].pv.tolist() == values
+
+
 @pytest.mark.parametrize("late_ms", [0, 300])
 @pytest.mark.parametrize("words", [("north", "south"), ("S1", "S2")])
 def test_the_same_tags_of_several_places_are_not_mixed(read: Read, words: tuple[str, str], late_ms: int) -> None:

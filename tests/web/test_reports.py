@@ -93,6 +93,9 @@ def test_reports_of_many_loops_are_those_that_a_filter_leaves(two_nights, client
     assert "LIC7" not in some.text
     assert "1 loop: with “fic” in tag, description or owner." in words_of(some.text)
     assert "No loop fits." in client.get("/v1/reports", params={"unit": "elsewhere"}).text
+    of_run = words_of(client.get("/v1/reports", params={"audit_id": "1"}).text)
+    assert f"{len(TAGS)} loops, as run 1 found them. What is said of each here is of its newest verdict." in of_run
+    assert "found them" not in whole
     assert client.get("/v1/reports", params={"limit": 51}).status_code == 422
     assert client.get("/v1/reports", params={"audit_id": "777"}).status_code == 404
     assert client.get("/v1/reports", params={"sort": "nonsense"}).status_code == 400

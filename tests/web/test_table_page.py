@@ -47,14 +47,29 @@ def test_what_a_loop_is_and_whose_stands_on_its_pages_and_is_found(client):
 
 def test_the_table_is_of_a_run_where_that_is_asked(client):
     run = seen(client, "/runs/1")
-    assert "/table?audit_id=1&verdict=stiction" in run.links
+    assert "/table?audit_id=1&verdict=stiction&retired=any" in run.links
     page = seen(client, "/table?audit_id=1&sort=loop")
     assert {"/loops/FIC101", "/loops/LIC7", "/runs/1"} <= set(page.links)
     assert [link for link in page.links if link.startswith("/table?sort=loop&column=unit")], "the newest ones"
-    assert "/v1/reliability?audit_id=1&sort=loop&format=csv&columns=all&limit=20000" in page.links
+    assert "/v1/reliability?retired=false&audit_id=1&sort=loop&format=csv&columns=all&limit=20000" in page.links
     assert any(text.strip() == "of run 1" or "of run 1" in text for text in page.texts)
     for unknown, status in (("777", 404), ("x", 404)):
         assert client.get(f"/table?audit_id={unknown}").status_code == status
+
+
+def test_what_is_exported_of_a_run_is_what_the_table_shows(client):
+    def shown_and_exported(asked: str) -> tuple[int, int]:
+        page = seen(client, f"/table?audit_id=1{asked}")
+        (export,) = (link for link in page.links if link.startswith("/v1/") and "columns=all" in link and "csv" in link)
+        rows = client.get(export).text.count("\n") - 1
+        return sum(link.startswith("/loops/") for link in page.links), rows
+
+    client.patch("/v1/loops/LIC7", json={"retired": True}).raise_for_status()
+    try:
+        assert shown_and_exported("") == (2, 2)
+        assert shown_and_exported("&retired=any") == (3, 3)
+    finally:
+        client.patch("/v1/loops/LIC7", json={"retired": False}).raise_for_status()
 
 
 def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):

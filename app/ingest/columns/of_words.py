@@ -22,6 +22,12 @@ from app.ingest.times.stamps import NO_TIME, TimeReader
 _ALL = 0.98  # of the rows, at least
 _NUMBERED = re.compile("[A-Za-z][0-9]+")  # M1 and M2 are machines, though M is manual
 _OFTEN, _OFTEN_SHARE = 8, 0.3  # words that take turns do so as many times at least, in so many of the rows
+_STATES = """
+    on off open opened close closed run running stop stopped start started idle busy true false yes no
+    hi lo hihi lolo normal norm alarm ok rising falling loaded unloaded active inactive
+"""
+_OF_THE_PROCESS = frozenset(_STATES.split())
+"""States that a valve, a pump or an alarm goes through, and values with it; none is a place or a machine."""
 _LEVELS = 3.0  # how much further than the next value of its word the one of the next row is, where words have their own
 _HOLE, _USUAL = 1.5, 0.25  # how many usual steps a hole is longer than, and which share of steps, at least, are usual
 
@@ -100,10 +106,10 @@ def _is_sorted_by_words(rows: list[tuple[str, int]], sampled: bool) -> bool:
 def column_that_takes_turns(plan: WidePlan, head: Head) -> int | None:
     """The column whose words follow each other all the time, each with values of its own: those of the next row are
     further off than those of the next one with its word. What tells how a value came about stands beside values that
-    go on."""
+    go on, and a state of the process beside those that it brings about."""
     rows = [row for row in head.rows[plan.first_row :] if any(row)]
     for index, words in word_columns(plan, head).items():
-        if take_turns(words) and any(
+        if _take_turns_as_places(words) and any(
             _have_levels(words, _numbers(rows, value.index, head)) for value in plan.groups[0].values
         ):
             return index
@@ -113,6 +119,10 @@ def column_that_takes_turns(plan: WidePlan, head: Head) -> int | None:
 def take_turns(words: Sequence[str]) -> bool:
     """Whether words follow each other all the time."""
     return sum(one != other for one, other in pairwise(words)) >= max(_OFTEN, _OFTEN_SHARE * len(words))
+
+
+def _take_turns_as_places(words: Sequence[str]) -> bool:
+    return take_turns(words) and not {word.lower() for word in words} - {""} <= _OF_THE_PROCESS
 
 
 def _numbers(rows: Sequence[tuple[str, ...]], column: int, head: Head) -> list[float]:
@@ -155,7 +165,7 @@ def _take_turns_over_tags(words: Sequence[str], rows: list[tuple[str, ...]], pla
     for row, word, found in zip(rows, words, numbers, strict=True):
         of_tag.setdefault(row[plan.tag], []).append((word, found))
     each = (list(zip(*own, strict=True)) for own in of_tag.values())
-    return any(take_turns(own) and _have_levels(own, found) for own, found in each)
+    return any(_take_turns_as_places(own) and _have_levels(own, found) for own, found in each)
 
 
 def refuse_to_mix(names: tuple[str, ...], column: int | None) -> None:

@@ -27,6 +27,10 @@ _SPELLED = """
 UNITS = frozenset(_SPELLED.split())
 _WITH_UNIT = r"^([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)$"
 _FIELD = re.compile(_WITH_UNIT)
+_PLAIN = str.maketrans({"°": "deg", **dict.fromkeys("[]().^")})
+_OF_AN_HOUR = re.compile("/(?:hr|hour)$")
+_NO_UNIT = dict.fromkeys(("null", "none", "na", "n/a"), "")
+_NAMED = _NO_UNIT | {"pct": "%", "percent": "%", "c": "degc", "celsius": "degc", "f": "degf", "fahrenheit": "degf"}
 
 
 class UnitsOfTags:
@@ -68,9 +72,11 @@ def is_unit(text: str) -> bool:
 
 
 def plain_unit(text: str) -> str:
-    """A unit as others may write it: m³/h and m3/hr, °C and degC."""
-    plain = "".join(unicodedata.normalize("NFKC", text).lower().split()).strip("[]()").replace("°", "deg")
-    return plain.removesuffix("r") if plain.endswith("/hr") else plain
+    """A unit as others may write it: m³/h and m3/hr, °C and degC, barg and bar(g); empty for a word that says that
+    none is known. "-" is one of its own, that of shares: 0.5, not 50 %."""
+    shown = unicodedata.normalize("NFKC", text.replace("º", "°")).lower()
+    plain = "".join(shown.split()).translate(_PLAIN)
+    return _NAMED.get(plain, _OF_AN_HOUR.sub("/h", plain))
 
 
 def are_units(texts: pl.Series) -> pl.Series:

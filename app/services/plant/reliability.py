@@ -129,7 +129,7 @@ def in_parts(
         settled = verdicts.settled(connection, {row.audit_id for row in rows})
     page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
     shown, marks = page.rows, marks_of(backend, [row.tag for row in page.rows])
-    of_loops = [(*row.key, row.unit, row.type, row.description, row.importance, row.newest_ns) for row in shown]
+    of_loops = [tuple(row._replace(value=None)) for row in shown]
     said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told]
     return TableParts(_digest(compact(said).encode()), len(shown), page.next_cursor, lambda: _parts(backend, shown))
 

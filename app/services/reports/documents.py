@@ -71,7 +71,7 @@ def loop_reports(
         "meanings": list(meanings.values()),
         "counted": count(backend, filters or RowFilter()),
     }
-    values["asked"] = asked_words(filters) if filters else ""
+    values["asked"], values["of_run"] = (asked_words(filters), filters.audit_id) if filters else ("", None)
     return document("loop_reports.html", **values, **_made(backend))
 
 

@@ -208,6 +208,32 @@ def test_a_whole_table_goes_out_in_parts_and_is_the_same(client, plant, monkeypa
     assert client.head(url).status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("name", "told", "usual"),
+    [
+        ("unit", "area 2", None),
+        ("type", "flow", None),
+        ("description", "feed", None),
+        ("owner", "crew A", None),
+        ("importance", 7.0, 1.0),
+    ],
+)
+@pytest.mark.parametrize("asked", ["format=csv&columns=all", "columns=all", "columns=all&audit_id={id}"])
+def test_whoever_knows_the_table_is_told_what_a_loop_is_now(client, plant, asked, name, told, usual):
+    url = f"/v1/reliability?{asked.format(**plant)}&search=LIC7"
+    client.patch("/v1/loops/LIC7", json={name: usual}).raise_for_status()
+    known = {"If-None-Match": client.get(url).headers["etag"]}
+    assert client.get(url, headers=known).status_code == 304
+    client.patch("/v1/loops/LIC7", json={name: told}).raise_for_status()
+    try:
+        answer = client.get(url, headers=known)
+        assert answer.status_code == 200
+        (row,) = csv.DictReader(io.StringIO(answer.text)) if "csv" in asked else answer.json()["rows"]
+        assert row[name] == (str(told) if "csv" in asked else told)
+    finally:
+        client.patch("/v1/loops/LIC7", json={name: usual}).raise_for_status()
+
+
 def test_what_is_wrong_by_the_first_part_is_told_as_it_is(client, plant, monkeypatch):
     def away(*_):
         raise OperationalError("SELECT", {}, Exception("the server is away"))
