@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.engine.features import at_rest, observe_parts
 from app.engine.fitness import assess
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
 from app.engine.signals.surrogates import linear_surrogates
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.verdict import look_alikes as comparing
 from app.engine.verdict.look_alikes import LookAlikes, look_alikes
 from app.engine.verdict.shape_model import fitted_model
 from app.engine.verdict.weighing import weigh
@@ -17,11 +19,12 @@ from app.engine.verdict.weighing import weigh
 MODEL = fitted_model()
 
 
-def record_of(S: float, seed: int = 1, load_sd: float = 0.0) -> UniformRecord:
-    """A flow whose valve sticks by S, or does not while its load wanders."""
+def record_of(S: float, seed: int = 1, load_sd: float = 0.0, sp: tuple[tuple[float, float], ...] = ()) -> UniformRecord:
+    """A flow whose valve sticks by S, or does not while its load wanders. sp: steps of its set point."""
     spec = LoopSpec(
         plant=first_order(1.0, 3.0, 1.0), controller=Pid(0.3, 6.0), noise=Signal(noise_sd=0.03),
-        valve=TwoParameterValve(S, S), upset=Signal(value=3.0, noise_sd=load_sd, noise_tau_s=50.0), settle_s=300.0,
+        valve=TwoParameterValve(S, S), upset=Signal(value=3.0, noise_sd=load_sd, noise_tau_s=50.0),
+        settle_s=300.0, sp=Signal(steps=sp),
     )  # fmt: skip
     return assess(simulate_loop(spec, 1000.0, 1.0, seed=seed).recording("flow")).audited
 
@@ -75,6 +78,31 @@ def test_unit_offset_and_sign_of_pv_and_op_change_nothing():
     other = replace(record, pv=500.0 - 30.0 * record.pv, op=7.0 + 0.01 * record.op)
     assert compared(other).surrogates == compared(record).surrogates
     assert compared(other).chance == pytest.approx(compared(record).chance, rel=1e-4)
+
+
+def test_where_the_set_point_steps_its_rest_is_compared_with_surrogates_of_its_rest(monkeypatch):
+    record = record_of(1.0, load_sd=0.1, sp=((500.0, 6.0), (650.0, -12.0)))
+    oscillation, rest = detect(record), at_rest(record)
+    weighed = weigh(record, oscillation)
+    assert rest is not None
+    compared_with = []
+
+    def spied(parts):
+        compared_with.append(parts)
+        return observe_parts(parts)
+
+    monkeypatch.setattr(comparing, "observe_parts", spied)
+    found = look_alikes(record, oscillation, weighed.log_odds_by_shapes, MODEL)
+    assert found.shown
+    assert found.surrogates == len(compared_with)
+    for parts in compared_with:
+        assert [part.record.samples for part in parts] == [record.samples, rest.samples]
+        assert parts[0].oscillation == oscillation
+        for part, of in zip(parts, (record, rest), strict=True):
+            line = np.linspace(of.pv[0], of.pv[-1], of.samples)
+            power = [np.abs(np.fft.rfft(x - line)) for x in (part.record.pv, of.pv)]
+            np.testing.assert_allclose(*power, atol=1e-8)
+            assert not np.allclose(part.record.pv, of.pv, atol=0.1)
 
 
 def test_of_what_never_varies_nothing_is_shown():

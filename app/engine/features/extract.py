@@ -1,5 +1,6 @@
 """All features of a record, averaged over its windows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -53,20 +54,40 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
     return Features(table.mean(axis=0), table, windows)
 
 
-def observe(record: UniformRecord, oscillation: Oscillation) -> Features | None:
-    """The features of a record, and where PV mostly follows a stepping set point, their mean with those at its rest.
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What features are taken of, and the oscillation on whose scale they are."""
+
+    record: UniformRecord
+    oscillation: Oscillation
+
+
+def parts_of(record: UniformRecord, oscillation: Oscillation) -> tuple[Part, ...]:
+    """A record, and where PV mostly follows a stepping set point, the rest of that with its own oscillation.
 
     The set point's own movement says little about the valve, and at its rest there is often little movement: neither
     half is trusted alone.
     """
-    features, rest = extract(record, oscillation), at_rest(record)
-    if features is None or rest is None:
-        return features
-    calm = extract(rest, detect(rest))
-    if calm is None:
-        return features
-    table = np.concatenate((features.table, calm.table))
-    return Features((features.values + calm.values) / 2, table, features.windows)
+    whole, rest = Part(record, oscillation), at_rest(record)
+    return (whole,) if rest is None else (whole, Part(rest, detect(rest)))
+
+
+def observe(record: UniformRecord, oscillation: Oscillation) -> Features | None:
+    """The features of a record, the mean over its parts."""
+    return observe_parts(parts_of(record, oscillation))
+
+
+def observe_parts(parts: Sequence[Part]) -> Features | None:
+    """The mean of the features of parts, the first of them the whole record; None where PV or OP does not vary in that.
+
+    Of another part in which neither varies nothing is asked.
+    """
+    features, *others = (extract(part.record, part.oscillation) for part in parts)
+    if features is None:
+        return None
+    found = [features, *(other for other in others if other is not None)]
+    values = np.mean([one.values for one in found], axis=0)
+    return Features(values, np.concatenate([one.table for one in found]), features.windows)
 
 
 def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:

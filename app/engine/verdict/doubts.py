@@ -117,7 +117,7 @@ def alike_reason(found: LookAlikes | None) -> tuple[Reason, ...]:
         return ()
     text = (
         "a loop whose valve does not stick, under a load that wanders, would look as sticky by chance: of records with "
-        f"the same spectra as PV and OP {100 * found.chance:.0f} % do"
+        f"the same spectra as PV and OP {100 * found.chance:.2g} % do"
     )
     return (Reason(LINEAR_LOOK_ALIKES, text, Measured(found.chance, "<=", MOST_CHANCE)),)
 

@@ -1,11 +1,12 @@
 """Whether a linear loop under a Gaussian load would look as sticky: the record against its linear surrogates."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
-from app.engine.features import observe
+from app.engine.features import Part, observe_parts, parts_of
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.signals.surrogates import linear_surrogates
@@ -38,17 +39,18 @@ class LookAlikes:
 def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float, model: ShapeModel) -> LookAlikes:
     """How likely a linear loop with the spectra of the record has these log-odds of its shapes, or higher ones.
 
-    Student's t for one more draw from a normal population of which a few are known. What is not linear without a valve
-    that sticks (corners from elsewhere, a sensor in steps, OP at its limit) is not told from stiction: the rivals are
-    asked of that.
+    Student's t for one more draw from a normal population of which a few are known. Where the shapes are those of the
+    whole and of the rest of its set point, each of the two has its surrogates: those of the whole have lost what goes
+    with the set point, by which that rest is found. What is not linear without a valve that sticks (corners from
+    elsewhere, a sensor in steps, OP at its limit) is not told from stiction: the rivals are asked of that.
     """
-    pairs = linear_surrogates(record.pv, record.op)
+    parts = parts_of(record, oscillation)
+    alike = zip(*(_look_alikes_of(part, seed) for seed, part in enumerate(parts)), strict=True)
     drawn: list[float] = []
     chance = 1.0
     for count, clear, hopeless in _STAGES:
         while len(drawn) < count:
-            pv, op = next(pairs)
-            features = observe(replace(record, pv=pv, op=op), oscillation)
+            features = observe_parts(next(alike))
             if features is None:
                 return LookAlikes(1.0, len(drawn))
             drawn.append(float(model.log_odds(features.values)))
@@ -56,6 +58,12 @@ def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float
         if not clear < chance <= hopeless:
             break
     return LookAlikes(chance, len(drawn))
+
+
+def _look_alikes_of(part: Part, seed: int) -> Iterator[Part]:
+    record = part.record
+    for pv, op in linear_surrogates(record.pv, record.op, seed):
+        yield replace(part, record=replace(record, pv=pv, op=op))
 
 
 def _chance(value: float, drawn: FloatArray) -> float:
