@@ -29,6 +29,7 @@ ASKED = {
     "asked_at": "2026-01-01T00:00:00Z",
     "audit_id": None,
     "located": None,
+    "waits_for_room_since": None,
 }
 DONE = ASKED | {
     "state": "done",
@@ -73,6 +74,10 @@ def part(explanation: dict | None) -> str:
         (None, "has been compared"),
         (ASKED, "Being worked out; asked for at 2026-01-01 00:00 UTC"),
         (ASKED | {"located": {"block": "valve", "condition": "after OP reversals"}}, "differ at the valve, after OP"),
+        (
+            ASKED | {"waits_for_room_since": "2026-01-01T01:00:00Z"},
+            "Since 2026-01-01 01:00 there is no room on the disk to keep its answer",
+        ),
         (ASKED | {"state": "failed", "error_code": "time_limit", "error_text": "too long"}, "too long (time_limit)"),
         (DONE, "01:00 UTC, against a given model; asked for by audit 3"),
         (DONE | {"as_judged": True}, "01:00 UTC, of a long record what its audit judges, against a given model"),

@@ -115,6 +115,7 @@ OPEN = {
     "state": "open",
     "asked_at": "2026-01-01T00:00:00Z",
     "located": None,
+    "waits_for_room_since": None,
 }
 
 
