@@ -51,14 +51,15 @@ def word_columns(plan: WidePlan, head: Head) -> dict[int, list[str]]:
         index: [row[index] if index < len(row) else "" for row in rows]
         for index in sorted(set(range(plan.width)) - times)
     }
-    return {index: words for index, words in columns.items() if _are_few_words(words, head.decimal_mark)}
+    return {index: words for index, words in columns.items() if _are_few_words(words)}
 
 
-def _are_few_words(fields: list[str], decimal_mark: str) -> bool:
+def _are_few_words(fields: list[str]) -> bool:
+    """Numbers are no words, with a comma or a point: cells of text may have another mark than the file."""
     words = set(fields) - {""}
     if fields.count("") > (1 - MOST) * len(fields) or 2 * len(words) > len(fields):
         return False
-    return not any(is_number(word, decimal_mark) for word in words) and not states_among(words)
+    return not any(is_number(word, ",") for word in words) and not states_among(words)
 
 
 def states_among(words: Collection[str]) -> set[str]:
@@ -149,7 +150,7 @@ def column_that_parts_tags(plan: LongPlan, head: Head) -> int | None:
     keys = [tuple(row[at] for at in of_key) for row in rows]
     for index in sorted(set(range(plan.width)) - plan.read):
         words = [row[index] if index < len(row) else "" for row in rows]
-        if not _are_few_words(words, head.decimal_mark):
+        if not _are_few_words(words):
             continue
         different = len(set(zip(keys, words, strict=True)))
         if len(set(keys)) <= MOST * len(keys) and different >= _ALL * len(keys):
