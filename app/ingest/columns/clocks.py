@@ -37,10 +37,11 @@ def date_and_clock(head: Head, time: tuple[int, ...], first_row: int, options: I
 
 
 def are_clocks(fields: list[str]) -> bool:
+    least = MOST * len(fields)
+    if not fields or sum(":" in field for field in fields) < least:  # 12.30 alone is a number
+        return False
     plain = respelled(pl.Series([re.sub(_DAY_OF_NO_DATE, "", field) for field in fields], dtype=pl.String))
-    clocks = sum(bool(_CLOCK.fullmatch(field)) for field in plain)
-    coloned = sum(":" in field for field in fields)  # 12.30 alone is a number
-    return bool(fields) and min(clocks, coloned) >= MOST * len(fields)
+    return sum(bool(_CLOCK.fullmatch(field)) for field in plain) >= least
 
 
 def are_midnights(fields: Sequence[str]) -> bool:

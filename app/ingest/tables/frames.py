@@ -248,13 +248,15 @@ class FrameReader:
         """Those of the candidates whose lines have too few fields, but for empty lines and comments."""
         if not len(candidates):
             return candidates
-        lines = rows.data.split(b"\n", int(candidates[-1]) + 1)
-        delimiter = self._dialect.delimiter.encode()
-        need = self._dialect.width - 1
-        ends = self._dialect.ends
-        counts = ((row, lines[row].count(delimiter)) for row in candidates)
-        few = [row for row, count in counts if count < need and count + 1 not in ends]
-        return np.array([row for row in few if lines[row].strip(b' "\r')[:1] not in NO_ROW], dtype=np.int64)
+        text = np.frombuffer(rows.data, dtype=np.uint8)
+        ends = np.append(np.flatnonzero(text == ord("\n")), len(text))
+        begins = np.append(0, ends[:-1] + 1)
+        delimiters = np.flatnonzero(text == ord(self._dialect.delimiter))
+        filled = candidates[begins[candidates] < ends[candidates]]
+        counts = np.searchsorted(delimiters, ends[filled]) - np.searchsorted(delimiters, begins[filled])
+        few = filled[(counts < self._dialect.width - 1) & ~np.isin(counts + 1, sorted(self._dialect.ends))]
+        lines = (rows.data[begins[row] : ends[row]] for row in few)
+        return few[[line.strip(b' "\r')[:1] not in NO_ROW for line in lines]]
 
     def _schema(self) -> dict[str, pl.DataType]:
         """Of one chunk: the numbers of its texts are let go with it."""

@@ -42,6 +42,10 @@ _TIMES = (
 )
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
 _DECIMAL_COMMA = r"(:\d{2}),(\d)"
+_MAY_BE_STAMP = re.compile(r"\d\D+\d|\d{6}")
+"""A day and something of a month, a year or a clock; a cheap test before the dear ones."""
+_MAY_BE_SPELLED = re.compile(r"\d\D+\d|\d{8}")
+"""In the spelling of people a date has two numbers apart, or all its digits in one, before a zone in letters."""
 _BEHIND_SECONDS = "|".join(rf"(?<=:\d{{2}}[.,]\d{{{digits}}})" for digits in range(1, 10))
 _ZONE = re.compile(rf"(Z|(?:(?<=:\d{{2}})|{_BEHIND_SECONDS})[+-]\d{{2}}|[+-]\d{{2}}:?\d{{2}})$")
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
@@ -109,7 +113,7 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
     """The form of a column from some of its fields in order of the rows; None where they are no times."""
     sample = [normal(text) for text in sample[:SAMPLE]]
     sample = [text for text in sample if text]
-    form = _form_of(sample, name, options) if _have_digits(sample) else None
+    form = _form_of(tuple(sample), name, options) if _have_digits(sample) else None
     return form and with_told_zone(form, name)
 
 
@@ -130,7 +134,10 @@ def _have_digits(sample: list[str]) -> bool:
     return any(character.isdigit() for text in sample[:20] for character in text)
 
 
-def _form_of(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
+@lru_cache(maxsize=256)
+def _form_of(texts: tuple[str, ...], name: str, options: IngestOptions) -> TimeForm | None:
+    """Kept, because each layout asks the same columns of a file whether they hold times."""
+    sample = list(texts)
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
     if _share(NUMBER, sample) > 0.8:
@@ -177,6 +184,8 @@ def as_formatted(texts: pl.Series, form: TimeForm) -> pl.Series:
 
 def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
     """A dotted a.m. is no American one."""
+    if not any(_MAY_BE_SPELLED.search(text) for text in sample):
+        return None
     texts = pl.Series(sample, dtype=pl.String)
     form = _text_form(respelled(texts).to_list(), options, _american(sample))
     if form is None:
@@ -201,18 +210,30 @@ def _text_form(sample: list[str], options: IngestOptions, american: bool | None 
 
 
 def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
+    probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
+    separator = "T" if re.search(r"\dT\d", probe) else " "
+    probes = {_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])}
+    fitting = {form for probe in probes if _MAY_BE_STAMP.search(probe) for form in _of_shape(probe, separator)}
+    return [form for form in _formats(separator, american) if form in fitting]
+
+
+@lru_cache
+def _formats(separator: str, american: bool) -> tuple[str, ...]:
+    """All that are known, in the order of preference."""
     dates = [*_ISO, *_OTHER, *DAY_FIRST]
     at = len(dates) if not american else len(_ISO) + len(_OTHER)
     dates = [*dates[:at], *MONTH_FIRST, *dates[at:], *YEAR_FIRST]
-    probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
-    separator = "T" if re.search(r"\dT\d", probe) else " "
-    found = [
+    return tuple(
         date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time
         for date in dates
         for time in _TIMES
-    ]
-    probes = [_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])]
-    return [text for text in found if any(_shape(text).fullmatch(probe) for probe in probes)]
+    )
+
+
+@lru_cache(maxsize=1024)
+def _of_shape(probe: str, separator: str) -> tuple[str, ...]:
+    """Formats that a text can be of."""
+    return tuple(form for form in _formats(separator, american=False) if _shape(form).fullmatch(probe))
 
 
 @lru_cache(maxsize=1024)
