@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from app.lab.bench import ingest, plant
+from app.lab.bench import files, ingest, plant
+from app.lab.bench.bench import QUICK, Bench, SkippedError
 from app.lab.bench.machine import describe
 from app.lab.bench.page import performance_page
 from app.lab.bench.running import read
@@ -48,6 +49,27 @@ def test_reading_is_judged_by_the_median_of_rounds_of_one_run_each(
     assert (found["whole_s"], found["runs_whole_s"]) == (16.0, [12.0, 30.0, 16.0])
     assert found["share_of_polars_2"] == 4.5 / 16.0
     assert found["peak_mb"] == 700.0  # the greatest of all runs, not the median run's
+
+
+def bench_in(folder: Path) -> Bench:
+    return Bench(QUICK, postgres="", redis="", folder=folder, recordings=None, tell=lambda text: None)
+
+
+def test_files_of_a_loop_are_timed_beside_polars(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(files, "FILES", 2)
+    found = files.run(bench_in(tmp_path))
+    assert [it["file"] for it in found["kinds"]] == ["a column a signal", "a row a value", "date and clock apart"]
+    assert all(0.0 < it["opened_ms"] < it["read_ms"] and it["polars_ms"] > 0.0 for it in found["kinds"])
+    page = performance_page({"sections": {"files": found | {"machine": describe()}}})
+    assert "2 files of each kind" in page
+    assert page.count("| a row a value |") == 1
+
+
+def test_a_file_that_is_not_read_whole_gets_no_figure(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(files, "FILES", 1)
+    monkeypatch.setattr(files, "_wide", lambda loop: files._long(loop).head(100))
+    with pytest.raises(SkippedError, match=r"was not read whole: \d+ samples"):
+        files.run(bench_in(tmp_path))
 
 
 def test_the_page_can_be_written_from_the_figures_that_are_kept() -> None:

@@ -40,6 +40,7 @@ def performance_page(figures: Figures) -> str:
     writers: dict[str, Callable[[Figures], str]] = {
         "search": _search,
         "audit": _audit,
+        "files": _files,
         "ingest": _ingest,
         "plant": _plant,
         "api": _api,
@@ -240,6 +241,20 @@ def _slope(before: Figures, row: Figures, name: str) -> float | None:
     if name not in before or name not in row:
         return None
     return row[name] / before[name] / (row["samples"] / before["samples"])
+
+
+def _files(found: Figures) -> str:
+    text = (
+        "## Reading a file a loop\n\nA day of one loop in each file, PV, OP and SP once a minute, "
+        f"{found['each']} files of each kind, no two of one loop: how times, tags and values are written is found out "
+        "in each file anew (opened), then its rows become samples. Beside it `polars.read_csv(path)` of the same "
+        "files, which parts no loops and reads no times. Processor time of all threads, the mean of a file.\n\n"
+    )
+    rows = []
+    for it in found["kinds"]:
+        opened, read, polars = (number(it[name]) for name in ("opened_ms", "read_ms", "polars_ms"))
+        rows.append((it["file"], opened, read, polars, number(it["read_ms"] / it["polars_ms"], 2)))
+    return text + table(("a file of", "opened, ms", "opened and read, ms", "polars, ms", "times polars"), rows)
 
 
 def _ingest(found: Figures) -> str:

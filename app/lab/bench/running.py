@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from app.kernel_cache import choose
-from app.lab.bench import api, audit, ingest, machine, plant, search
+from app.lab.bench import api, audit, files, ingest, machine, plant, search
 from app.lab.bench.bench import FULL, QUICK, Bench, Figures, SkippedError
 
 SECTIONS: dict[str, Callable[[Bench], Figures]] = {
     "search": search.run,
     "audit": audit.run,
+    "files": files.run,
     "ingest": ingest.run,
     "plant": plant.run,
     "api": api.run,
