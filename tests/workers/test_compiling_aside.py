@@ -22,13 +22,15 @@ from workers import process
 
 PATIENCE_S = 120
 SCRIPT = """
-import sys, time
+import os, sys, time
 from types import SimpleNamespace
 from app.settings import Settings
 from workers import process
+def say(word):  # at once: of two writes to one pipe, the second may come after what the other process says
+    os.write(1, f"{{word}}\\n".encode())
 def part(name):
     def work():
-        print(name, flush=True)
+        say(name)
         {then}
     return work
 process.warming = SimpleNamespace(identifications=part("identifications"), verdicts=part("verdicts"))
@@ -167,7 +169,7 @@ def test_what_compiles_for_a_killed_worker_ends(tmp_path: Path) -> None:
 
 def test_two_workers_of_one_cache_compile_one_after_the_other(tmp_path: Path) -> None:
     """And a half that fails keeps neither from going on."""
-    fault = "assert name != 'verdicts'; print(time.monotonic(), flush=True); time.sleep(1.0)"
+    fault = "assert name != 'verdicts'; say(time.monotonic()); time.sleep(1.0)"
     first, second = (said(worker) for worker in [started(tmp_path, fault) for _ in range(2)])
     assert sorted(word for word in first if word.isalpha()) == ["identifications", "verdicts"]
     assert sorted(word for word in second if word.isalpha()) == ["identifications", "verdicts"]
