@@ -1,13 +1,15 @@
 """What this engine says of a few made-up recordings, kept with its version: other answers are another version.
 
 `python -m tests.golden.answers` works them out anew; where one is another than is kept, it raises the last part of
-ENGINE_VERSION and keeps the new ones. The recordings are made by sums and products alone, the same on any machine.
+ENGINE_VERSION and keeps the new ones; a question that was not asked before raises nothing. The recordings are made by
+sums and products alone, the same on any machine.
 """
 
 import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ import numpy as np
 
 import app.engine as engine
 from app.engine.audit import audit
-from app.engine.mismatch import explain
+from app.engine.mismatch import LinearSimulation, explain
 from app.engine.mismatch.compare.even_grid import comparison_of
 from app.engine.recording import Recording
 
@@ -103,8 +105,8 @@ def audited(recording: Recording) -> Answer:
     }
 
 
-def explained(recording: Recording) -> Answer:
-    found = explain(comparison_of(recording))
+def explained(recording: Recording, simulation: LinearSimulation | None = None) -> Answer:
+    found = explain(replace(comparison_of(recording), simulation=simulation))
     return {
         "verdict": found.verdict,
         "effects": " ".join(effect.code for effect in found.effects),
@@ -114,14 +116,21 @@ def explained(recording: Recording) -> Answer:
     }
 
 
-EXPLAINED = ("sticks", "shaken")
+# Its lag is 5 s / -ln(0.8), its dead time the sample by which PV is behind the stem.
+SIMULATION = LinearSimulation(gain=1.0, time_constants_s=(22.4,), dead_time_s=INTERVAL_S)
+# Where OP follows a load that shakes, our own loop is found in a wrong valley, the optima beside it are many, and in
+# which of them a descent ends hangs on the last bits: what one machine says of it without a simulation binds no other.
+EXPLAINED: Mapping[str, tuple[str, LinearSimulation | None]] = {
+    "sticks": ("sticks", None),
+    "shaken, beside its simulation": ("shaken", SIMULATION),
+}
 
 
 def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
     for name, made in RECORDINGS.items():
         yield f"audit: {name}", lambda made=made: audited(made())
-    for name in EXPLAINED:
-        yield f"explain: {name}", lambda made=RECORDINGS[name]: explained(made())
+    for name, (recording, simulation) in EXPLAINED.items():
+        yield f"explain: {name}", lambda made=RECORDINGS[recording], given=simulation: explained(made(), given)
 
 
 QUESTIONS = dict(asked())
@@ -148,11 +157,16 @@ def _close(one: str | float | None, other: str | float | None) -> bool:
 def main() -> None:
     before = kept() if KEPT.exists() else {"engine_version": engine.ENGINE_VERSION, "answers": {}}
     given = {question: answer() for question, answer in QUESTIONS.items()}
-    others = [question for question in given if not same(given[question], before["answers"].get(question))]
+    known = before["answers"]
+    others = [question for question in given if question in known and not same(given[question], known[question])]
     version = engine.ENGINE_VERSION
-    if before["answers"] and others and version == before["engine_version"]:
+    if others and version == before["engine_version"]:
         version = raised()
-    text = json.dumps({"engine_version": version, "answers": given}, indent=1, ensure_ascii=False)
+    answers = {
+        question: given[question] if question not in known or question in others else known[question]
+        for question in given
+    }
+    text = json.dumps({"engine_version": version, "answers": answers}, indent=1, ensure_ascii=False)
     KEPT.write_text(text + "\n", encoding="utf-8")
     print(f"engine {version}, other answers: {', '.join(others) or 'none'}")
 
