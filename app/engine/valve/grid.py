@@ -15,11 +15,17 @@ def check_signal(op: FloatArray) -> None:
 def check_bands(**bands: FloatArray) -> None:
     """Raises DataError("stiction_band") unless the bands are (M,) of one length, finite and not negative."""
     for name, band in bands.items():
-        if band.ndim != 1 or not ((band >= 0.0) & (band < np.inf)).all():
+        if not _are_bands(band):
             raise DataError("stiction_band", f"{name} must be a row of values that are not negative, got {band!r}")
     if len({len(band) for band in bands.values()}) > 1:
         lengths = ", ".join(f"{name}: {len(band)}" for name, band in bands.items())
         raise DataError("stiction_band", f"the bands of a grid must have one length, got {lengths}")
+
+
+def _are_bands(band: FloatArray) -> bool:
+    if band.shape == (1,):
+        return 0.0 <= band.item() < np.inf  # of one valve, as a search asks for it thousands of times
+    return band.ndim == 1 and bool(((band >= 0.0) & (band < np.inf)).all())
 
 
 def first_positions(op: FloatArray, S: FloatArray, start: FloatArray | None) -> FloatArray:

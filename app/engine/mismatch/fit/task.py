@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
 from app.engine.mismatch.loop.chain import Recent, simulate
@@ -137,19 +138,27 @@ class Task:
     def values_at(self, x: FloatArray) -> FloatArray:
         """The free numbers (P,) in their units at coordinates x."""
         values = x.copy()
-        values[self.log] = np.exp(x[self.log])
-        return values * self.scale
+        values[self.log_at] = np.exp(x[self.log_at])
+        values *= self.scale
+        return values
 
     def plant_of(self, values: FloatArray) -> Plant:
         linear = values[: self.linear_count].tolist()
         return self.given.plant.changed(**dict(zip(self.linear_names, linear, strict=True)))
 
     def parts_of(self, values: FloatArray) -> tuple[Part, ...]:
-        parts, at = [], self.linear_count
-        for block, count in zip(self.blocks, self.counts, strict=True):
-            parts.append(Part(block, values[at : at + count]))
-            at += count
-        return tuple(parts)
+        return tuple([Part(block, values[place]) for block, place in zip(self.blocks, self.places, strict=True)])
+
+    @cached_property
+    def log_at(self) -> NDArray[np.int64]:
+        """Which of the free numbers are fitted as logarithms."""
+        return np.flatnonzero(self.log)
+
+    @cached_property
+    def places(self) -> tuple[slice, ...]:
+        """Where the values of each block stand among the free numbers."""
+        ends = (self.linear_count + np.cumsum(self.counts)).tolist()
+        return tuple(slice(end - count, end) for end, count in zip(ends, self.counts, strict=True))
 
     @cached_property
     def linear_count(self) -> int:

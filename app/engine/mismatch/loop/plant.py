@@ -59,7 +59,12 @@ class Plant:
         )
 
     def changed(self, **values: float) -> "Plant":
-        return Plant(**(vars(self) | values))
+        """The same with other values of some fields; past the constructor, in which a search would spend as much time
+        as in the kernel.
+        """
+        other = object.__new__(Plant)
+        vars(other).update(vars(self), **values)
+        return other
 
 
 @njit(cache=True, nogil=True)
@@ -238,7 +243,29 @@ def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> Floa
     """PV (N,) in its unit, as deviation, of a valve position v (N,) in the unit of OP, as deviation, held over each
     sample.
     """
-    return _process(np.ascontiguousarray(v), plant.row(), sampling_interval_s)
+    return run_row(v, plant.row(), sampling_interval_s)
+
+
+def run_row(v: FloatArray, row: FloatArray, sampling_interval_s: float) -> FloatArray:
+    """As `run_process`, of a plant as the kernel reads it (12,)."""
+    return _process(np.ascontiguousarray(v), row, sampling_interval_s)
+
+
+@njit(cache=True, nogil=True)
+def _with_rest(pv: FloatArray, rest: FloatArray, most: float) -> FloatArray:
+    """pv (N,) cut to `most` either side, with what is beside it, (N,)."""
+    out = np.empty(len(pv))
+    for t in range(len(pv)):
+        now = pv[t]
+        if not abs(now) < most:
+            now = -most if now < 0.0 else most
+        out[t] = now + rest[t]
+    return out
+
+
+def with_rest(pv: FloatArray, rest: FloatArray, most: float) -> FloatArray:
+    """pv (N,) with a rest (N,) beside it; where it runs away it is cut to `most`, what is no number to that too."""
+    return _with_rest(np.ascontiguousarray(pv), rest, most)
 
 
 def delay(v: FloatArray, delay_s: float, sampling_interval_s: float) -> FloatArray:

@@ -3,8 +3,6 @@
 Until OP first moves it the flow is off by that much all the time, which looks like a step of the load or of the sensor.
 """
 
-import numpy as np
-
 from app.engine.mismatch.loop.block import Context, Parameter
 from app.engine.recording import FloatArray
 
@@ -23,5 +21,5 @@ def first_position(first: float, values: FloatArray, at: int, reach: float) -> f
     """The stem's position when the record begins, unit of OP: `first`, where OP is, and the share of its reach to
     either side that stands at `at`. Models exported before it was fitted do not have it, and began at OP.
     """
-    share = float(np.clip(values[at], -1.0, 1.0)) if len(values) > at else 0.0
+    share = min(max(float(values[at]), -1.0), 1.0) if len(values) > at else 0.0
     return first + share * reach
