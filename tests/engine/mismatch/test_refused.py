@@ -31,6 +31,23 @@ def loop(name: str, seed: int = 3, added: FloatArray | float = 0.0) -> Compariso
     return Comparison(name, TS, 40.0 + u, recorded(backlash(u), added), simulation=GIVEN)
 
 
+COMPETED: dict[bytes, Competed] = {}
+
+
+@pytest.fixture(autouse=True)
+def one_competition(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What becomes of a selection is asked here, not which it is: the effects of a record compete once."""
+    compete = explanation.compete
+
+    def once(prepared: explanation.Prepared) -> Competed:
+        record = prepared.record.pv.tobytes()
+        if record not in COMPETED:
+            COMPETED[record] = compete(prepared)
+        return COMPETED[record]
+
+    monkeypatch.setattr(explanation, "compete", once)
+
+
 @pytest.fixture
 def refusing(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """So many selections are refused by unseen data, one after the other."""

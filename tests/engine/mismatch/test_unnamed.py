@@ -1,6 +1,7 @@
 """Effects that the library does not have are no name's: something unnamed is said, or a name that is not sure."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -69,11 +70,16 @@ def ask(signals: tuple[FloatArray, FloatArray, FloatArray]) -> Explanation:
     return explain(Comparison("outside", 1.0, op, pv, sp, simulation=SIMULATION))
 
 
+@cache
+def told(process: Step, sensor: Step) -> Explanation:
+    return ask(loop(process, sensor))
+
+
 @pytest.mark.parametrize(
     ("process", "sensor"), [(quicker_up, as_it_is), (quicker_below, as_it_is), (linear, warms_slowly)]
 )
 def test_what_fits_nothing_in_the_library_is_unnamed(process: Step, sensor: Step) -> None:
-    said = ask(loop(process, sensor))
+    said = told(process, sensor)
     first = said.effects[0]
     assert first.code == "unnamed"
     assert first.condition.startswith("while OP moves: dynamic")
@@ -94,9 +100,8 @@ def test_terms_that_run_astray_where_they_have_not_seen_take_no_name_s_place(mon
 
 
 def test_the_generic_term_can_be_simulated_again() -> None:
-    signals = loop(quicker_up)
-    said = ask(signals)
-    again = simulate_again(said.model, signals[1])
+    said = told(quicker_up, as_it_is)
+    again = simulate_again(said.model, loop(quicker_up)[1])
     assert said.traces.explained == pytest.approx(again)
 
 
