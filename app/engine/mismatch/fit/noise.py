@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numba import njit
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.signals.sampled import REORDERED_SUMS
@@ -266,7 +266,7 @@ def _colour(e: FloatArray, shape: FloatArray) -> FloatArray:
 
 def coloured(e: FloatArray, noise: NoiseModel) -> FloatArray:
     """Noise (N,) made of innovations e (N,): what `whiten` undoes."""
-    e = lfilter([1.0], [1.0, *-noise.weights], e) if noise.further else e
+    e = scipy.signal.lfilter([1.0], [1.0, *-noise.weights], e) if noise.further else e
     return _colour(np.ascontiguousarray(e, dtype=np.float64), noise.shape)
 
 
