@@ -15,6 +15,7 @@ from app.threads import OF_LINEAR_ALGEBRA
 class Section(StrEnum):
     search = "search"
     audit = "audit"
+    files = "files"
     ingest = "ingest"
     plant = "plant"
     api = "api"

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from app.cli.bench import Section
 from app.lab.bench import files, ingest, plant
 from app.lab.bench.bench import QUICK, Bench, SkippedError
 from app.lab.bench.machine import describe
 from app.lab.bench.page import performance_page
-from app.lab.bench.running import read
+from app.lab.bench.running import SECTIONS, read
 from app.services import demo
 
 FIGURES = Path(__file__).parents[2] / "docs" / "performance.json"
@@ -49,6 +50,10 @@ def test_reading_is_judged_by_the_median_of_rounds_of_one_run_each(
     assert (found["whole_s"], found["runs_whole_s"]) == (16.0, [12.0, 30.0, 16.0])
     assert found["share_of_polars_2"] == 4.5 / 16.0
     assert found["peak_mb"] == 700.0  # the greatest of all runs, not the median run's
+
+
+def test_each_section_can_be_asked_for() -> None:
+    assert [section.value for section in Section] == list(SECTIONS)
 
 
 def bench_in(folder: Path) -> Bench:
