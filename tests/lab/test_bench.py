@@ -112,4 +112,8 @@ def test_the_page_says_which_sections_another_machine_measured() -> None:
     figures["sections"]["audit"]["machine"] |= {"processor": "Other", "date": "9999-01-01 00:00 UTC"}
     page = performance_page(figures)
     machines = page[page.index("## The machine") : page.index("## Targets")]
-    assert machines.index("Other") < machines.index("Not so for api, files, ingest, plant, search**") < machines.index("One")
+    assert (
+        machines.index("Other")
+        < machines.index("Not so for api, files, ingest, plant, search**")
+        < machines.index("One")
+    )

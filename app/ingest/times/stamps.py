@@ -43,9 +43,8 @@ _TIMES = (
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
 _DECIMAL_COMMA = r"(:\d{2}),(\d)"
 _MAY_BE_STAMP = re.compile(r"\d\D+\d|\d{6}")
-"""A day and something of a month, a year or a clock; a cheap test before the dear ones."""
-_MAY_BE_SPELLED = re.compile(r"\d\D+\d|\d{8}")
-"""In the spelling of people a date has two numbers apart, or all its digits in one, before a zone in letters."""
+"""A day and something of a month, a year or a clock, two numbers apart or many digits in one, however it is spelled: a
+cheap test before the dear ones."""
 _BEHIND_SECONDS = "|".join(rf"(?<=:\d{{2}}[.,]\d{{{digits}}})" for digits in range(1, 10))
 _ZONE = re.compile(rf"(Z|(?:(?<=:\d{{2}})|{_BEHIND_SECONDS})[+-]\d{{2}}|[+-]\d{{2}}:?\d{{2}})$")
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
@@ -184,7 +183,7 @@ def as_formatted(texts: pl.Series, form: TimeForm) -> pl.Series:
 
 def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
     """A dotted a.m. is no American one."""
-    if not any(_MAY_BE_SPELLED.search(text) for text in sample):
+    if not any(_MAY_BE_STAMP.search(text) for text in sample):
         return None
     texts = pl.Series(sample, dtype=pl.String)
     form = _text_form(respelled(texts).to_list(), options, _american(sample))
