@@ -61,11 +61,9 @@ class Hostile:
 
 
 def bomb(megabytes: int) -> bytes:
-    """Of rows that are long and blank: what stops it counts bytes, and a row for each of them takes many seconds."""
-    row = b" " * 4095 + b"\n"
     packer = zlib.compressobj(9, zlib.DEFLATED, 31)
     start = packer.compress((HEADER + GOOD).encode())
-    return start + b"".join(packer.compress(row * 256) for _ in range(megabytes)) + packer.flush()
+    return start + b"".join(packer.compress(b"\n" * (1 << 20)) for _ in range(megabytes)) + packer.flush()
 
 
 def workbook_bomb() -> bytes:

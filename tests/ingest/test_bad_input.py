@@ -239,7 +239,7 @@ def test_bombs_are_stopped(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
     packer = zlib.compressobj(9, zlib.DEFLATED, 31)
     bomb = (
         packer.compress(HEADER.encode() + GOOD.encode())
-        + b"".join(packer.compress(b"\n" * (1 << 20)) for _ in range(3))
+        + b"".join(packer.compress(b"\n" * (1 << 20)) for _ in range(8))
         + packer.flush()
     )
     assert read(bomb, options=IngestOptions(max_ratio=1100)).loops
