@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.engine.audit import audit
-from app.engine.causality.own_cycle import TELLING, OwnCycle, own_cycle
+from app.engine.causality.own_cycle import CLEAR_NATS, TELLING, OwnCycle, own_cycle
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 
@@ -51,7 +51,7 @@ def test_what_a_load_shapes_is_told_from_what_the_valve_does() -> None:
     assert not any(one.shown for one in outside)
     own = [asked(cycling(seed)) for seed in range(6)]
     assert all(one.shown for one in own)
-    assert min(one.nats_a_cycle for one in own) > max(one.nats_a_cycle for one in outside)
+    assert min(one.nats_a_cycle for one in own) >= CLEAR_NATS
 
 
 def test_a_valve_that_has_begun_to_stick_does_not_all_the_time_but_is_not_missed() -> None:
@@ -153,5 +153,6 @@ def test_a_set_point_in_another_unit_than_pv_changes_nothing(change) -> None:
     for made in (shaken(0), cycling(0)):
         record = uniform(made)
         given, other = own_cycle(record, 1500.0), own_cycle(replace(record, pv=change(record.pv)), 1500.0)
-        assert other.nats_a_cycle == pytest.approx(given.nats_a_cycle, rel=0.05)  # SP is where PV mostly is
         assert (other.shown, other.missed) == (given.shown, given.missed)
+        if not given.shown:  # else it may have been shown by another stride
+            assert other.nats_a_cycle == pytest.approx(given.nats_a_cycle, rel=0.05)  # SP is where PV mostly is

@@ -56,21 +56,21 @@ def _foretells(record: UniformRecord, stands: BoolArray, stride: int) -> bool:
     lags = Lags(stride, ORDER)
     if not lags.fit_in(record.samples):
         return False
-    own = np.column_stack((lags.ones(record.pv), lags.whole_past(record.pv)))
-    columns = np.column_stack((own, lags.past(record.op, ORDER), lags.value(record.pv)))
-    columns = columns[~lags.touched(stands, ORDER)]
-    if len(columns) < lags.fewest:
+    own = np.vstack((lags.ones(record.pv), lags.whole_past(record.pv)))
+    rows = np.vstack((own, lags.past(record.op, ORDER), lags.value(record.pv)))
+    rows = np.compress(~lags.touched(stands, ORDER), rows, axis=1)
+    terms, values = len(own), rows.shape[1]
+    if values < lags.fewest:
         return False
-    terms = own.shape[1]
-    gram = columns.T @ columns
-    if _adds(gram, len(columns), terms):
+    gram = rows @ rows.T
+    if _adds(gram, values, terms):
         return True
-    kept = columns[not_far(columns[:, -1] - columns[:, :terms] @ fitted(gram, terms))]
-    return len(kept) >= lags.fewest and _adds(kept.T @ kept, len(kept), terms)
+    kept = np.compress(not_far(rows[-1] - fitted(gram, terms) @ rows[:terms]), rows, axis=1)
+    return kept.shape[1] >= lags.fewest and _adds(kept @ kept.T, kept.shape[1], terms)
 
 
 def _adds(gram: FloatArray, n: int, terms: int) -> bool:
-    """gram: of ones and the past of PV (`terms`), ORDER of the past of OP, and what PV is next, over n rows."""
+    """gram: of ones and the past of PV (`terms`), ORDER of the past of OP, and what PV is next, over n means."""
     alone, both = left_over(gram, terms), left_over(gram, terms + ORDER)
     if alone <= FORETOLD * gram[-1, -1]:
         return True

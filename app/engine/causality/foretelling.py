@@ -31,7 +31,8 @@ class Lags:
     answers within some of its samples and a slow one within some of the coarsest; each mean but the first `order` is
     foretold.
 
-    What these tables hold has a row for each of the n means that are foretold.
+    What is known by then is laid out in rows (k, n), a row for each of k terms, of the n means that are foretold: each
+    lies in one piece.
     """
 
     stride: int
@@ -55,24 +56,23 @@ class Lags:
         return np.ones(len(x) // self.stride - self.order)
 
     def past(self, x: FloatArray, terms: int) -> FloatArray:
-        """(..., n, terms): the last means before it, at most `order`, of one signal (N,) or of many, (M, N)."""
+        """(..., terms, n): the last means before it, at most `order`, of one signal (N,) or of many, (M, N)."""
         means = self._means(x)[..., self.order - terms : -1]
-        return np.lib.stride_tricks.sliding_window_view(means, terms, axis=-1)
+        return np.lib.stride_tricks.sliding_window_view(means, means.shape[-1] - terms + 1, axis=-1)
 
     def whole_past(self, x: FloatArray) -> FloatArray:
-        """(n, terms): the last means, and what x was lately, within the last of them. A controller has seen what PV was
-        by then, and OP would tell it; a stem has gone along with what OP was.
+        """(k, n): the last means, and what x was lately, within the last of them. A controller has seen what PV was by
+        then, and OP would tell it; a stem has gone along with what OP was.
         """
         within = blocks(x, self.stride)
         lengths = [2**k for k in range(self.stride.bit_length()) if 2**k < self.stride]
-        lately = [_at_unit(within[:, -length:].mean(axis=1))[self.order - 1 : -1] for length in lengths]
-        return np.column_stack((self.past(x, self.order), *lately))
+        lately = [_at_unit(_mean(within[:, -length:]))[self.order - 1 : -1] for length in lengths]
+        return np.vstack((self.past(x, self.order), *lately))
 
     def long_past(self, x: FloatArray) -> FloatArray:
-        """(n, 3): what x was over longer times than that, as averages that forget exponentially."""
+        """(3, n): what x was over longer times than that, as averages that forget exponentially."""
         means = self._means(x)
-        averages = [_at_unit(forgetting(means, memory)) for memory in MEMORIES]
-        return np.column_stack(averages)[self.order - 1 : -1]
+        return np.array([_at_unit(forgetting(means, memory))[self.order - 1 : -1] for memory in MEMORIES])
 
     def touched(self, samples: BoolArray, within: int) -> BoolArray:
         """(n,): whether one of these samples (N,) is in what is foretold or in the last `within` means before it."""
@@ -82,14 +82,14 @@ class Lags:
         return np.asarray(place - newest <= within)[self.order :]
 
     def _means(self, x: FloatArray) -> FloatArray:
-        return _at_unit(blocks(x, self.stride).mean(axis=-1))
+        return _at_unit(_mean(blocks(x, self.stride)))
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """What is known of each value of PV, and that value as the last column of the rows (n, terms + 1).
+    """What is known of each of n values of PV, a row for each term, and that value as the last row: (terms + 1, n).
 
-    parts: of the rows, (P,). products: (P, terms + 1, terms + 1) of the columns with each other over each of them.
+    parts: of the values, (P,). products: (P, terms + 1, terms + 1) of the rows with each other over each of them.
     """
 
     rows: FloatArray
@@ -98,9 +98,14 @@ class Table:
 
     @classmethod
     def in_parts(cls, rows: FloatArray, parts: int) -> "Table":
-        edges = [len(rows) * k // parts for k in range(parts + 1)]
+        edges = [rows.shape[1] * k // parts for k in range(parts + 1)]
         slices = tuple(slice(start, end) for start, end in pairwise(edges))
         return cls(rows, slices, _products(rows, rows, slices))
+
+    @property
+    def values(self) -> int:
+        """n, of PV."""
+        return self.rows.shape[1]
 
     @cached_property
     def missed(self) -> FloatArray:
@@ -114,22 +119,22 @@ class Table:
         return bool(self.missed.sum() <= FORETOLD * self.products[:, -1, -1].sum())
 
     def beside(self, more: FloatArray) -> "Table":
-        """With further columns (n, k) of what is known."""
-        size, k = self.products.shape[1], more.shape[1]
+        """With further terms (k, n) of what is known."""
+        size, k = self.products.shape[1], len(more)
         across, among = self._products_with(more[None])
         products = np.block([[self.products, across[0]], [across[0].transpose(0, 2, 1), among[0]]])
         order = [*range(size - 1), *range(size, size + k), size - 1]
-        rows = np.column_stack((self.rows[:, :-1], more, self.rows[:, -1]))
+        rows = np.vstack((self.rows[:-1], more, self.rows[-1]))
         return Table(rows, self.parts, products[:, order][:, :, order])
 
     def worths(self, more: FloatArray) -> FloatArray:
-        """(M, P): by how much each of M sets of further columns (M, n, k) raises the logarithm of the likelihood of
-        each part, under normal misses of one variance.
+        """(M, P): by how much each of M sets of further terms (M, k, n) raises the logarithm of the likelihood of each
+        part, under normal misses of one variance.
         """
         sizes = np.array([part.stop - part.start for part in self.parts])
         before, after = self.missed, self._missed_beside(more)
         was, now = (
-            np.maximum(missed.sum(axis=-1, keepdims=True), np.finfo(float).tiny) / len(self.rows)
+            np.maximum(missed.sum(axis=-1, keepdims=True), np.finfo(float).tiny) / self.values
             for missed in (before, after)
         )
         return np.asarray(0.5 * (before / was - after / now) + 0.5 * sizes * np.log(was / now))
@@ -141,14 +146,16 @@ class Table:
         return _firm(products[:-1, :-1], products[0, 0]), fitted(products, len(products) - 1)
 
     def _missed_beside(self, more: FloatArray) -> FloatArray:
-        """(M, P): what is missed with further columns (M, n, k), by the Schur complement of what is known: each set
-        costs a fit of k terms.
+        """(M, P): what is missed with further terms (M, k, n), by the Schur complement of what is known: each set costs
+        a fit of k terms.
         """
         across, among = self._products_with(more)
         firm, weights = self._fit
         cross = across.sum(axis=1)
         known, value = cross[:, :-1], cross[:, -1]
-        along = np.linalg.solve(firm, known)  # of the further columns, in what is known
+        # Of the further terms, in what is known; side by side, because it would be inverted for each set otherwise.
+        along = np.linalg.solve(firm, known.swapaxes(0, 1).reshape(len(firm), -1))
+        along = along.reshape(len(firm), len(more), -1).swapaxes(0, 1)
         left = _firm(among.sum(axis=1), firm[0, 0]) - known.transpose(0, 2, 1) @ along
         added = np.linalg.solve(left, (value - weights @ known)[..., None])
         kept = weights - (along @ added)[..., 0]
@@ -158,16 +165,15 @@ class Table:
         return np.asarray(np.maximum(missed + added.swapaxes(2, 3) @ among @ added, 0.0)[..., 0, 0])
 
     def _products_with(self, more: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(M, P, terms + 1, k) and (M, P, k, k): of further columns (M, n, k) with these and with each other."""
-        columns = np.ascontiguousarray(more.transpose(1, 0, 2)).reshape(len(self.rows), -1)
-        sets, k = more.shape[0], more.shape[2]
-        across = _products(self.rows, columns, self.parts).reshape(len(self.parts), -1, sets, k)
-        among = [more[:, part].swapaxes(1, 2) @ more[:, part] for part in self.parts]
+        """(M, P, terms + 1, k) and (M, P, k, k): of further terms (M, k, n) with these and with each other."""
+        sets, k, values = more.shape
+        across = _products(self.rows, more.reshape(-1, values), self.parts).reshape(len(self.parts), -1, sets, k)
+        among = [more[..., part] @ more[..., part].swapaxes(1, 2) for part in self.parts]
         return across.transpose(2, 0, 1, 3), np.stack(among, axis=1)
 
 
 def _products(a: FloatArray, b: FloatArray, parts: tuple[slice, ...]) -> FloatArray:
-    return np.array([a[part].T @ b[part] for part in parts])
+    return np.array([a[:, part] @ b[:, part].T for part in parts])
 
 
 def not_far(missed: FloatArray) -> BoolArray:
@@ -176,27 +182,32 @@ def not_far(missed: FloatArray) -> BoolArray:
 
 
 def left_over(gram: FloatArray, terms: int) -> float:
-    """Sum of squares of what the first `terms` columns of a table (n, k) do not explain of its last one, by least
-    squares. gram: (k, k), the table's product with itself.
+    """Sum of squares of what the first `terms` rows of a table (k, n) do not explain of its last one, by least squares.
+    gram: (k, k), the table's product with itself.
     """
     weights, among, along = fitted(gram, terms), gram[:terms, :terms], gram[:terms, -1]
     return float(gram[-1, -1] - 2.0 * along @ weights + weights @ among @ weights)
 
 
 def fitted(gram: FloatArray, terms: int) -> FloatArray:
-    """(terms,) weights of the first columns that explain the last one best. gram: (k, k) as in `left_over`; a ridge of
-    RIDGE keeps columns that are made of each other solvable.
+    """(terms,) weights of the first rows that explain the last one best. gram: (k, k) as in `left_over`; a ridge of
+    RIDGE keeps rows that are made of each other solvable.
     """
     return np.asarray(np.linalg.solve(_firm(gram[:terms, :terms], gram[0, 0]), gram[:terms, -1]))
 
 
 def _firm(among: FloatArray, scale: float) -> FloatArray:
-    """Products of columns (..., k, k) that can be inverted, also where some are made of the others."""
+    """Products of rows (..., k, k) that can be inverted, also where some are made of the others."""
     return among + RIDGE * scale * np.eye(among.shape[-1])
+
+
+def _mean(within: FloatArray) -> FloatArray:
+    """Over the last axis, of a few samples: one after the other for all at once."""
+    return np.asarray(sum(within[..., k] for k in range(within.shape[-1])) / within.shape[-1])
 
 
 def _at_unit(x: FloatArray) -> FloatArray:
     """Along the last axis."""
     about = x - x.mean(axis=-1, keepdims=True)
-    spread = x.std(axis=-1, keepdims=True)
+    spread = np.sqrt(np.vecdot(about, about) / x.shape[-1])[..., None]
     return np.asarray(about / np.where(spread > 0.0, spread, 1.0))

@@ -32,9 +32,9 @@ record the least of telling pays."""
 
 @dataclass(frozen=True)
 class OwnCycle:
-    """What the stems of such valves tell of PV. nats_a_cycle: of the best. all_the_time, lately: whether it has its
-    share of what is needed in each third of the record, and in the newest two. means, cycles: how much of PV was looked
-    at, at most. fine: whether a cycle has samples enough for what is clear.
+    """What the stems of such valves tell of PV. nats_a_cycle: of the first that shows it, or of the best.
+    all_the_time, lately: whether it has its share of what is needed in each third of the record, and in the newest two.
+    means, cycles: how much of PV was looked at, at most. fine: whether a cycle has samples enough for what is clear.
     """
 
     nats_a_cycle: float = 0.0
@@ -75,8 +75,13 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     share = _in_a_cycle(moving.op, period) / usual_range(moving.op)
     moved = np.vstack([stems(moving.op, share * np.array(SHARES), jump) for jump in JUMPS])
     turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(_error(moving), TURNS)
-    told = [asked.beside(turned).beside(beyond) for asked in asked_of(moving)]
-    found = [_on(one, moved, period) for one in told if not one.known.foretells_all]
+    told = (asked.beside(turned).beside(beyond) for asked in asked_of(moving))
+    found: list[OwnCycle] = []
+    for one in told:
+        if not one.known.foretells_all:
+            found.append(_on(one, moved, period))
+            if found[-1].shown:
+                break
     best = max(found, key=lambda one: (one.all_the_time, one.lately, one.nats_a_cycle), default=OwnCycle())
     return replace(
         best,

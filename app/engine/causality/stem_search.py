@@ -48,7 +48,7 @@ class Asked:
 
     @property
     def means(self) -> int:
-        return len(self.known.rows)
+        return self.known.values
 
     def needed(self, tried: int) -> float:
         """Nats that the best of so many signals is worth by chance (Schwarz 1978, doi 10.1214/aos/1176344136)."""
@@ -71,7 +71,7 @@ class Asked:
         return replace(self, known=self.known.beside(self._past(signals[best]))) if nats.sum() > 0.0 else self
 
     def _past(self, signals: FloatArray) -> FloatArray:
-        return self.lags.past(signals, STEM_ORDER)[..., self.kept, :]
+        return np.compress(self.kept, self.lags.past(signals, STEM_ORDER), axis=-1)
 
 
 def moving_part(record: UniformRecord) -> UniformRecord | None:
@@ -86,17 +86,17 @@ def moving_part(record: UniformRecord) -> UniformRecord | None:
 
 def asked_of(moving: UniformRecord) -> Iterator[Asked]:
     """On each stride on which something can be told of a part that moves: where PV and OP were stored once a mean or
-    oftener, of what upsets do not touch.
+    oftener, of what upsets do not touch. The coarsest comes first, which costs least.
     """
     stored = min(stored_points(moving.pv), stored_points(moving.op))
     news = _usual_news(moving)
-    for lags in (Lags(stride, ORDER) for stride in STRIDES if stride * stored >= moving.samples):
+    for lags in (Lags(stride, ORDER) for stride in reversed(STRIDES) if stride * stored >= moving.samples):
         if not lags.fit_in(moving.samples):
             continue
         rows = _linear(lags, moving, news)
         kept = _undisturbed(lags, moving, rows)
         if np.count_nonzero(kept) >= lags.fewest:
-            known = Table.in_parts(rows[kept], PARTS)
+            known = Table.in_parts(np.compress(kept, rows, axis=1), PARTS)
             if not known.foretells_all:
                 yield Asked(lags, kept, known)
 
@@ -111,12 +111,12 @@ def _longest_moving(record: UniformRecord) -> slice:
 
 
 def _linear(lags: Lags, record: UniformRecord, news: FloatArray) -> FloatArray:
-    """What is known of each mean of PV without a valve that sticks, and that mean as the last column."""
+    """What is known of each mean of PV without a valve that sticks, and that mean as the last row."""
     signals = [record.pv, record.op]
     if record.sp is not None and np.ptp(record.sp) > 0.0:
         signals.append(record.sp)
     past = [part for x in signals for part in (lags.whole_past(x), lags.long_past(x))]
-    return np.column_stack((lags.ones(record.pv), *past, lags.past(news, NEWS_ORDER), lags.value(record.pv)))
+    return np.vstack((lags.ones(record.pv), *past, lags.past(news, NEWS_ORDER), lags.value(record.pv)))
 
 
 def _usual_news(record: UniformRecord) -> FloatArray:
@@ -125,22 +125,25 @@ def _usual_news(record: UniformRecord) -> FloatArray:
     if not lags.fit_in(record.samples):
         return news
     past = [lags.past(x, ORDER) for x in (record.pv, record.op)]
-    table = np.column_stack((lags.ones(record.pv), *past, lags.value(record.pv)))
-    missed = table[:, -1] - table[:, :-1] @ fitted(table.T @ table, table.shape[1] - 1)
+    missed = _missed(np.vstack((lags.ones(record.pv), *past, lags.value(record.pv))))
     usual = USUAL * NORMAL * float(np.median(np.abs(missed)))
     news[ORDER:] = np.clip(missed, -usual, usual)
     return news
 
 
 def _undisturbed(lags: Lags, record: UniformRecord, linear: FloatArray) -> BoolArray:
-    """Which rows are neither after a move of the set point nor at or after an upset."""
-    kept = np.ones(len(linear), bool)
+    """Which means are neither after a move of the set point nor at or after an upset."""
+    kept = np.ones(linear.shape[1], bool)
     if record.sp is not None:
         after = lags.touched(np.diff(record.sp, prepend=record.sp[0]) != 0.0, SETTLING)
         kept = ~after if 2 * np.count_nonzero(after) <= len(after) else kept
-    rows = linear[kept]
-    upset = np.zeros(len(linear), bool)
-    upset[kept] = ~not_far(rows[:, -1] - rows[:, :-1] @ fitted(rows.T @ rows, rows.shape[1] - 1))
+    upset = np.zeros(len(kept), bool)
+    upset[kept] = ~not_far(_missed(np.compress(kept, linear, axis=1)))
     for late in range(AFTER_UPSET + 1):
         kept[late:] &= ~upset[: len(upset) - late]
     return kept
+
+
+def _missed(rows: FloatArray) -> FloatArray:
+    """(n,): what the rows (k, n) but the last do not explain of it."""
+    return np.asarray(rows[-1] - fitted(rows @ rows.T, len(rows) - 1) @ rows[:-1])

@@ -211,17 +211,12 @@ def log_kurtosis(x: FloatArray) -> float:
     return np.log(fourth / len(x) / variance**2) if variance > 0.0 else 1.1
 
 
-@njit(cache=True, nogil=True)
-def quantiles(x: FloatArray, shares: tuple) -> FloatArray:
+def quantiles(x: FloatArray, shares: tuple[float, ...]) -> FloatArray:
     """Quantiles of x (N,) at shares in 0..1, on straight lines between the sorted values."""
-    ordered = np.sort(x)
-    out = np.empty(len(shares))
-    for k in range(len(shares)):
-        place = shares[k] * (len(x) - 1)
-        below = min(int(place), max(len(x) - 2, 0))
-        above = min(below + 1, len(x) - 1)
-        out[k] = ordered[below] + (ordered[above] - ordered[below]) * (place - below)
-    return out
+    ordered, place = np.sort(x), np.array(shares) * (len(x) - 1)
+    below = np.minimum(place.astype(np.int64), max(len(x) - 2, 0))
+    low, high = ordered[below], ordered[np.minimum(below + 1, len(x) - 1)]
+    return np.asarray(low + (high - low) * (place - below))
 
 
 @lru_cache(maxsize=64)

@@ -11,6 +11,9 @@ from app.engine.signals.sampled import hann, without_line
 FEWEST_CYCLES = 8
 SMOOTHED_CYCLES = 2.0
 MOST_KNOTS = 100
+RIDGE = 1e-12
+"""Of the samples of all cycles, as if so many lay at each knot."""
+
 WALK_LEFT_BY_LINE = 15.0
 """Of a walk of N steps a straight line leaves the N-th part of this in variance, in steps."""
 
@@ -76,5 +79,6 @@ def _mean_cycle(x: FloatArray, frequency: float) -> FloatArray:
     normal[at, (at + 1) % knots] += beside
     normal[(at + 1) % knots, at] += beside
     told = np.bincount(left, near * x, knots) + np.bincount(right, far * x, knots)
-    height = np.linalg.lstsq(normal, told, rcond=None)[0]
+    # The ridge leaves knots at zero at which no sample tells anything.
+    height = np.linalg.solve(normal + RIDGE * len(x) * np.eye(knots), told)
     return np.asarray(near * height[left] + far * height[right])
