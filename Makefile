@@ -4,6 +4,9 @@ PYTHON ?= python3
 ifeq ($(words $(MAKECMDGOALS)),1)
 MAKEFLAGS += --jobs=2
 endif
+# Packages are installed uncompiled: where this forbids keeping what an import has compiled, each of the hundred processes of a
+# test run, and each of the demo, would compile them again, for 5 s.
+unexport PYTHONDONTWRITEBYTECODE
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
@@ -35,6 +38,7 @@ $(STAMP): requirements.lock pyproject.toml
 	@echo "installing the pinned packages into $(VENV): one to five minutes, once"
 	$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(BIN)/python -c 'import app.main, workers.tasks'
 	touch $(STAMP)
 
 install: $(STAMP)
