@@ -12,7 +12,10 @@ import pytest
 from app.ingest import IngestOptions, read_export
 from app.ingest.columns.names import plain
 from app.ingest.files.ahead import ahead
+from app.ingest.files.opening import TextFile
+from app.ingest.rejecting import RejectLog
 from app.ingest.tables import spilling
+from app.ingest.tables.frames import Dialect, FrameReader, Rows
 from app.ingest.tables.pieces import Gathered
 from app.ingest.tags.modes import automatic_flags
 from app.ingest.times.stamps import find_form
@@ -163,6 +166,21 @@ def test_long_names_and_words_are_not_kept_behind_their_file() -> None:
     held, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert held < 300_000  # of the last name, which is still here
+
+
+def test_counting_the_fields_of_one_row_takes_no_memory_for_those_of_all(tmp_path: Path) -> None:
+    path = tmp_path / "sparse.csv"
+    path.write_bytes(b"2026-01-31 00:00:00\n" + (b"," * 2000 + b"\n") * 1000)
+    types = {index: pl.Float64() for index in range(1, 2001)}
+    reader = FrameReader(
+        TextFile(path, IngestOptions()), Dialect(",", ".", 2001), types, RejectLog(IngestOptions().max_rejects)
+    )
+    rows = Rows(pl.DataFrame(), 1, path.read_bytes())
+    tracemalloc.start()
+    assert reader.short_rows(rows, np.array([0, 1])).tolist() == [0]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2 * len(rows.data)
 
 
 def test_an_error_comes_where_it_was_raised() -> None:
