@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,17 @@ import polars as pl
 import pytest
 
 from app.ingest import IngestOptions, read_export
+from app.ingest.columns.names import plain
 from app.ingest.files.ahead import ahead
+from app.ingest.files.opening import TextFile
+from app.ingest.rejecting import RejectLog
 from app.ingest.tables import spilling
+from app.ingest.tables.frames import Dialect, FrameReader, Rows
 from app.ingest.tables.pieces import Gathered
+from app.ingest.tags.modes import automatic_flags
+from app.ingest.times.stamps import find_form
+from app.ingest.times.told_units import told_unit
+from app.ingest.times.told_zones import told_utc_offset_ns
 
 MEASURE = """
 import sys
@@ -132,6 +141,46 @@ def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
         peaks.append(peak)
     assert (tmp_path / "large.csv").stat().st_size > 9 * (tmp_path / "small.csv").stat().st_size
     assert peaks[1] < 1.3 * peaks[0]
+
+
+@pytest.mark.parametrize("form", ["{k}-1 {long}", "{long} {k}-1", "2026-01-31 00:00:0{k}.{long}"])
+@pytest.mark.parametrize("name", ["", "Remark"])
+def test_long_cells_are_not_kept_behind_their_file(form: str, name: str) -> None:
+    """What is found out of a column is remembered, for the next layout that asks."""
+    find_form(["1-1 x"], "", IngestOptions())
+    tracemalloc.start()
+    for k in range(8):
+        find_form([form.format(k=k, long="1" * 200_000)], name * 100_000, IngestOptions())
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert held < 100_000
+
+
+def test_long_names_and_words_are_not_kept_behind_their_file() -> None:
+    find_form(["1-1 x"], "", IngestOptions())
+    tracemalloc.start()
+    for k in range(8):
+        name = f"{k} Time (UTC) " + "x" * 200_000
+        assert [told_utc_offset_ns(name), told_unit(name), plain(name)[:5]] == [0, None, f"{k}time"]
+        assert automatic_flags(pl.Series([name])).tolist() == [-1]
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert held < 300_000  # of the last name, which is still here
+
+
+def test_counting_the_fields_of_one_row_takes_no_memory_for_those_of_all(tmp_path: Path) -> None:
+    path = tmp_path / "sparse.csv"
+    path.write_bytes(b"2026-01-31 00:00:00\n" + (b"," * 2000 + b"\n") * 1000)
+    types = {index: pl.Float64() for index in range(1, 2001)}
+    reader = FrameReader(
+        TextFile(path, IngestOptions()), Dialect(",", ".", 2001), types, RejectLog(IngestOptions().max_rejects)
+    )
+    rows = Rows(pl.DataFrame(), 1, path.read_bytes())
+    tracemalloc.start()
+    assert reader.short_rows(rows, np.array([0, 1])).tolist() == [0]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2 * len(rows.data)
 
 
 def test_an_error_comes_where_it_was_raised() -> None:

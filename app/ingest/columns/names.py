@@ -4,7 +4,6 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sized
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.numbers.units import as_number
+from app.ingest.remembering import remembered
 from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
 from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
@@ -133,7 +133,7 @@ _MAY_BE_STAMP = re.compile(r"\d\D+\d+\D+\d|\d{8}|年|^\d{5}([.,]|$)")
 ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
 
-@lru_cache(maxsize=1 << 17)
+@remembered(1 << 17)
 def plain(name: str) -> str:
     """Letters and digits of a name, in small letters without accents; empty where it has none outside of brackets."""
     return re.sub(r"[\W_]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", spelled_out(name.lower())))

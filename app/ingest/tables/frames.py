@@ -248,14 +248,15 @@ class FrameReader:
         """Those of the candidates whose lines have too few fields, but for empty lines and comments."""
         if not len(candidates):
             return candidates
-        text = np.frombuffer(rows.data, dtype=np.uint8)
-        ends = np.append(np.flatnonzero(text == ord("\n")), len(text))
+        data, delimiter = rows.data, self._dialect.delimiter.encode()
+        need, others = self._dialect.width - 1, self._dialect.ends
+        ends = np.append(np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n")), len(data))
         begins = np.append(0, ends[:-1] + 1)
-        delimiters = np.flatnonzero(text == ord(self._dialect.delimiter))
         filled = candidates[begins[candidates] < ends[candidates]]
-        counts = np.searchsorted(delimiters, ends[filled]) - np.searchsorted(delimiters, begins[filled])
-        few = filled[(counts < self._dialect.width - 1) & ~np.isin(counts + 1, sorted(self._dialect.ends))]
-        lines = (rows.data[begins[row] : ends[row]] for row in few)
+        bounds = zip(begins[filled].tolist(), ends[filled].tolist(), strict=True)
+        counts = [data.count(delimiter, begin, end) for begin, end in bounds]  # of these lines alone: often few of many
+        few = filled[[count < need and count + 1 not in others for count in counts]]
+        lines = (data[begins[row] : ends[row]] for row in few)
         return few[[line.strip(b' "\r')[:1] not in NO_ROW for line in lines]]
 
     def _schema(self) -> dict[str, pl.DataType]:

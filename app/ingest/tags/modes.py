@@ -5,7 +5,6 @@ import unicodedata
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from itertools import repeat
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
 from app.ingest.rejecting import RejectLog
+from app.ingest.remembering import remembered
 from app.ingest.times.stamps import to_numbers
 
 Lines = NDArray[np.integer]
@@ -83,7 +83,7 @@ def _counting_by_name(tag: str) -> Mapping[float, float] | None:
     return _FIELDBUS if _FIELDBUS_NAME.search(tag) else None
 
 
-@lru_cache(maxsize=1 << 12)
+@remembered(1 << 12)
 def _flag_of(text: str) -> float:
     """Of a word, or of words and numbers around it that do not contradict each other: `1 - Auto`, `LOCAL MANUAL`."""
     word = _without_accents(text.strip(' "').lower())

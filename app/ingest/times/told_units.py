@@ -2,7 +2,8 @@
 
 import re
 from dataclasses import dataclass
-from functools import lru_cache
+
+from app.ingest.remembering import remembered
 
 _SPELLED = (
     (1e-9, r"ns|nsecs?|nanosec(?:ond)?s?|nanosekunden?"),
@@ -38,7 +39,7 @@ class ToldUnit:
     bare: str
 
 
-@lru_cache(maxsize=1 << 17)
+@remembered(1 << 17)
 def told_unit(name: str) -> ToldUnit | None:
     """None where the name tells none, as `Times`. A letter alone is one in brackets or behind a stroke; s and h behind
     `_` too."""

@@ -2,9 +2,9 @@
 `Time (Europe/Berlin)`."""
 
 import re
-from functools import lru_cache
 from zoneinfo import available_timezones
 
+from app.ingest.remembering import remembered
 from app.ingest.times.spelled_times import ZONES_IN_LETTERS
 from app.nanoseconds import NS_PER_S
 
@@ -27,7 +27,7 @@ def zone_in_letters(name: str) -> str:
     return found[1] if found else ""
 
 
-@lru_cache(maxsize=1 << 17)
+@remembered(1 << 17)
 def told_utc_offset_ns(name: str) -> int | None:
     """Of the clock that the times show, from UTC; None where the name tells none."""
     found = _UTC.search(name)
@@ -38,6 +38,6 @@ def told_utc_offset_ns(name: str) -> int | None:
     return -offset_ns if sign == "-" else offset_ns
 
 
-@lru_cache(maxsize=1 << 17)
+@remembered(1 << 17)
 def without_zone(name: str) -> str:
     return _UTC.sub(" ", name)
