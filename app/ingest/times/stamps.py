@@ -23,10 +23,9 @@ FIRST_YEAR, LAST_YEAR = 1971, 2199
 _FIRST_NS, _END_NS = (np.datetime64(f"{year}", "ns").astype(np.int64) for year in (FIRST_YEAR, LAST_YEAR + 1))
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
-LONGEST_KEPT = (
-    1 << 16
-)  # characters of a sample and its name whose form is kept: comments would stay in memory by the MB
-LONGEST_PROBE = 64
+LONGEST_KEPT, LONGEST_PROBE = 1 << 16, 64
+"""Characters of a sample with its name, and of a probe, whose form is kept: comments would stay in memory by the MB."""
+
 NO_TIME = np.iinfo(np.int64).min
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
