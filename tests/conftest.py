@@ -105,9 +105,9 @@ def _no_server(what: str) -> None:
     pytest.skip(f"no {what} server on this machine")
 
 
-@pytest.fixture(scope="session")
-def postgres_url() -> Iterator[str]:
-    """An empty data base of this test session, with this version's tables, on the local PostgreSQL server."""
+@contextmanager
+def own_postgres() -> Iterator[str]:
+    """A data base with this version's tables on the local PostgreSQL server, dropped at the end."""
     server = create_engine(POSTGRES, isolation_level="AUTOCOMMIT", connect_args={"connect_timeout": 2})
     name = f"loopaudit_test_{os.getpid()}_{uuid.uuid4().hex[:8]}"
     try:
@@ -121,11 +121,18 @@ def postgres_url() -> Iterator[str]:
     try:
         migrate(Settings(database_url=url, data_dir=Path(tempfile.gettempdir())))
         yield url
-        _emptying(url).close()
     finally:
         with server.connect() as connection:
             connection.exec_driver_sql(f'DROP DATABASE "{name}" WITH (FORCE)')
         server.dispose()
+
+
+@pytest.fixture(scope="session")
+def postgres_url() -> Iterator[str]:
+    """The data base of this test session: which test gets it, gets it empty."""
+    with own_postgres() as url:
+        yield url
+        _emptying(url).close()
 
 
 @pytest.fixture(scope="session")

@@ -31,6 +31,7 @@ from app.storage import plant as plants
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples, pack
 from app.storage.verdicts import RowFilter
+from tests.conftest import own_postgres
 
 NIGHTS = 20
 RUN = {
@@ -44,7 +45,6 @@ RUN = {
 PACKED = pack(Samples(np.array([150]), {"pv": np.array([1.0])})).hex()
 
 FILL = (
-    "TRUNCATE loops, audits, uploads CASCADE",  # what tests before left room for is not filled in the order of the rows
     "INSERT INTO loops (tag, created_at, newest_ns) SELECT 'L' || n, now(), 1000 FROM generate_series(1, 1500) n",
     "INSERT INTO audits (trigger, plant, nightly_for, state, config_json, config_fingerprint, window_h, window_samples,"
     " created_at, total)"
@@ -74,16 +74,26 @@ FILL = (
 )
 
 
+@pytest.fixture(scope="module")
+def filled_postgres() -> Iterator[Database]:
+    """Filled once, for five seconds of the server's."""
+    with own_postgres() as url:
+        database = Database(url)
+        with database.write() as connection:
+            for statement in FILL:
+                connection.exec_driver_sql(statement.replace("PACKED", PACKED))
+        with database.writer.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            connection.exec_driver_sql("VACUUM ANALYZE")
+        yield database
+        database.close()
+
+
 @pytest.fixture
-def plant(database: Database) -> Database:
-    if database.is_sqlite:
-        pytest.skip("plans of PostgreSQL")
-    with database.write() as connection:
-        for statement in FILL:
-            connection.exec_driver_sql(statement.replace("PACKED", PACKED))
-    with database.writer.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-        connection.exec_driver_sql("VACUUM ANALYZE")
-    return database
+def plant(filled_postgres: Database) -> Iterator[Connection]:
+    """In a transaction that is rolled back: the next test finds the same rows."""
+    with filled_postgres.write() as connection:
+        yield connection
+        connection.get_transaction().rollback()
 
 
 def _one_detail(connection: Connection) -> None:
@@ -106,34 +116,31 @@ ASKED = {
 LARGE = {"verdicts", "verdict_details", "series", "audit_items"}
 
 
-def test_large_tables_are_read_by_index(plant: Database) -> None:
+def test_large_tables_are_read_by_index(plant: Connection) -> None:
     read_whole = {}
-    with plant.write() as connection:
-        for name, ask in ASKED.items():
-            nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
-            assert nodes, name
-            read_whole[name] = LARGE & {node["Relation Name"] for node in nodes if node["Node Type"] == "Seq Scan"}
+    for name, ask in ASKED.items():
+        nodes = [node for plan in _plans(plant, ask) for node in _nodes(plan)]
+        assert nodes, name
+        read_whole[name] = LARGE & {node["Relation Name"] for node in nodes if node["Node Type"] == "Seq Scan"}
     assert not any(read_whole.values()), read_whole
 
 
-def test_a_claim_touches_what_it_takes_however_many_loops_wait(plant: Database) -> None:
+def test_a_claim_touches_what_it_takes_however_many_loops_wait(plant: Connection) -> None:
     """Of a run that was planned a moment ago, of which the planner knows nothing yet."""
-    with plant.write() as connection:
-        run = audits.plan(connection, RUN, LoopFilter()) or 0
-        touched = [
-            (node["Actual Rows"] + node.get("Rows Removed by Filter", 0)) * node["Actual Loops"]
-            for plan in _plans(connection, lambda c: items.claim(c, run, "w", 32, 45.0), "ANALYZE, ")
-            for node in _nodes(plan)
-        ]
-        assert audits.progress(connection, [run])[run].claimed >= 32
+    run = audits.plan(plant, RUN, LoopFilter()) or 0
+    touched = [
+        (node["Actual Rows"] + node.get("Rows Removed by Filter", 0)) * node["Actual Loops"]
+        for plan in _plans(plant, lambda c: items.claim(c, run, "w", 32, 45.0), "ANALYZE, ")
+        for node in _nodes(plan)
+    ]
+    assert audits.progress(plant, [run])[run].claimed >= 32
     assert max(touched) <= 3 * 32  # of 1500
 
 
-def test_the_whole_table_reads_no_verdict(plant: Database) -> None:
+def test_the_whole_table_reads_no_verdict(plant: Connection) -> None:
     """Rows come as they were written; in the usual orders no other table than the two small ones is touched."""
-    with plant.write() as connection:
-        ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None)  # noqa: E731
-        nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
+    ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None)  # noqa: E731
+    nodes = [node for plan in _plans(plant, ask) for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
 
 
@@ -156,12 +163,11 @@ def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None
     assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
 
 
-def test_tags_are_found_without_comparing_each_with_each(plant: Database) -> None:
+def test_tags_are_found_without_comparing_each_with_each(plant: Connection) -> None:
     """A plan made for an empty table, and kept, would do so for a whole plant: a quarter of the upload's time."""
     tags = [f"L{number}" for number in range(1, 1001)]
-    with plant.write() as connection:
-        plans = list(_plans(connection, lambda c: loops.ids_of(c, tags)))
-        assert loops.ids_of(connection, [*tags, "none"]).keys() == set(tags)
+    plans = list(_plans(plant, lambda c: loops.ids_of(c, tags)))
+    assert loops.ids_of(plant, [*tags, "none"]).keys() == set(tags)
     assert plans
     assert not any("ANY" in node.get("Filter", "") for plan in plans for node in _nodes(plan))
 
@@ -200,51 +206,57 @@ OF_WHAT_IS_TO_DO = {
 
 
 @pytest.fixture
-def filled(database: Database, request: pytest.FixtureRequest) -> Database:
-    return database if database.is_sqlite else request.getfixturevalue("plant")
+def filled(database: Database, request: pytest.FixtureRequest) -> Iterator[Connection]:
+    if not database.is_sqlite:
+        yield request.getfixturevalue("plant")
+        return
+    with database.write() as connection:
+        yield connection
 
 
-def test_what_is_asked_all_the_time_reads_what_is_to_do_however_much_was_done(filled: Database) -> None:
+def test_what_is_asked_all_the_time_reads_what_is_to_do_however_much_was_done(filled: Connection) -> None:
     read = {name: _read_whole(filled, ask) & GROWING for name, ask in ALWAYS.items()}
     assert not any(read.values()), read
 
 
-def test_a_claim_finds_what_is_open_among_what_is_done(filled: Database) -> None:
+def test_a_claim_finds_what_is_open_among_what_is_done(filled: Connection) -> None:
     claim = lambda c: items.claim(c, NIGHTS, "w", 32, 45.0)  # noqa: E731
-    with filled.write() as connection:
-        if filled.is_sqlite:
-            told = _steps(connection, claim)
-        else:
-            told = [node.get("Index Name", "") for plan in _plans(connection, claim) for node in _nodes(plan)]
+    if _is_sqlite(filled):
+        told = _steps(filled, claim)
+    else:
+        told = [node.get("Index Name", "") for plan in _plans(filled, claim) for node in _nodes(plan)]
     assert any("ix_audit_items_open" in one for one in told), told
 
 
-def test_failures_are_counted_without_those_of_all_runs(filled: Database) -> None:
+def test_failures_are_counted_without_those_of_all_runs(filled: Connection) -> None:
     assert "audit_items" not in _read_whole(filled, figures.collect)
 
 
-def test_what_is_old_is_found_loop_by_loop_and_run_by_run(filled: Database) -> None:
+def test_what_is_old_is_found_loop_by_loop_and_run_by_run(filled: Connection) -> None:
     """At the end of each night a statement finds that nothing is left: it must not walk all there is."""
     asked: list[Callable[[Connection], Any]] = [
         lambda c: retention.drop_details(c, LONG_AGO, 500),
         lambda c: retention.drop_verdicts(c, LONG_AGO, 500),
     ]
-    if filled.is_sqlite:  # PostgreSQL would rather read so few stretches as there are here
+    if _is_sqlite(filled):  # PostgreSQL would rather read so few stretches as there are here
         asked.append(lambda c: retention.drop_series(c, 24.0, 500, 10**18))
     assert not [found for ask in asked if (found := _read_whole(filled, ask) & LARGE)]
 
 
-def _read_whole(database: Database, ask: Callable[[Connection], Any]) -> set[str]:
+def _is_sqlite(connection: Connection) -> bool:
+    return connection.dialect.name == "sqlite"
+
+
+def _read_whole(connection: Connection, ask: Callable[[Connection], Any]) -> set[str]:
     """The tables that are read from one end to the other."""
-    with database.write() as connection:
-        if database.is_sqlite:
-            steps = _steps(connection, ask)
-            assert steps
-            walked = [found for step in steps if (found := WALK.fullmatch(step))]
-            return {table for table, index in map(re.Match.groups, walked) if index not in OF_WHAT_IS_TO_DO}
-        nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
-        assert nodes
-        return {node["Relation Name"] for node in nodes if node["Node Type"] == "Seq Scan"}
+    if _is_sqlite(connection):
+        steps = _steps(connection, ask)
+        assert steps
+        walked = [found for step in steps if (found := WALK.fullmatch(step))]
+        return {table for table, index in map(re.Match.groups, walked) if index not in OF_WHAT_IS_TO_DO}
+    nodes = [node for plan in _plans(connection, ask) for node in _nodes(plan)]
+    assert nodes
+    return {node["Relation Name"] for node in nodes if node["Node Type"] == "Seq Scan"}
 
 
 def _steps(connection: Connection, ask: Callable[[Connection], Any]) -> list[str]:

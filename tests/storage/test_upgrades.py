@@ -70,17 +70,18 @@ def fill(database: Database) -> None:
 
 
 def rows(database: Database, like: dict[str, list[str]]) -> dict[str, list[tuple[Any, ...]]]:
-    """What the tables hold in these columns."""
-    tables = found(database)
+    """What the tables hold in these columns, as the driver tells it: finding out types takes longer than migrating."""
     with database.read() as connection:
-        return {
-            name: sorted(map(tuple, connection.execute(select(*(tables[name].c[column] for column in columns)))))
-            for name, columns in like.items()
-        }
+        quoted = {name: ", ".join(f'"{column}"' for column in columns) for name, columns in like.items()}
+        asked = {name: f"SELECT {told} FROM {name}" for name, told in quoted.items()}  # noqa: S608 - our own tables
+        return {name: sorted(map(tuple, connection.exec_driver_sql(query))) for name, query in asked.items()}
 
 
 def columns(database: Database) -> dict[str, list[str]]:
-    return {name: [column.name for column in table.columns] for name, table in found(database).items()}
+    with database.read() as connection:
+        found_ = inspect(connection)
+        names = [name for name in found_.get_table_names() if name != "alembic_version"]
+        return {name: [column["name"] for column in found_.get_columns(name)] for name in names}
 
 
 def versions() -> list[str]:
