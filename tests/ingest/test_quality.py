@@ -61,6 +61,16 @@ def test_numbers_of_opc_tell_though_most_are_bad(read: Read) -> None:
     assert content.summary.notes == ("most values were refused for their quality: 0 (32)",)
 
 
+def test_of_words_that_are_as_frequent_the_alphabet_tells_which_comes_first(read: Read) -> None:
+    text = "Tag,Time,Value,Quality\n" + "".join(
+        f"FIC1.{signal},2024-01-01 00:{minute:02d}:00,{minute}.5,{('Timeout', 'Bad', 'Offline')[minute % 3]}\n"
+        for minute in range(30)
+        for signal in ("PV", "OP")
+    )
+    told = "most values were refused for their quality: Bad (20), Offline (20), Timeout (20)"
+    assert told in read(text).summary.notes
+
+
 @pytest.mark.parametrize("name", ["CONFIDENCE", "OPCQuality"])
 def test_names_that_tell(read: Read, name: str) -> None:
     assert refused(read(long("100", "0", name))) == BAD_ROWS

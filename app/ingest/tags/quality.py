@@ -130,7 +130,8 @@ class Quality:
             taken = f"{self._good:g} was taken, the most frequent of {seen}"
             notes.append(f"the file does not tell which quality number is good, {taken}")
         if self._judged[True] > self._judged[False]:
-            words = ", ".join(f"{text[:40]} ({times})" for text, times in self._refused.most_common(_SHOWN))
+            ranked = sorted(self._refused.items(), key=lambda one: (-one[1], one[0]))[:_SHOWN]
+            words = ", ".join(f"{text[:40]} ({times})" for text, times in ranked)
             notes.append(f"most values were refused for their quality: {words}")
         return notes
 
