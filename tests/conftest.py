@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import hypothesis
 import psycopg
 import pytest
 import uvicorn
@@ -37,6 +38,15 @@ from app.storage.tables import metadata
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take long, whatever the number of their tests: begun last, they would keep one core waiting for the other.
 LONG = ("/e2e/", "/chaos/", "/load/", "/workers/", "/web/", "test_hostile", "test_reading", "/digests/", "test_read")
+
+# No test is of how long something takes: the first call of a kernel compiles or loads it, and the machine may be busy.
+hypothesis.settings.register_profile(
+    "whatever_the_time",
+    parent=hypothesis.settings(),
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("whatever_the_time")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -26,7 +26,7 @@ def loop(kind: int, noise: float, seed: int, resolution: float = 0.0) -> Uniform
     return UniformRecord(1.0, pv, op, np.full(1200, 0.5), np.zeros(1200, dtype=bool))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     kind=st.integers(0, 2),
     noise=st.floats(0.05, 0.5),

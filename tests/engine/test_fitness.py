@@ -291,7 +291,7 @@ units = st.tuples(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(pv_unit=units, op_unit=units, flaw=st.sampled_from(["none", "flat", "limit", "hole", "nan", "coarse"]))
 def test_units_signs_offsets_and_the_origin_of_time_change_no_finding(pv_unit, op_unit, flaw):
     base = cycling()
@@ -319,7 +319,7 @@ def test_units_signs_offsets_and_the_origin_of_time_change_no_finding(pv_unit, o
     assert statistics[0] == statistics[1]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(allow_nan=True, allow_infinity=True, width=64), min_size=0, max_size=30),
     st.integers(0, 12),

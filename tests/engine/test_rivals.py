@@ -306,7 +306,7 @@ def test_a_deadband_is_told_from_a_free_valve_and_from_one_that_slips():
 
 
 @given(gain=st.floats(0.01, 100.0), offset=st.floats(-50.0, 50.0), flip=st.sampled_from([-1.0, 1.0]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_no_strength_depends_on_unit_offset_or_sign(gain, offset, flip):
     pv, op = np.sign(np.cos(CYCLE + 0.3)) + noise(28, 0.1), np.arcsin(np.sin(CYCLE)) + noise(29, 0.05)
     sp = 0.2 * np.sin(CYCLE / 3)

@@ -46,7 +46,7 @@ def test_first_order_step_response_is_exact_at_any_step() -> None:
 
 
 @given(theta=st.floats(0.0, 40.0), step=st.sampled_from([0.5, 1.0, 5.0]))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_dead_time_is_exact_between_steps_too(theta: float, step: float) -> None:
     loop = simulate_loop(open_loop(first_order(2.0, 30.0, theta), step_s=step), 200.0, 5.0)
     late = np.maximum(0.0, loop.time_s - theta)
@@ -148,7 +148,7 @@ def noisy(valve: object, plant: Plant | None = None) -> LoopSpec:
     tau=st.floats(5.0, 100.0),
     theta=st.floats(0.0, 10.0),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_valve_without_stiction_is_the_linear_loop(seed: int, algorithm: str, tau: float, theta: float) -> None:
     plant = first_order(1.5, tau, theta)
     valve = OneParameterValve(0.0) if algorithm == "one" else TwoParameterValve(0.0, 0.0, algorithm)
@@ -159,7 +159,7 @@ def test_valve_without_stiction_is_the_linear_loop(seed: int, algorithm: str, ta
 
 
 @given(seed=st.integers(0, 1000), unit=st.floats(1e-3, 1e3))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_unit_of_pv_changes_pv_alone(seed: int, unit: float) -> None:
     spec = noisy(TwoParameterValve(5.0, 2.0))
     other = replace(

@@ -40,7 +40,7 @@ def loop_with(valve: object, tau_s: float, seed: int) -> UniformRecord:
 
 
 @given(d=st.floats(2.0, 15.0), tau_s=st.floats(4.0, 15.0), seed=st.integers(0, 100))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_one_parameter_band_on_the_grid_is_recovered(d: float, tau_s: float, seed: int) -> None:
     # Off the grid every jump comes a few samples early or late and another point may win: the grid must hold the truth.
     record = loop_with(OneParameterValve(d), tau_s, seed)
@@ -56,7 +56,7 @@ def test_one_parameter_band_on_the_grid_is_recovered(d: float, tau_s: float, see
     tau_s=st.floats(4.0, 15.0),
     seed=st.integers(0, 100),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_two_parameter_bands_on_the_grid_are_recovered(S: float, slip: float, tau_s: float, seed: int) -> None:
     record = loop_with(TwoParameterValve(S, slip * S), tau_s, seed)
     config = HammersteinConfig(S_max_share=2.0 * S / np.ptp(record.op))
@@ -67,7 +67,7 @@ def test_two_parameter_bands_on_the_grid_are_recovered(S: float, slip: float, ta
 
 
 @given(tau_s=st.floats(4.0, 15.0), seed=st.integers(0, 100))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_linear_valve_has_no_band_beyond_a_grid_step(tau_s: float, seed: int) -> None:
     found = identify_one_parameter(loop_with(LinearValve(), tau_s, seed), SPACE, HammersteinConfig())
     assert found.d_best <= found.d[1]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from app.engine.reference import yper
@@ -46,7 +46,6 @@ finite = st.floats(-1e4, 1e4)
 factor = st.floats(1e-3, 1e3)
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(
     seed=st.integers(0, 1000),
     pv_scale=factor,
@@ -66,7 +65,6 @@ def test_scale_and_offset_do_not_matter(
     assert moved.yper_pct == pytest.approx(plain.yper_pct, abs=1e-6)
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(seed=st.integers(0, 1000), shift=st.integers(0, N))
 def test_circular_time_shift_does_not_matter(seed: int, shift: int) -> None:
     rng = np.random.default_rng(seed)

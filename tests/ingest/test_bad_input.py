@@ -403,7 +403,7 @@ FRAGMENTS = (
 fragments = st.sampled_from(FRAGMENTS)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     parts=st.lists(fragments | st.text(max_size=8) | st.binary(max_size=8), max_size=25),
     packed=st.booleans(),
