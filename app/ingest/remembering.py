@@ -1,23 +1,34 @@
-"""Answers about names and words that come again and again, remembered from file to file."""
+"""Answers about names, words and columns that come again and again, remembered from file to file."""
 
 from collections.abc import Callable
 from functools import lru_cache, wraps
-from typing import TypeVar
+from typing import TypeVar, TypeVarTuple
 
 LONGEST = 256  # characters of what is remembered: longer cells would stay in memory behind their file, by the megabyte
+_Asked = TypeVarTuple("_Asked")
 _Answer = TypeVar("_Answer")
 
 
-def remembered(most: int) -> Callable[[Callable[[str], _Answer]], Callable[[str], _Answer]]:
-    """Of a function of a text: its answers to the `most` last short ones are kept."""
+def remembered(
+    most: int, longest: int = LONGEST
+) -> Callable[[Callable[[*_Asked], _Answer]], Callable[[*_Asked], _Answer]]:
+    """Of a function of texts, or of tuples of texts: its `most` last answers to such as have at most `longest`
+    characters together are kept.
+    """
 
-    def keeping(ask: Callable[[str], _Answer]) -> Callable[[str], _Answer]:
+    def keeping(ask: Callable[[*_Asked], _Answer]) -> Callable[[*_Asked], _Answer]:
         kept = lru_cache(maxsize=most)(ask)
 
         @wraps(ask)
-        def answered(text: str) -> _Answer:
-            return kept(text) if len(text) <= LONGEST else ask(text)
+        def answered(*asked: *_Asked) -> _Answer:
+            return kept(*asked) if sum(map(_characters, asked)) <= longest else ask(*asked)
 
         return answered
 
     return keeping
+
+
+def _characters(asked: object) -> int:
+    if isinstance(asked, str):
+        return len(asked)
+    return sum(map(len, asked)) if isinstance(asked, tuple) else 0

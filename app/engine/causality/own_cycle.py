@@ -77,11 +77,10 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(_error(moving), TURNS)
     told = (asked.beside(turned).beside(beyond) for asked in asked_of(moving))
     found: list[OwnCycle] = []
-    for one in told:
-        if not one.known.foretells_all:
-            found.append(_on(one, moved, period))
-            if found[-1].shown:
-                break
+    for answer in (_on(one, moved, period) for one in told if not one.known.foretells_all):
+        found.append(answer)
+        if answer.shown:
+            break
     best = max(found, key=lambda one: (one.all_the_time, one.lately, one.nats_a_cycle), default=OwnCycle())
     return replace(
         best,

@@ -11,6 +11,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.model import FloatArray, IngestOptions, TimeArray
+from app.ingest.remembering import remembered
 from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose, in_other_order
 from app.ingest.times.half_clock import HalfClock
@@ -24,7 +25,8 @@ _FIRST_NS, _END_NS = (np.datetime64(f"{year}", "ns").astype(np.int64) for year i
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
 LONGEST_KEPT, LONGEST_PROBE = 1 << 16, 64
-"""Characters of a sample with its name, and of a probe, whose form is kept: comments would stay in memory by the MB."""
+"""Characters of a sample with its name, and of a probe with its separator, whose form is kept: comments would stay in
+memory by the MB."""
 
 NO_TIME = np.iinfo(np.int64).min
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
@@ -115,10 +117,7 @@ def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm 
     """The form of a column from some of its fields in order of the rows; None where they are no times."""
     sample = [normal(text) for text in sample[:SAMPLE]]
     sample = [text for text in sample if text]
-    if not _have_digits(sample):
-        return None
-    find = _kept_form_of if sum(map(len, (name, *sample))) <= LONGEST_KEPT else _form_of
-    form = find(tuple(sample), name, options)
+    form = _form_of(tuple(sample), name, options) if _have_digits(sample) else None
     return form and with_told_zone(form, name)
 
 
@@ -139,17 +138,15 @@ def _have_digits(sample: list[str]) -> bool:
     return any(character.isdigit() for text in sample[:20] for character in text)
 
 
+@remembered(256, LONGEST_KEPT)
 def _form_of(texts: tuple[str, ...], name: str, options: IngestOptions) -> TimeForm | None:
+    """Kept, because each layout asks the same columns of a file whether they hold times."""
     sample = list(texts)
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
     if _share(NUMBER, sample) > 0.8:
         return _number_form(sample, name) or _text_form(sample, options)
     return _text_form(sample, options) or _comma_form(sample, options) or _spelled_form(sample, options)
-
-
-_kept_form_of = lru_cache(maxsize=256)(_form_of)
-"""Each layout asks the same columns of a file whether they hold times."""
 
 
 def normal(text: str) -> str:
@@ -220,7 +217,7 @@ def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
     separator = "T" if re.search(r"\dT\d", probe) else " "
     probes = {_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])}
-    fitting = {form for probe in probes if _MAY_BE_STAMP.search(probe) for form in _fitting(probe, separator)}
+    fitting = {form for probe in probes if _MAY_BE_STAMP.search(probe) for form in _of_shape(probe, separator)}
     return [form for form in _formats(separator, american) if form in fitting]
 
 
@@ -237,16 +234,10 @@ def _formats(separator: str, american: bool) -> tuple[str, ...]:
     )
 
 
-def _fitting(probe: str, separator: str) -> tuple[str, ...]:
-    return (_kept_of_shape if len(probe) <= LONGEST_PROBE else _of_shape)(probe, separator)
-
-
+@remembered(1024, LONGEST_PROBE)
 def _of_shape(probe: str, separator: str) -> tuple[str, ...]:
     """Formats that a text can be of."""
     return tuple(form for form in _formats(separator, american=False) if _shape(form).fullmatch(probe))
-
-
-_kept_of_shape = lru_cache(maxsize=1024)(_of_shape)
 
 
 @lru_cache(maxsize=1024)
