@@ -4,9 +4,10 @@ import json
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from app.services.plant import charts
+from tests.web.conftest import WIDE, Pages
 from tests.web.test_browser import settled, silent
 
 pytestmark = pytest.mark.browser
@@ -17,10 +18,10 @@ ZOOM = "([from, to]) => Plotly.relayout('trend', { 'xaxis.range[0]': from, 'xaxi
 
 
 @pytest.fixture
-def thinned(chromium: Browser, client, monkeypatch) -> Iterator[Page]:
+def thinned(chromium: Pages, client, monkeypatch) -> Iterator[Page]:
     """A loop's page of which the trend cannot show all samples."""
     monkeypatch.setattr(charts, "POINTS", POINTS)
-    for page in silent(chromium, str(client.base_url), {"width": 1280, "height": 900}):
+    for page in silent(chromium, str(client.base_url), WIDE):
         settled(page, "/loops/LIC7")
         yield page
 
@@ -65,15 +66,15 @@ def test_a_drag_fetches_and_a_double_click_brings_the_whole_back(thinned: Page):
 def test_of_several_looks_the_last_one_counts(thinned: Page):
     asked: list[str] = []
     thinned.on("request", lambda request: asked.append(request.url) if "charts?" in request.url else None)
-    for minute in (12, 16, 20):
-        thinned.evaluate(ZOOM, [f"2026-01-01 00:{minute}", f"2026-01-01 00:{minute + 2}"])
+    parts = [[f"2026-01-01 00:{minute}", f"2026-01-01 00:{minute + 2}"] for minute in (12, 16, 20)]
+    thinned.evaluate(f"(parts) => Promise.all(parts.map({ZOOM}))", parts)
     expect(thinned.locator("#trend")).to_have_attribute("data-zoom", "part")
     assert len(asked) == 1
     assert drawn(thinned)[0][0] == "2026-01-01T00:19:55.000"
 
 
-def test_a_trend_that_has_all_samples_asks_for_no_more(chromium: Browser, client):
-    for page in silent(chromium, str(client.base_url), {"width": 1280, "height": 900}):
+def test_a_trend_that_has_all_samples_asks_for_no_more(chromium: Pages, client):
+    for page in silent(chromium, str(client.base_url), WIDE):
         settled(page, "/loops/LIC7")
         page.on("request", lambda request: pytest.fail(request.url))
         page.evaluate(ZOOM, PART)

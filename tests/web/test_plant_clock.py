@@ -4,14 +4,14 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from app.main import create_app
 from app.services.digests.digest import digest_of, run_to_tell
 from app.services.digests.telling import as_html, as_text, subject
 from app.services.reports.documents import loop_report
 from app.services.stating.notes import list_notes
-from tests.web.conftest import TAGS
+from tests.web.conftest import TAGS, Pages
 
 ZONE = "Asia/Manila"
 """Eight hours ahead of UTC: the record ends at 2026-01-01 00:49 UTC."""
@@ -84,8 +84,8 @@ def test_digest_and_report_tell_them_too(manila):
     assert f"{LAST} UTC+08:00" in report
 
 
-def test_charts_are_drawn_by_the_plant_s_clock(chromium: Browser, client):
-    page = chromium.new_page(base_url=str(client.base_url))
+def test_charts_are_drawn_by_the_plant_s_clock(chromium: Pages, client):
+    page = chromium.open(str(client.base_url))
     try:
         page.goto("/loops/FIC101")
         expect(page.locator("#charts")).to_have_attribute("data-drawn", "yes")

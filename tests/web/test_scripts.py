@@ -4,22 +4,22 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from app.services.auditing.audits import cancel_audit, start_audit
 from app.services.explaining import explanations
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
+from tests.web.conftest import Pages
 from tests.web.test_browser import settled
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture
-def opened(chromium: Browser, client) -> Iterator[Page]:
+def opened(chromium: Pages, client) -> Iterator[Page]:
     """Of every answer that fails Chromium itself writes an error to the console."""
-    page = chromium.new_page(base_url=str(client.base_url))
-    page.set_default_timeout(20_000)
+    page = chromium.open(str(client.base_url))
     yield page
     page.close()
 

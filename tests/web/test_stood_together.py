@@ -1,7 +1,7 @@
 """What pages say of loops whose PV came to stand together: once at the head of the plant, and with links on each."""
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from app.main import create_app
 from app.services.addresses import tag_in_url
@@ -11,8 +11,8 @@ from app.services.auditing.warming import warm_up
 from app.services.digests.digest import digest_of
 from app.services.digests.telling import as_html
 from tests.services.standing_plant import stored
-from tests.web.conftest import HOSTILE, seen
-from tests.web.test_browser import NARROW, silent, width
+from tests.web.conftest import HOSTILE, NARROW, Pages, seen
+from tests.web.test_browser import silent, width
 
 DOWN = ("FIC1", "FIC2. A", "LIC3", HOSTILE, "PIC5", "TIC6", "TIC7")
 FIRST, LAST = "FIC1", "TIC7"
@@ -75,7 +75,7 @@ def test_the_table_lists_each_of_them_as_it_is(standing):
 
 
 @pytest.fixture
-def narrow(chromium: Browser, standing):
+def narrow(chromium: Pages, standing):
     yield from silent(chromium, str(standing.base_url), NARROW)
 
 

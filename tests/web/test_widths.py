@@ -11,7 +11,8 @@ from app.services.digests.telling import as_html
 from app.services.results import Night
 from app.services.stating.notes import add_note
 from app.web import pages
-from tests.web.test_browser import NARROW, narrow, opened, settled, width
+from tests.web.conftest import NARROW
+from tests.web.test_browser import narrow, opened, settled, width
 
 __all__ = ["narrow", "opened"]
 

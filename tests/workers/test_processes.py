@@ -65,7 +65,7 @@ def test_from_upload_to_verdicts_with_lost_and_doubled_messages(plant: Any, smal
     assert re.search(r"nightly audit of \d{4}-\d\d-\d\d started, run \d+", log)
     for process in (worker, *beats):
         process.terminate()
-    assert [process.wait(15) for process in (worker, *beats)] == [0, 0, 0]
+    assert [process.wait(60) for process in (worker, *beats)] == [0, 0, 0]
 
 
 def test_a_killed_worker_and_a_deadly_loop_leave_a_run_that_ends(plant: Any, small_export: bytes) -> None:
