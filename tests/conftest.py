@@ -2,6 +2,7 @@
 
 import gc
 import os
+import pickle
 import shutil
 import socket
 import tempfile
@@ -26,9 +27,11 @@ from sqlalchemy.exc import OperationalError
 
 from app.__main__ import BETWEEN_LOOKS
 from app.engine.audit import Audit, AuditConfig, audit
+from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.recording import Recording
 from app.services.auditing import chunks, warming
 from app.services.backend import Backend
+from app.services.explaining import working
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import Database
@@ -228,6 +231,24 @@ def audits_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return _audited_once(recording.fingerprint(), _Named(recording.name, recording), config)
 
     monkeypatch.setattr(chunks, "audit", once)
+
+
+@lru_cache(maxsize=200)
+def _explained_once(content: bytes, comparison: "_Compared") -> Explanation:
+    return explain(comparison.it)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """A comparison that is told by its content beside it."""
+
+    it: Comparison = field(compare=False)
+
+
+@pytest.fixture(autouse=True)
+def explanations_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As audits, on both data bases and by whatever way a comparison comes."""
+    monkeypatch.setattr(working, "explain", lambda it: _explained_once(pickle.dumps(it), _Compared(it)))
 
 
 @pytest.fixture

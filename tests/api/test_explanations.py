@@ -7,10 +7,9 @@ from urllib.parse import quote
 import pytest
 
 from app.cli.explain import as_json
-from app.engine.mismatch import explain
 from app.main import create_app
 from app.services.backend import Backend
-from app.services.explaining import explanations
+from app.services.explaining import explanations, working
 from app.services.explaining.comparisons import Columns, read_comparison
 from app.services.explaining.line import explanation_line
 from app.services.explaining.simulations import LARGEST_TRACE
@@ -190,7 +189,7 @@ def test_a_recording_over_http_gets_the_answer_of_the_command_line(client, backe
         pass
     found = client.get(f"/v1/loops/{loop}/explanations/{asked['id']}").json()
     comparison = read_comparison(path, Columns(), "PV_sim")
-    expected = json.loads(as_json(explanation_line(explain(comparison), simulation="column")))
+    expected = json.loads(as_json(explanation_line(working.explain(comparison), simulation="column")))
     assert {name: found[name] for name in expected if name != "elapsed_s"} == {
         name: value for name, value in expected.items() if name != "elapsed_s"
     }
