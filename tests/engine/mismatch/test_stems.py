@@ -166,10 +166,9 @@ def test_another_slip_from_the_same_first_one_slips_in_the_same_samples(values: 
     assert sum(len(other) == len(first) and bool(np.all(other == first)) for other in alike) >= 3
 
 
-@pytest.mark.parametrize("begin", [301, 390])
-def test_the_interval_of_where_the_stem_stood_holds_it(begin: int) -> None:
+def test_the_interval_of_where_the_stem_stood_holds_it() -> None:
     """By J alone it was up to 80 times too narrow."""
-    recorded = sticking(5, 6.0, 2.0)
+    recorded, begin = sticking(5, 6.0, 2.0), 301
     stood = two_parameter_he(recorded.op, np.array([6.0]), np.array([2.0]), np.array([50.0]))[0][begin - 1]
     later = replace(recorded, op=recorded.op[begin:], pv=recorded.pv[begin:], sp=recorded.sp[begin:])
     said = explain(later)
