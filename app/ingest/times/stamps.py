@@ -214,11 +214,19 @@ def _text_form(sample: list[str], options: IngestOptions, american: bool | None 
 
 
 def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
+    """By the shape of a few; one of them may be written otherwise than the others, with a T before its clock too."""
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
-    separator = "T" if re.search(r"\dT\d", probe) else " "
     probes = {_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])}
-    fitting = {form for probe in probes if _MAY_BE_STAMP.search(probe) for form in _of_shape(probe, separator)}
-    return [form for form in _formats(separator, american) if form in fitting]
+    shaped = [text for text in probes if _MAY_BE_STAMP.search(text)]
+    found: list[str] = []
+    for separator in sorted({_separator(text) for text in shaped}):
+        fitting = {form for text in shaped for form in _of_shape(text, separator)}
+        found += [form for form in _formats(separator, american) if form in fitting and form not in found]
+    return found
+
+
+def _separator(text: str) -> str:
+    return "T" if re.search(r"\dT\d", text) else " "
 
 
 @lru_cache
