@@ -29,3 +29,31 @@ def test_a_first_stamp_in_another_writing_costs_its_row(read: Read, stamp: str) 
     content = read(text([WIDE[0], stamp + WIDE[1][19:], *WIDE[2:]]))
     assert content.loops["A"].pv.tolist() == [i + 0.125 for i in range(1, COUNT)]
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(2, "bad_time")]
+
+
+@pytest.mark.parametrize("hole", [512, 4096])
+def test_a_hole_that_a_lost_power_left_costs_its_row(read: Read, hole: int) -> None:
+    content = read(text([*WIDE[:20], "\0" * hole, *WIDE[21:]]))
+    assert content.loops["A"].samples == COUNT - 1
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(21, "ragged_row")]
+
+
+def test_byte_order_marks_inside_name_no_other_tag(read: Read) -> None:
+    """Files that were put behind one another each begin with one."""
+    content = read(text(BARE[:20]) + "\ufeff" + text(BARE[20:-1]) + "\ufeff" + BARE[-1])
+    assert list(content.loops) == ["A"]
+    assert content.loops["A"].samples == COUNT
+    assert content.rejects.total == 0
+
+
+def test_a_byte_that_is_no_letter_leaves_the_others(read: Read) -> None:
+    names = "Zeit;Füllstand Behälter.PV;Füllstand Behälter.OP"
+    rows = text([line.replace(",", ";") for line in WIDE[1:]]).encode()
+    content = read(names.encode() + b"\n" + rows.replace(b"50", b"\xff0", 1))
+    assert list(content.loops) == ["Füllstand Behälter"]
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
+
+
+def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
+    with pytest.raises(DataError, match="binary"):
+        read(b"\x7fELF" + bytes(4000))
