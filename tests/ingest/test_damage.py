@@ -54,6 +54,14 @@ def test_a_byte_that_is_no_letter_leaves_the_others(read: Read) -> None:
     assert dict(content.rejects.counts) == {"not_a_number": 1}
 
 
+@pytest.mark.parametrize("row", ["2024-03-01 00:06:30,A", "2024-03-01 00:06:30,A.PV3.5,float,GOOD"])
+def test_a_row_of_a_long_table_that_lost_a_field_is_of_no_tag(read: Read, row: str) -> None:
+    content = read(text([*BARE[:-1], row]))
+    assert [loop.loop for loop in content.summary.loops] == ["A"]
+    assert content.summary.tags == 2
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(2 * COUNT, "ragged_row")]
+
+
 def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
     with pytest.raises(DataError, match="binary"):
         read(b"\x7fELF" + bytes(4000))

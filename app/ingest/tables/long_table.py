@@ -233,9 +233,14 @@ class LongTable:
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         texts = joined_times(rows.frame, self._plan.time)
         cells = Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
-        gathered = self._of_cells(cells, texts, self._read_times(texts))
+        gathered = self._of_cells(cells, texts, self._without_short_rows(self._read_times(texts), rows, reader))
         self._tally.rows_kept += len(gathered)
         return gathered
+
+    def _without_short_rows(self, time_ns: TimeArray, rows: Rows, reader: RowReader) -> TimeArray:
+        """Rows cut short lost the place of their fields: without a time they are refused as such."""
+        short = reader.short_rows(rows, rows.may_be_short())
+        return np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
 
     def _of_cells(self, cells: Cells, texts: pl.Series, time_ns: TimeArray) -> Gathered:
         """The values in rows with a time and a tag; texts: of the times."""
@@ -250,8 +255,8 @@ class LongTable:
         return Gathered(codes, time_ns, values, (at + cells.rows.first).astype(np.uint32))
 
     def _numbered(self, tags: pl.Series, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
-        """The number of each row's tag; 0 where there is none. New tags are placed; a comment may stand where tags do,
-        but has no time."""
+        """The number of each row's tag; 0 where there is none. New tags are placed where rows have a time: others are
+        comments, or have something else where tags stand."""
         codes = _codes(tags)
         more = int(codes.max(initial=0)) + 1 - len(self._known)
         if more > 0:
@@ -259,7 +264,7 @@ class LongTable:
             self._number = np.append(self._number, np.zeros(more, dtype=np.uint32))
         if not self._known.all():
             new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
-            new = new[timed[new] | ~_begin_with("*#[", tags[new])]
+            new = new[timed[new]]
             _, first = np.unique(codes[new], return_index=True)
             for row in new[np.sort(first)]:
                 self._place(int(codes[row]), tags[int(row)])

@@ -2,17 +2,14 @@
 
 from collections.abc import Iterator
 
-import numpy as np
 import polars as pl
 
 from app.ingest.columns.clocks import joined_times
 from app.ingest.columns.plans import ValueColumn, name_of
-from app.ingest.model import TimeArray
 from app.ingest.tables.frames import RowReader, Rows
 from app.ingest.tables.long_table import Cells, LongTable
 from app.ingest.tables.pieces import Gathered, joined
 from app.ingest.tables.scanning import Scanner
-from app.ingest.times.stamps import NO_TIME
 
 
 class LoopRowsTable(LongTable):
@@ -42,11 +39,6 @@ class LoopRowsTable(LongTable):
         gathered = [self._of_cells(cells, texts, time_ns) for cells in columns]
         self._tally.rows_kept += len(gathered[0])
         return joined(gathered)
-
-    def _without_short_rows(self, time_ns: TimeArray, rows: Rows, reader: RowReader) -> TimeArray:
-        """Rows cut short lost the place of their fields: without a time they are refused as such."""
-        short = reader.short_rows(rows, rows.may_be_short())
-        return np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
 
     def _place_others(self, loops: pl.Series) -> None:
         """Beside the signals of their loops, which their names do not tell."""
