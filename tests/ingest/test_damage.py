@@ -62,6 +62,30 @@ def test_a_row_of_a_long_table_that_lost_a_field_is_of_no_tag(read: Read, row: s
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(2 * COUNT, "ragged_row")]
 
 
+@pytest.mark.parametrize("at", [0, 30])
+@pytest.mark.parametrize(
+    "row",
+    ["V,3.5,float,GOOD", "t,GOOD", ",float,GOOD", "2024-03-01 00:06:30,3.5,float,GOOD", "# a note, of two fields"],
+)
+def test_a_spoiled_row_hides_no_table_without_names(read: Read, row: str, at: int) -> None:
+    content = read(text([*BARE[:at], row, *BARE[at:]]))
+    assert content.summary.layout == "long_bare"
+    assert content.loops["A"].pv.tolist() == [i + 0.5 for i in range(COUNT)]
+    assert dict(content.rejects.counts) == ({} if row.startswith("#") else {"ragged_row": 1})
+
+
+def test_a_comment_that_has_names_is_none(read: Read) -> None:
+    rows = [f"{stamp},{i}" for i, stamp in enumerate(STAMPS)]
+    assert list(read(text(["#time,A.PV", *rows]), name="B.PV.csv").loops) == ["A"]
+    assert list(read(text(["# of A.PV", *rows]), name="B.PV.csv").loops) == ["B"]
+
+
+def test_a_field_too_many_leaves_the_qualities_what_they_are(read: Read) -> None:
+    rows = [*BARE[:10], BARE[10].replace(",A", ",,A"), BARE[11].replace("GOOD", "BAD"), *BARE[12:]]
+    content = read(text(rows))
+    assert dict(content.rejects.counts) == {"ragged_row": 1, "bad_quality": 1}
+
+
 def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
     with pytest.raises(DataError, match="binary"):
         read(b"\x7fELF" + bytes(4000))
