@@ -86,6 +86,25 @@ def test_a_field_too_many_leaves_the_qualities_what_they_are(read: Read) -> None
     assert dict(content.rejects.counts) == {"ragged_row": 1, "bad_quality": 1}
 
 
+def test_blank_rows_below_the_names_are_no_heading_of_four_rows(read: Read) -> None:
+    names = "DateTime,TagName,Value,Quality,OPCQuality,wwTagKey"
+    rows = [f"{stamp},{tag},{i},0,192,1" for i, stamp in enumerate(STAMPS) for tag in ("A.PV", "A.OP")]
+    content = read(text([names, *[",,,,,"] * 3, *rows]))
+    assert content.summary.layout == "aveva"
+    assert list(content.loops) == ["A"]
+
+
+@pytest.mark.parametrize("fields", ["{0} 1.5 {0}50 {0} 7", "{0} 1.5 {0}  50 {0} 7"])
+def test_a_spoiled_first_row_hides_no_groups_of_times_and_values(read: Read, fields: str) -> None:
+    stamps = [(START + timedelta(seconds=10 * i)).strftime("%d-%b-%y_%H:%M:%S") for i in range(COUNT)]
+    rows = [f"{stamp} {i + 0.5} {stamp} {50 + i} {stamp} 7" for i, stamp in enumerate(stamps)]
+    lines = ["A.PV  A.OP  A.SP ", fields.format(stamps[0]), *rows[1:]]
+    content = read(text(lines).replace(" ", "\t").replace("_", " "))
+    assert content.summary.layout == "pi_datalink"
+    assert content.loops["A"].pv.tolist() == [i + 0.5 for i in range(1, COUNT)]
+    assert dict(content.rejects.counts) == {"ragged_row": 1}
+
+
 def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
     with pytest.raises(DataError, match="binary"):
         read(b"\x7fELF" + bytes(4000))

@@ -4,6 +4,7 @@ from group to group."""
 import re
 from itertools import pairwise, takewhile
 
+from app.ingest.columns.clocks import SHOWN
 from app.ingest.columns.headings import is_data
 from app.ingest.columns.names import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
@@ -79,11 +80,14 @@ def _heading(titles: Rows, groups: list[TimedColumns]) -> tuple[int, ...]:
 
 
 def _dated(fields: list[str], options: IngestOptions) -> TimeForm | None:
-    first = fields[0] if fields else ""
-    if _PLAIN.fullmatch(first) and abs(float(first)) < _LEAST_SERIAL:
+    if 2 * sum(_is_too_small(field) for field in fields[:SHOWN]) > len(fields[:SHOWN]):
         return None
     form = find_form(fields, "date", options)
     return form if form is not None and form.kind != "relative" else None
+
+
+def _is_too_small(field: str) -> bool:
+    return bool(_PLAIN.fullmatch(field)) and abs(float(field)) < _LEAST_SERIAL
 
 
 def _values(head: Head, columns: range, start: int, first_row: int) -> dict[int, int | None]:
