@@ -86,6 +86,15 @@ def test_a_field_too_many_leaves_the_qualities_what_they_are(read: Read) -> None
     assert dict(content.rejects.counts) == {"ragged_row": 1, "bad_quality": 1}
 
 
+@pytest.mark.parametrize("chunk_bytes", [200, 1 << 20])
+@pytest.mark.parametrize("between", [", ", ",   ", " ,", " , "])
+def test_blanks_between_quotes_and_commas(read: Read, between: str, chunk_bytes: int) -> None:
+    lines = [between.join(f'"{field}"' for field in line.split(",")) for line in WIDE]
+    content = read(text(lines), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert content.loops["A"].op.tolist() == [50 + i for i in range(COUNT)]
+    assert content.rejects.total == 0
+
+
 def test_blank_rows_below_the_names_are_no_heading_of_four_rows(read: Read) -> None:
     names = "DateTime,TagName,Value,Quality,OPCQuality,wwTagKey"
     rows = [f"{stamp},{tag},{i},0,192,1" for i, stamp in enumerate(STAMPS) for tag in ("A.PV", "A.OP")]

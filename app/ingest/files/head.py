@@ -132,7 +132,7 @@ def split_line(line: str, delimiter: str) -> tuple[str, ...]:
     if '"' not in line:
         return tuple(field.strip() for field in line.split(delimiter))
     try:
-        return tuple(field.strip() for field in next(csv.reader([line], delimiter=delimiter)))
+        return tuple(field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True)))
     except (csv.Error, StopIteration):
         return tuple(field.strip() for field in line.split(delimiter))
 
