@@ -114,6 +114,22 @@ def test_a_spoiled_first_row_hides_no_groups_of_times_and_values(read: Read, fie
     assert dict(content.rejects.counts) == {"ragged_row": 1}
 
 
+@pytest.mark.parametrize("long", [False, True])
+def test_a_number_in_another_writing_does_not_change_the_others_of_its_tag(read: Read, long: bool) -> None:
+    """All of them have three decimals, which could be parted thousands as well: 257,176 was 257176."""
+    values = [f"257,{i + 101}" for i in range(COUNT)]
+    values[20] = "1,234.5"
+    rows = [f"{stamp};{values[i]};{i},5" for i, stamp in enumerate(STAMPS)]
+    if long:
+        rows = [
+            f"A.{word};{row.split(';')[0]};{row.split(';')[at]}" for row in rows for at, word in ((1, "PV"), (2, "OP"))
+        ]
+    content = read(text(["Tagname;TimeStamp;Value" if long else "Zeit;A.PV;A.OP", *rows]))
+    kept = [257 + (i + 101) / 1000 if i != 20 else np.nan for i in range(COUNT)]
+    np.testing.assert_allclose(content.loops["A"].pv, kept)
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
+
+
 def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
     with pytest.raises(DataError, match="binary"):
         read(b"\x7fELF" + bytes(4000))
