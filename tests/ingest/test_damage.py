@@ -130,6 +130,11 @@ def test_a_number_in_another_writing_does_not_change_the_others_of_its_tag(read:
     assert dict(content.rejects.counts) == {"not_a_number": 1}
 
 
+@pytest.mark.parametrize(("field", "number"), [("–1.5", -1.5), ("−1.5", -1.5), ("1.5\u00a0", 1.5), ("\u202f1.5", 1.5)])
+def test_dashes_and_blanks_of_typesetters(read: Read, field: str, number: float) -> None:
+    assert read(text([*WIDE[:-1], f"{STAMPS[-1]},{field},1"])).loops["A"].pv[-1] == number
+
+
 def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
     with pytest.raises(DataError, match="binary"):
         read(b"\x7fELF" + bytes(4000))
