@@ -138,3 +138,10 @@ def test_dashes_and_blanks_of_typesetters(read: Read, field: str, number: float)
 def test_a_hole_makes_no_text_of_what_is_binary(read: Read) -> None:
     with pytest.raises(DataError, match="binary"):
         read(b"\x7fELF" + bytes(4000))
+
+
+def test_names_in_cells_of_several_lines(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    rows = [[stamp, float(i), 50.0 + i] for i, stamp in enumerate(STAMPS)]
+    content = read(workbook([["DateTime", "A.PV\nm3/h", "A.OP\n%"], *rows]), name="night.xlsx")
+    assert content.loops["A"].pv.tolist() == list(range(COUNT))
