@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.plans import LongPlan, name_of
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.kinds import IN_DOUBT, tells_nothing
@@ -64,6 +64,7 @@ class LongTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._time = TimeReader(plan.form, options)
+        self._dates = DatesOnce(plan.time)
         self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good)
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
@@ -118,6 +119,7 @@ class LongTable:
             self._settle_places()
             self._tally.units = {at.tag: unit for n, at in enumerate(self._places) if (unit := self._units.of(n))}
             self._tally.in_other_order = self._time.in_other_order
+            self._tally.without_date = self._dates.carried
             self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
@@ -231,9 +233,9 @@ class LongTable:
         return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        texts = joined_times(rows.frame, self._plan.time)
+        texts, time_ns = self._dates.read(rows.frame, self._read_times)
         cells = Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
-        gathered = self._of_cells(cells, texts, self._without_short_rows(self._read_times(texts), rows, reader))
+        gathered = self._of_cells(cells, texts, self._without_short_rows(time_ns, rows, reader))
         self._tally.rows_kept += len(gathered)
         return gathered
 

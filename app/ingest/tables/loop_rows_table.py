@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import polars as pl
 
-from app.ingest.columns.clocks import joined_times
 from app.ingest.columns.plans import ValueColumn, name_of
 from app.ingest.tables.frames import RowReader, Rows
 from app.ingest.tables.long_table import Cells, LongTable
@@ -31,8 +30,8 @@ class LoopRowsTable(LongTable):
         return None
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        texts = joined_times(rows.frame, self._plan.time)
-        time_ns = self._without_short_rows(self._read_times(texts), rows, reader)
+        texts, time_ns = self._dates.read(rows.frame, self._read_times)
+        time_ns = self._without_short_rows(time_ns, rows, reader)
         loops = rows.frame[name_of(self._plan.tag)].str.strip_chars()
         self._place_others(loops)
         columns = self._cells(rows, reader, loops)

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock
 from app.ingest.numbers.no_data import Span, ends_are_codes
@@ -39,6 +39,7 @@ class WideTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
+        self._dates = [DatesOnce(group.time) for group in plan.groups]
         self._quality = tally.quality = Quality(options.drop_uncertain)
         self._spreaders: list[Spreader] = []
         self._further_names = FurtherNames(plan.names, plan.groups)
@@ -119,6 +120,7 @@ class WideTable:
     def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
         """Chunks of each group, with the group's number."""
         self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
+        self._dates = [DatesOnce(group.time) for group in self._plan.groups]
         self._further_names = FurtherNames(self._plan.names, groups)
         spread = self._plan.spread
         self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
@@ -130,6 +132,7 @@ class WideTable:
                 if chunk is not None:
                     yield number, chunk
         self._tally.in_other_order = self._times[0].in_other_order
+        self._tally.without_date = self._dates[0].carried
         self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
@@ -161,8 +164,7 @@ class WideTable:
         short: NDArray[np.int64],
         first: bool,
     ) -> Chunk | None:
-        texts = joined_times(rows.frame, group.time)
-        time_ns = self._times[number].read(texts)
+        texts, time_ns = self._dates[number].read(rows.frame, self._times[number].read)
         kept = time_ns != NO_TIME
         if len(short):
             kept[short] = False
