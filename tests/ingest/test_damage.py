@@ -145,3 +145,11 @@ def test_names_in_cells_of_several_lines(read: Read) -> None:
     rows = [[stamp, float(i), 50.0 + i] for i, stamp in enumerate(STAMPS)]
     content = read(workbook([["DateTime", "A.PV\nm3/h", "A.OP\n%"], *rows]), name="night.xlsx")
     assert content.loops["A"].pv.tolist() == list(range(COUNT))
+
+
+def test_two_rows_in_one_line_make_no_group_of_their_own(read: Read) -> None:
+    stamps = [(START + timedelta(seconds=10 * i)).strftime("%d-%b-%y %H:%M:%S") for i in range(COUNT)]
+    rows = [f"{stamp}\t{i}\t{stamp}\t{50 + i}" for i, stamp in enumerate(stamps)]
+    content = read(text(["A.PV\t\tA.OP\t", *rows[:9], rows[9] + "\t" + rows[10], *rows[11:]]))
+    assert list(content.loops) == ["A"]
+    assert dict(content.rejects.counts) == {"ragged_row": 1}

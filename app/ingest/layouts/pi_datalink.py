@@ -2,6 +2,7 @@
 from group to group."""
 
 import re
+from collections import Counter
 from itertools import pairwise, takewhile
 
 from app.ingest.columns.clocks import SHOWN
@@ -25,14 +26,16 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     first_row = first_row_of_times(head, 0, options)
     if first_row == NO_ROWS:
         return None
-    widest = max(len(row) for row in head.rows[first_row:])
+    widths = Counter(len(row) for row in head.rows[first_row:])
+    widest = max(widths)
     of_widest = _plan(head, first_row, widest, options)
     width = usual_width(head, first_row)
     usual = _plan(head, first_row, width, options)
     if of_widest is None or usual is None:
         return of_widest or usual
     named = any(any(row[width:]) for row in head.rows[: of_widest.first_row])
-    return of_widest if named or len(of_widest.groups) > len(usual.groups) else usual  # else a row has fields too many
+    more = widths[widest] > 1 and len(of_widest.groups) > len(usual.groups)
+    return of_widest if named or more else usual  # else a row has fields too many
 
 
 def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> WidePlan | None:
