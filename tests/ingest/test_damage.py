@@ -147,6 +147,19 @@ def test_names_in_cells_of_several_lines(read: Read) -> None:
     assert content.loops["A"].pv.tolist() == list(range(COUNT))
 
 
+@pytest.mark.parametrize(
+    "spoiled", ["0/12/24 08:00:00", "3/12/24 08:00:00", "03/22/24 08:00:00", "22/12/24 08:00:00", "03/12/2 08:00:00"]
+)
+def test_a_spoiled_date_does_not_tell_the_order_of_all(read: Read, spoiled: str) -> None:
+    """The first one was a year alone, and all were read as of December 2003."""
+    stamps = [f"03/12/24 08:{i // 60:02}:{i % 60:02}" for i in range(200)]
+    whole = read(text(["Time,A.PV,A.OP", *(f"{stamp},{i},1" for i, stamp in enumerate(stamps))]))
+    stamps[100] = spoiled
+    content = read(text(["Time,A.PV,A.OP", *(f"{stamp},{i},1" for i, stamp in enumerate(stamps))]))
+    assert content.summary.time_format == whole.summary.time_format
+    assert np.isin(whole.loops["A"].time_ns, content.loops["A"].time_ns).sum() == 199
+
+
 def test_two_rows_in_one_line_make_no_group_of_their_own(read: Read) -> None:
     stamps = [(START + timedelta(seconds=10 * i)).strftime("%d-%b-%y %H:%M:%S") for i in range(COUNT)]
     rows = [f"{stamp}\t{i}\t{stamp}\t{50 + i}" for i, stamp in enumerate(stamps)]
