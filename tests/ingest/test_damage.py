@@ -166,3 +166,25 @@ def test_two_rows_in_one_line_make_no_group_of_their_own(read: Read) -> None:
     content = read(text(["A.PV\t\tA.OP\t", *rows[:9], rows[9] + "\t" + rows[10], *rows[11:]]))
     assert list(content.loops) == ["A"]
     assert dict(content.rejects.counts) == {"ragged_row": 1}
+
+
+def test_a_line_that_tells_a_spreadsheet_the_delimiter_names_nothing(read: Read) -> None:
+    assert read(text(["sep=,", *BARE])).loops["A"].samples == COUNT
+    rows = [f"{stamp},{i}" for i, stamp in enumerate(STAMPS)]
+    assert read(text(['"sep=,"', *rows]), name="B.PV.csv").loops["B"].samples == COUNT
+    groups = [f"{stamp}\t{i}\t{stamp}\t{50 + i}" for i, stamp in enumerate(STAMPS)]
+    assert list(read(text(["sep=\t", "A.PV\t\tA.OP\t", *groups])).loops) == ["A"]
+
+
+def test_blank_lines_above_the_heading_of_a_loop_monitor(read: Read) -> None:
+    heading = [
+        "PROCESSDATA\tA Data",
+        f"8\t10\t{STAMPS[0]}\t40",
+        "tagname\tA.MV\tA.PV\tbOpOFL\tbPvOFL",
+        "desc",
+        "fsMax=1",
+    ]
+    rows = [f"{stamp}\t{50 + i}\t{i}\t0\t{int(i == 3)}" for i, stamp in enumerate(STAMPS)]
+    content = read(text(["", "", *heading, *rows]))
+    assert content.summary.layout == "dcs_tab"
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(11, "off_line")]
