@@ -188,3 +188,9 @@ def test_blank_lines_above_the_heading_of_a_loop_monitor(read: Read) -> None:
     content = read(text(["", "", *heading, *rows]))
     assert content.summary.layout == "dcs_tab"
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(11, "off_line")]
+
+
+@pytest.mark.parametrize("field", ["", "Bad"])
+def test_a_loop_that_lost_its_values_is_told(read: Read, field: str) -> None:
+    content = read(text([*WIDE[:1], *(f"{stamp},{field},{i}" for i, stamp in enumerate(STAMPS))]))
+    assert "columns that hold no number were left out: A.PV" in content.summary.notes

@@ -23,6 +23,7 @@ from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk
 from app.ingest.tables.wordy_columns import WordyColumns
+from app.ingest.tags.grouping import AUDITED
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
@@ -72,7 +73,12 @@ class WideTable:
         """Blocks, with all that the file holds of a loop in one batch."""
         for number, groups in enumerate(self._passes(reader)):
             yield from self._one_pass(reader, groups, first=number == 0)
-        self._tally.wordy += self._wordy.settle()
+        self._tally.wordy += [*self._wordy.settle(), *self._empty()]
+
+    def _empty(self) -> list[str]:
+        """The tags of PV and OP that had no value in any row."""
+        each = self._places.items()
+        return [at.tag for index, at in each if at.signal in AUDITED and self._highest[index] < self._lowest[index]]
 
     def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
         """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
