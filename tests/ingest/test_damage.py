@@ -194,3 +194,15 @@ def test_blank_lines_above_the_heading_of_a_loop_monitor(read: Read) -> None:
 def test_a_loop_that_lost_its_values_is_told(read: Read, field: str) -> None:
     content = read(text([*WIDE[:1], *(f"{stamp},{field},{i}" for i, stamp in enumerate(STAMPS))]))
     assert "columns that hold no number were left out: A.PV" in content.summary.notes
+
+
+@pytest.mark.parametrize("cell", ["pump off", 7.0])
+def test_a_stray_cell_beside_groups_of_times_and_values(read: Read, cell: str | float) -> None:
+    """Cells have no row too long that would tell: no value was read."""
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    stamps = [str(START + timedelta(seconds=10 * i)) for i in range(100)]
+    rows: list[list[str | float]] = [[at, float(i), at, 50.0 + i] for i, at in enumerate(stamps)]
+    rows[8].append(cell)
+    content = read(workbook([["A.PV", "", "A.OP", ""], *rows]), name="night.xlsx")
+    assert content.summary.layout == "pi_datalink"
+    assert content.loops["A"].op.tolist() == [50.0 + i for i in range(100)]

@@ -17,6 +17,7 @@ from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
 _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
 _PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")
+_MOST_STRAY = 0.02  # of the rows, that have a cell in a column that is none
 _LEAST_SERIAL = 20_000.0  # a smaller number is no date
 
 Rows = tuple[tuple[str, ...], ...]
@@ -95,13 +96,14 @@ def _is_too_small(field: str) -> bool:
 
 def _values(head: Head, columns: range, start: int, first_row: int) -> dict[int, int | None]:
     """The columns of values of a group, each with the one of qualities right of it; the first of a group may be empty,
-    others are not read then."""
+    others are not read then, nor where nothing names a few cells, as of a note."""
     values: dict[int, int | None] = {}
+    rows = sum(map(any, head.rows[first_row:]))
     for column in columns:
         fields = head.column(column, first_row)
         if values and _are_qualities(head.rows[:start], column, fields):
             values[list(values)[-1]] = column
-        elif fields or not values:
+        elif not values or len(fields) > _MOST_STRAY * rows or (fields and _is_named(head.rows[:start], column)):
             values[column] = None
     return values
 
@@ -110,6 +112,10 @@ def _are_qualities(titles: Rows, column: int, fields: list[str]) -> bool:
     named = any(plain(row[column]) in QUALITY_NAMES for row in titles if column < len(row))
     words = not any(is_number(field) for field in fields)
     return bool(fields) and (named or words) and tells_quality(fields)
+
+
+def _is_named(titles: Rows, column: int) -> bool:
+    return any(row[column] for row in titles if column < len(row))
 
 
 def _named_as_time(titles: Rows, column: int) -> bool:
