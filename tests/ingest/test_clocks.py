@@ -1,13 +1,14 @@
 """Date and clock in two columns, whatever the columns are called."""
 
 import io
-from collections.abc import Callable
-from datetime import timedelta
+from collections.abc import Callable, Collection
+from datetime import datetime, timedelta
 
 import numpy as np
 import polars as pl
 import pytest
 
+from app.ingest import IngestOptions
 from app.ingest.columns.clocks import joined_stamp, joined_times
 
 from .conftest import Read
@@ -146,3 +147,44 @@ def test_a_parquet_file_with_dates_and_clocks(read: Read) -> None:
     frame.write_parquet(target)
     loop = read(target.getvalue(), name="night.parquet").loops["FIC1"]
     np.testing.assert_array_equal(loop.time_ns - START, STEPS * 10**9)
+
+
+def dated_once(count: int, without: Collection[int] = ()) -> list[str]:
+    """Rows of five minutes from 22:00 on, each day's first one with its date."""
+    times = [datetime(2024, 3, 12, 22) + timedelta(minutes=5 * i) for i in range(count)]
+    first = {i for i, at in enumerate(times) if (i == 0 or at.hour + at.minute == 0) and i not in without}
+    return [f"{at:%d.%m.%Y};{at:%H:%M}" if i in first else f";{at:%H:%M}" for i, at in enumerate(times)]
+
+
+@pytest.mark.parametrize("newest_first", [False, True])
+@pytest.mark.parametrize("chunk_bytes", [100, 1 << 20])
+def test_a_date_in_the_first_row_of_a_day_is_that_of_the_rows_below(
+    read: Read, newest_first: bool, chunk_bytes: int
+) -> None:
+    stamps = dated_once(84)
+    if newest_first:
+        stamps = [stamp[-6:] for stamp in stamps[::-1]]
+        stamps[0], stamps[60] = f"13.03.2024{stamps[0]}", f"12.03.2024{stamps[60]}"
+    rows = [f"{stamp};{i};1" for i, stamp in enumerate(stamps)]
+    content = read("\n".join(["Datum;Uhrzeit;A.PV;A.OP", *rows, ""]), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert np.all(np.diff(content.loops["A"].time_ns) == 300 * 10**9)
+    assert content.loops["A"].samples == 84
+    assert content.rejects.total == 0
+    assert any("clock without a date" in note for note in content.summary.notes)
+
+
+@pytest.mark.parametrize("chunk_bytes", [100, 1 << 20])
+def test_a_clock_that_runs_back_has_no_date_of_the_row_above(read: Read, chunk_bytes: int) -> None:
+    rows = [f"A.PV;{stamp};{i}\nA.OP;{stamp};1" for i, stamp in enumerate(dated_once(340, without=(24,)))]
+    content = read("\n".join(["Tag;Date;Time;Value", *rows, ""]), options=IngestOptions(chunk_bytes=chunk_bytes))
+    kept = [*range(24), *range(24 + 288, 340)]
+    assert content.loops["A"].pv.tolist() == kept
+    assert dict(content.rejects.counts) == {"bad_time": 2 * 288}
+
+
+def test_a_row_without_its_date_at_midnight_is_refused(read: Read) -> None:
+    rows = [f"2024-03-{12 + (i + 264) // 288};{(22 + i // 12) % 24:02}:{i % 12 * 5:02};{i};1" for i in range(60)]
+    rows[24] = rows[24][10:]
+    content = read("\n".join(["Date;Time;A.PV;A.OP", *rows, ""]))
+    assert content.loops["A"].samples == 59
+    assert dict(content.rejects.counts) == {"bad_time": 1}

@@ -120,3 +120,17 @@ def test_both_orders_in_one_file_are_told(read: Read) -> None:
     (note,) = (note for note in content.summary.notes if "both orders" in note)
     assert f": {refused} dates fit with them exchanged alone" in note
     assert not any("both orders" in note for note in read(night("13/03/2024", "14/03/2024", "soon")).summary.notes)
+
+
+@pytest.mark.parametrize("last", [1, 5])
+def test_few_dates_that_tell_the_order_do_so_where_time_runs_on(read: Read, last: int) -> None:
+    """Against what was said too; a damaged date among others, from which time runs back, tells nothing."""
+    stamps = [f"12/03/2024 23:{i // 60:02}:{i % 60:02}" for i in range(390 - last)]
+    stamps += [f"13/03/2024 00:00:{i:02}" for i in range(last)]
+    rows = [f"{stamp},{i},1" for i, stamp in enumerate(stamps)]
+    for day_first in (None, False):
+        content = read("\n".join(["Time,A.PV,A.OP", *rows, ""]), options=IngestOptions(day_first=day_first))
+        assert content.summary.time_format.startswith("%d/%m")
+    rows = [*rows[: -last - 9], *rows[-last:], *rows[-last - 9 : -last]]
+    content = read("\n".join(["Time,A.PV,A.OP", *rows, ""]), options=IngestOptions(day_first=False))
+    assert content.summary.time_format.startswith("%m/%d") == (last == 1)

@@ -40,6 +40,13 @@ def test_rows_with_a_field_more_than_names_do_not_move_the_others(read: Read) ->
     assert "which field belongs to which name is not told" in str(error)
 
 
+@pytest.mark.parametrize(("above", "below"), [("", ",m3/h,%,m3/h\n"), ("#NAMES\n", "#TYPES\nD,D,D,D\n#ROWS,5\n")])
+def test_a_name_that_is_lost_moves_no_others(read: Read, above: str, below: str) -> None:
+    """The units had a field to each column, and A.PV was lost: its values were read as those of A.OP."""
+    rows = "".join(f"{stamp},{i}.5,1{i},7\n" for i, stamp in enumerate(MINUTES))
+    assert refusal(read, f"{above}time,A.OP,A.SP\n{below}{rows}").code == "more_fields_than_names"
+
+
 def test_some_rows_with_a_field_more(read: Read) -> None:
     rows = [f"{stamp},{i},1{i},\n" for i, stamp in enumerate(MINUTES)]
     rows[3] = f"{MINUTES[3]},3,5,13\n"

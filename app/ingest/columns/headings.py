@@ -39,9 +39,11 @@ def is_data(head: Head, at: int, values: Collection[int]) -> bool:
     return len(others) < len(cells) and not (others and all(map(is_unit, others)))
 
 
-def begins_with_data(head: Head, first_row: int, values: Collection[int]) -> bool:
-    """Whether all that stands above the first row with a time are rows of data: nothing of it names anything."""
-    return first_row >= 0 and all(is_data(head, at, values) for at in range(first_row) if any(head.row(at)))
+def begins_with_data(head: Head, first_row: int, values: Collection[int], start: int = 0) -> bool:
+    """Whether all that stands above the first row with a time are rows of data, or comments that end before the values:
+    nothing of it names anything. start: the first row that is looked at."""
+    above = [at for at in range(start, max(first_row, 0)) if any(head.row(at))]
+    return first_row >= 0 and all(is_data(head, at, values) or _is_aside(head.row(at), values) for at in above)
 
 
 def heading_notes(head: Head, heading: Iterable[int]) -> tuple[str, ...]:
@@ -71,6 +73,10 @@ def _kind(row: tuple[str, ...]) -> str:
         return "comment"
     cells = [text for text in row[1:] if text and text not in _NO_UNIT]
     return "units" if cells and all(map(is_unit, cells)) else "heading"
+
+
+def _is_aside(row: tuple[str, ...], values: Collection[int]) -> bool:
+    return _is_comment(row) and len(row) <= min(values)
 
 
 def _is_comment(row: tuple[str, ...]) -> bool:

@@ -25,8 +25,8 @@ def named_width(head: Head, names: tuple[str, ...], first_row: int, time: tuple[
     rows = [row for row in head.rows[first_row:] if any(row)]
     width = max(usual_width(head, first_row), len(names))
     begin = head.rows.index(names) if names in head.rows[:first_row] else first_row
-    heading = (names, *head.rows[begin:first_row])  # a row of units or descriptions may name one field more
-    named = max((index + 1 for row in heading for index, name in enumerate(row) if name), default=0)
+    heading = (names, *head.rows[begin:first_row])  # units or descriptions may stand below an empty name
+    named = max((index + 1 for row in heading for index, name in enumerate(row[: len(names)]) if name), default=0)
     named = max(named, *(index + 1 for index in time if index < len(names)), 0)
     over = [] if head.typed else [row for row in rows if any(row[named:])]
     if 2 * len(over) > len(rows):

@@ -1,5 +1,6 @@
 """Tables with types, as parquet and workbooks have them. Their rows go the way that rows of text go."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,6 +22,7 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import NUMBERED, Rows
 from app.ingest.tables.scanning import Scanner
 
+_LINE_END = re.compile("[\r\n]+")  # in a cell whose text is wrapped
 CELLS_A_CHUNK = 2_000_000
 CELLS_OF_HEAD = 200_000
 MOST_COLUMNS = 1000  # of a wide table at a time: a day of minutes of them is a chunk
@@ -195,7 +197,7 @@ def _rows(table: Table, offset: int, count: int) -> tuple[tuple[str, ...], ...]:
     groups = (range(start, min(start + MOST_COLUMNS, table.width)) for start in range(0, table.width, MOST_COLUMNS))
     frames = (table.part(offset, count, group) for group in groups)
     columns = [_as_text(column).fill_null("").to_list() for frame in frames for column in frame.get_columns()]
-    return tuple(tuple(text.strip() for text in row) for row in zip(*columns, strict=True))
+    return tuple(tuple(_LINE_END.sub(" ", text).strip() for text in row) for row in zip(*columns, strict=True))
 
 
 def _as_text(column: pl.Series) -> pl.Series:

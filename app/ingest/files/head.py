@@ -16,6 +16,7 @@ PREAMBLE_ROWS = 40  # within so many rows names or data begin
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
 _LEAST_NAMES = 3
+_TOLD_DELIMITER = re.compile(r"\s*\"?sep=.\"?\s*", re.IGNORECASE)  # to a spreadsheet; it names nothing
 _STAMP = re.compile(r"\d\D+\d+\D+\d")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
@@ -68,6 +69,7 @@ def look(text: str, stem: str) -> Head:
     """Splits the text's first lines; the last one is left out where the text was cut inside it."""
     lines = text.split("\n")
     lines = lines[:-1] if len(lines) > 1 else lines
+    lines[:1] = ["" if _TOLD_DELIMITER.fullmatch(line) else line for line in lines[:1]]
     usual = sorted(map(len, lines))[len(lines) // 2] + 1
     lines = lines[: max(8, min(HEAD_ROWS, HEAD_CHARACTERS // usual))]
     delimiter = find_delimiter(lines)
@@ -132,7 +134,7 @@ def split_line(line: str, delimiter: str) -> tuple[str, ...]:
     if '"' not in line:
         return tuple(field.strip() for field in line.split(delimiter))
     try:
-        return tuple(field.strip() for field in next(csv.reader([line], delimiter=delimiter)))
+        return tuple(field.strip() for field in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True)))
     except (csv.Error, StopIteration):
         return tuple(field.strip() for field in line.split(delimiter))
 

@@ -30,6 +30,9 @@ _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
 _CHINESE = re.compile(r"[\u4e00-\u9fff]+")
 _INSIDE_A_WORD = re.compile(r"(?<=[a-z])[\u4e00-\u9fff](?=[a-z])")  # two accented letters, as in Stellgröße
 _INSIDE_CAPITALS = re.compile(rb"(?<=[A-Z])[\xc0-\xdf]{2}(?=[A-Z])")  # capitals and ß alone: a tag may be A泵PV
+_LEAST_WHOLE = 2  # letters to a byte that is none, in UTF-8 with some damage
+_LEAST_TEXT = 0.1  # of a file of text with holes
+_ZEROS = re.compile(rb"\0+")
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
@@ -84,8 +87,7 @@ class TextFile:
         text = codecs.getincrementaldecoder(self.encoding)("replace").decode(first)
         self._bare_returns = "\r" in text and "\n" not in text
         self._doubled_returns = "\r\r\n" in text
-        text = text.replace("\r\r\n", "\r\n")
-        return text.replace("\r\n", "\n").replace("\r", "\n" if self._bare_returns else " ")
+        return _with_line_feeds(text).replace("\r", "\n" if self._bare_returns else " ")
 
     def tail(self) -> str:
         """Whole lines from the file's end; nothing where it is in another encoding than UTF-8 or short. A packed file
@@ -95,8 +97,7 @@ class TextFile:
         size, last = self._last_unpacked() if self.compressed else self._last_bytes()
         if size < 2 * TAIL_BYTES:
             return ""
-        text = last.decode("utf-8", "replace")
-        return text.replace("\r\r\n", "\n").replace("\r\n", "\n").partition("\n")[2]
+        return _with_line_feeds(last.decode("utf-8", "replace")).partition("\n")[2]
 
     def _last_bytes(self) -> tuple[int, bytes]:
         """The size of the file, and the last `TAIL_BYTES` of it."""
@@ -123,7 +124,7 @@ class TextFile:
         if places and size - places[-1] > 2 * SAMPLE_BYTES:
             places.append(size - SAMPLE_BYTES)  # what was appended last
         taken = self._unpacked_at(places) if self.compressed else self._bytes_at(places)
-        texts = (data.decode("utf-8", "replace").replace("\r\r\n", "\n").replace("\r\n", "\n") for data in taken)
+        texts = (_with_line_feeds(data.decode("utf-8", "replace")) for data in taken)
         return [text.partition("\n")[2].rpartition("\n")[0] for text in texts]
 
     def _bytes_at(self, places: Iterable[int]) -> Iterator[bytes]:
@@ -151,13 +152,19 @@ class TextFile:
             whole = not carry and end + 1 == len(piece)
             data = piece if whole else b"".join((carry, memoryview(piece)[: end + 1]))
             carry = piece[end + 1 :]
-            if self._doubled_returns:
-                data = data.replace(b"\r\r\n", b"\r\n")
+            data = self._mended(data)
             lines = Lines(data, number, count_lines(data))
             yield lines
             number += lines.count
         if carry:
-            yield Lines(carry + b"\n", number, 1)
+            yield Lines(self._mended(carry + b"\n"), number, 1)
+
+    def _mended(self, data: bytes) -> bytes:
+        """Without doubled returns, and without byte order marks: each of several files put in one begins with its
+        own."""
+        if self._doubled_returns:
+            data = data.replace(b"\r\r\n", b"\r\n")
+        return data.replace(codecs.BOM_UTF8, b"") if codecs.BOM_UTF8[:1] in data else data
 
     def _with_heading(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
         """The same text with its heading as it was made whole."""
@@ -179,7 +186,7 @@ class TextFile:
 
     def _utf8(self) -> Iterator[bytes]:
         if self.encoding in ("utf-8", "utf-8-sig") and not self._bare_returns:
-            yield from self._utf8_as_it_is()
+            yield from self._large_pieces()
             return
         decoder = codecs.getincrementaldecoder(self.encoding)("replace")
         for piece in self._large_pieces():
@@ -188,12 +195,6 @@ class TextFile:
 
     def _one_line_end(self, text: str) -> str:
         return text.replace("\r", "\n") if self._bare_returns else text
-
-    def _utf8_as_it_is(self) -> Iterator[bytes]:
-        mark = len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0
-        for piece in self._large_pieces():
-            yield piece[mark:]
-            mark = 0
 
     def _large_pieces(self) -> Iterator[bytes]:
         taken: list[bytes] = []
@@ -241,6 +242,11 @@ class TextFile:
             self.notes.append(note)
 
 
+def _with_line_feeds(text: str) -> str:
+    """With one kind of line end, and without byte order marks."""
+    return text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\ufeff", "")
+
+
 def count_lines(data: bytes) -> int:
     """Line feeds, counted without Python's lock: several times as fast as `bytes.count`."""
     text = np.frombuffer(data, np.uint8)
@@ -269,8 +275,17 @@ def detect_encoding(first: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(first)
     except UnicodeDecodeError:
+        if _is_damaged_utf8(first):
+            return "utf-8"
         return "gb18030" if _reads_as_chinese(first) else "cp1252"
     return "utf-8"
+
+
+def _is_damaged_utf8(first: bytes) -> bool:
+    """Whether far more letters beyond ASCII are whole than bytes are none: in another encoding they seldom are."""
+    text = codecs.getincrementaldecoder("utf-8")("replace").decode(first)
+    beyond, damaged = sum(character > "\x7f" for character in text), text.count("\N{REPLACEMENT CHARACTER}")
+    return beyond > _LEAST_WHOLE * damaged
 
 
 def _reads_as_chinese(first: bytes) -> bool:
@@ -289,7 +304,11 @@ def _reads_as_chinese(first: bytes) -> bool:
 
 
 def _refuse_binary(head: str) -> None:
-    sample = head.encode("utf-8", "replace")
+    """Zeros one behind the other count once, unless they are most of it: a machine that lost its power leaves a block
+    of them in a file of text."""
+    whole = head.encode("utf-8", "replace")
+    sample = _ZEROS.sub(b"\0", whole)
+    sample = sample if len(sample) > _LEAST_TEXT * len(whole) else whole
     controls = len(sample) - len(sample.translate(None, _CONTROL))
     doubtful = head.count("\N{REPLACEMENT CHARACTER}")
     if controls > 0.001 * len(sample) + 1 or doubtful > 0.1 * len(head):

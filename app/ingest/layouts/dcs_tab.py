@@ -11,20 +11,20 @@ settings of the monitor
 
 from app.ingest.columns.names import form_of
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
-from app.ingest.files.head import Head
+from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import place
 
 _FLAGS = {"bopofl": "OP", "bpvofl": "PV", "bspofl": "SP", "bautofl": "MODE"}
 _FIRST_ROW = 5
-_HEADING = (3, 4)
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
-    if head.row(0)[:1] != ("PROCESSDATA",) or head.row(2)[:1] != ("tagname",):
+    start = next((at for at, row in enumerate(head.rows[:PREAMBLE_ROWS]) if any(row)), 0)
+    names, first_row = head.row(start + 2), start + _FIRST_ROW
+    if head.row(start)[:1] != ("PROCESSDATA",) or names[:1] != ("tagname",):
         return None
-    names = head.row(2)
-    form = form_of(head, (0,), _FIRST_ROW, options)
+    form = form_of(head, (0,), first_row, options)
     if form is None:
         return None
     flags = {_FLAGS[name.lower()]: index for index, name in enumerate(names) if name.lower() in _FLAGS}
@@ -33,10 +33,11 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         for index, name in enumerate(names)
         if index and name and name.lower() not in _FLAGS
     )
-    interval = head.row(1)[1:2]
+    interval = head.row(start + 1)[1:2]
     notes = (f"the header gives a sampling interval of {interval[0]} s",) if interval else ()
+    heading = (first_row - 2, first_row - 1)
     return (
-        WidePlan("dcs_tab", _FIRST_ROW, len(names), (TimedColumns((0,), form, values),), notes=notes, heading=_HEADING)
+        WidePlan("dcs_tab", first_row, len(names), (TimedColumns((0,), form, values),), notes=notes, heading=heading)
         if values
         else None
     )

@@ -14,6 +14,7 @@ from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import place
+from app.ingest.times.stamps import find_form
 
 _MOST_COLUMNS = 24
 
@@ -40,6 +41,8 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, options: IngestOpt
     if found is None:
         return None
     time, form = found
+    if find_form([names[time[0]]], "", options) is not None:
+        return None  # a row of data
     value = _value(head, names, {index: columns[index] for index in columns if index not in time})
     if value is None:
         return None

@@ -2,8 +2,10 @@
 from group to group."""
 
 import re
+from collections import Counter
 from itertools import pairwise, takewhile
 
+from app.ingest.columns.clocks import SHOWN
 from app.ingest.columns.headings import is_data
 from app.ingest.columns.names import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times, plain
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
@@ -15,6 +17,7 @@ from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
 _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
 _PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")
+_MOST_STRAY = 0.02  # of the rows, that have a cell in a column that is none
 _LEAST_SERIAL = 20_000.0  # a smaller number is no date
 
 Rows = tuple[tuple[str, ...], ...]
@@ -24,14 +27,16 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     first_row = first_row_of_times(head, 0, options)
     if first_row == NO_ROWS:
         return None
-    widest = max(len(row) for row in head.rows[first_row:])
+    widths = Counter(len(row) for row in head.rows[first_row:])
+    widest = max(widths)
     of_widest = _plan(head, first_row, widest, options)
     width = usual_width(head, first_row)
     usual = _plan(head, first_row, width, options)
     if of_widest is None or usual is None:
         return of_widest or usual
     named = any(any(row[width:]) for row in head.rows[: of_widest.first_row])
-    return of_widest if named or len(of_widest.groups) > len(usual.groups) else usual  # else a row has fields too many
+    more = widths[widest] > 1 and len(of_widest.groups) > len(usual.groups)
+    return of_widest if named or more else usual  # else a row has fields too many
 
 
 def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> WidePlan | None:
@@ -79,22 +84,26 @@ def _heading(titles: Rows, groups: list[TimedColumns]) -> tuple[int, ...]:
 
 
 def _dated(fields: list[str], options: IngestOptions) -> TimeForm | None:
-    first = fields[0] if fields else ""
-    if _PLAIN.fullmatch(first) and abs(float(first)) < _LEAST_SERIAL:
+    if 2 * sum(_is_too_small(field) for field in fields[:SHOWN]) > len(fields[:SHOWN]):
         return None
     form = find_form(fields, "date", options)
     return form if form is not None and form.kind != "relative" else None
 
 
+def _is_too_small(field: str) -> bool:
+    return bool(_PLAIN.fullmatch(field)) and abs(float(field)) < _LEAST_SERIAL
+
+
 def _values(head: Head, columns: range, start: int, first_row: int) -> dict[int, int | None]:
     """The columns of values of a group, each with the one of qualities right of it; the first of a group may be empty,
-    others are not read then."""
+    others are not read then, nor where nothing names a few cells, as of a note."""
     values: dict[int, int | None] = {}
+    rows = sum(map(any, head.rows[first_row:]))
     for column in columns:
         fields = head.column(column, first_row)
         if values and _are_qualities(head.rows[:start], column, fields):
             values[list(values)[-1]] = column
-        elif fields or not values:
+        elif not values or len(fields) > _MOST_STRAY * rows or (fields and _is_named(head.rows[:start], column)):
             values[column] = None
     return values
 
@@ -103,6 +112,10 @@ def _are_qualities(titles: Rows, column: int, fields: list[str]) -> bool:
     named = any(plain(row[column]) in QUALITY_NAMES for row in titles if column < len(row))
     words = not any(is_number(field) for field in fields)
     return bool(fields) and (named or words) and tells_quality(fields)
+
+
+def _is_named(titles: Rows, column: int) -> bool:
+    return any(row[column] for row in titles if column < len(row))
 
 
 def _named_as_time(titles: Rows, column: int) -> bool:

@@ -13,7 +13,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     if len(head.rows) <= _HEADERS or first_row_of_times(head, 0, options) != _HEADERS:
         return None
     widths = {len(row) for row in head.rows[:_HEADERS]}
-    if len(widths) != 1 or widths == {1} or not all(head.row(0)[1:]):
+    if len(widths) != 1 or widths == {1} or not all((*head.row(0)[1:], *map(any, head.rows[:_HEADERS]))):
         return None
     if any(is_data(head, at, range(1, len(head.row(0)))) for at in range(1, _HEADERS)):
         return None  # rows of data, whose times cannot be read

@@ -14,7 +14,9 @@ from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.times.stamps import to_numbers
 
-_MINUS = "\N{MINUS SIGN}"  # as programs write it in the north of Europe
+_MINUS = "[\N{MINUS SIGN}\N{EN DASH}]"  # as programs write it in the north of Europe, and what they make of it
+_BLANK = "[\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"
+_ROUND = rf"^[ \"]*{_BLANK}+|{_BLANK}+[ \"]*$"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ def refused_as(code: str, text: str) -> str:
 
 def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbers:
     """The numbers among texts that the fast reader could not read."""
-    texts = texts.str.replace(_MINUS, "-", literal=True)
+    texts = texts.str.replace_all(_ROUND, "").str.replace(_MINUS, "-")
     whole = writing.whole(texts, tags)
     numbers = to_numbers(whole).copy()
     odd = np.flatnonzero(~np.isfinite(numbers) & says_something(whole))

@@ -24,6 +24,7 @@ from app.ingest.times.stamps import to_numbers
 
 SENTINELS = (-9999.0, -99.125)
 MARKED = "[.,]"
+MOST_SLIPS, MOST_SLIPS_SHARE = 3, 0.1  # of a tag's numbers with a mark
 _BETWEEN_DIGITS = "['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"  # never decimal marks
 _BEHIND_NUMBER = r"^[ \"]*[+-]?[\d.,]+(?:[eE][+-]?\d+)?([^\"]*)"
 _NOTHING_BEHIND = r"[\s\"]*$"
@@ -63,6 +64,7 @@ class Writing:
         if not concerned:
             return
         every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(concerned)))
+        otherwise -= self._that_slip(every)
         self._learn_own(otherwise, every, lambda tag: before(tag) is not None)
         self._learn_changing(doubtful, every, before)
         doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
@@ -86,6 +88,17 @@ class Writing:
             return points | commas
         self.thousands = "," if points else "." if commas else ""
         return set()
+
+    def _that_slip(self, every: pl.DataFrame) -> set[str]:
+        """The tags that are written otherwise than the file tells by a few numbers alone, where no other one of theirs
+        tells how it is meant: these few are refused, and the others are not read as they are."""
+        if not self.thousands:
+            return set()
+        marked = every.filter(_contains(every["text"], MARKED))
+        otherwise = marked.with_columns(otherwise=_contains(marked["text"], before_decimals(self.thousands)))
+        count, share = pl.col("otherwise").sum(), pl.col("otherwise").mean()
+        few = otherwise.group_by("tag").agg(((count <= MOST_SLIPS) & (share <= MOST_SLIPS_SHARE)).alias("few"))
+        return set(few["tag"].filter(few["few"])) - self.own.keys() - _that_show(marked, other_mark(self.thousands))
 
     def _learn_own(self, otherwise: set[str], every: pl.DataFrame, was_read: Callable[[str], bool]) -> None:
         if not otherwise and not self.own:

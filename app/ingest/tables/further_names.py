@@ -14,7 +14,7 @@ from app.ingest.tables.frames import RowReader, Rows
 from app.ingest.tags.grouping import unit_of, without_unit
 
 _BLANKS = "[ \t\u00a0\u2007\u202f]+"
-_ROUND = " '\"\ufeff"  # may stand around a name: files that were put behind one another each begin with their own mark
+_ROUND = " '\""  # may stand around a name
 
 
 class FurtherNames:

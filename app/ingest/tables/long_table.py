@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.errors import DataError
-from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.plans import LongPlan, name_of
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.kinds import IN_DOUBT, tells_nothing
@@ -64,6 +64,7 @@ class LongTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._time = TimeReader(plan.form, options)
+        self._dates = DatesOnce(plan.time)
         self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good)
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
@@ -118,6 +119,7 @@ class LongTable:
             self._settle_places()
             self._tally.units = {at.tag: unit for n, at in enumerate(self._places) if (unit := self._units.of(n))}
             self._tally.in_other_order = self._time.in_other_order
+            self._tally.without_date = self._dates.carried
             self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
@@ -231,11 +233,16 @@ class LongTable:
         return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        texts = joined_times(rows.frame, self._plan.time)
+        texts, time_ns = self._dates.read(rows.frame, self._read_times)
         cells = Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
-        gathered = self._of_cells(cells, texts, self._read_times(texts))
+        gathered = self._of_cells(cells, texts, self._without_short_rows(time_ns, rows, reader))
         self._tally.rows_kept += len(gathered)
         return gathered
+
+    def _without_short_rows(self, time_ns: TimeArray, rows: Rows, reader: RowReader) -> TimeArray:
+        """Rows cut short lost the place of their fields: without a time they are refused as such."""
+        short = reader.short_rows(rows, rows.may_be_short())
+        return np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
 
     def _of_cells(self, cells: Cells, texts: pl.Series, time_ns: TimeArray) -> Gathered:
         """The values in rows with a time and a tag; texts: of the times."""
@@ -250,8 +257,8 @@ class LongTable:
         return Gathered(codes, time_ns, values, (at + cells.rows.first).astype(np.uint32))
 
     def _numbered(self, tags: pl.Series, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
-        """The number of each row's tag; 0 where there is none. New tags are placed; a comment may stand where tags do,
-        but has no time."""
+        """The number of each row's tag; 0 where there is none. New tags are placed where rows have a time: others are
+        comments, or have something else where tags stand."""
         codes = _codes(tags)
         more = int(codes.max(initial=0)) + 1 - len(self._known)
         if more > 0:
@@ -259,7 +266,7 @@ class LongTable:
             self._number = np.append(self._number, np.zeros(more, dtype=np.uint32))
         if not self._known.all():
             new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
-            new = new[timed[new] | ~_begin_with("*#[", tags[new])]
+            new = new[timed[new]]
             _, first = np.unique(codes[new], return_index=True)
             for row in new[np.sort(first)]:
                 self._place(int(codes[row]), tags[int(row)])

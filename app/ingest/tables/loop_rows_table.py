@@ -2,17 +2,13 @@
 
 from collections.abc import Iterator
 
-import numpy as np
 import polars as pl
 
-from app.ingest.columns.clocks import joined_times
 from app.ingest.columns.plans import ValueColumn, name_of
-from app.ingest.model import TimeArray
 from app.ingest.tables.frames import RowReader, Rows
 from app.ingest.tables.long_table import Cells, LongTable
 from app.ingest.tables.pieces import Gathered, joined
 from app.ingest.tables.scanning import Scanner
-from app.ingest.times.stamps import NO_TIME
 
 
 class LoopRowsTable(LongTable):
@@ -34,19 +30,14 @@ class LoopRowsTable(LongTable):
         return None
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        texts = joined_times(rows.frame, self._plan.time)
-        time_ns = self._without_short_rows(self._read_times(texts), rows, reader)
+        texts, time_ns = self._dates.read(rows.frame, self._read_times)
+        time_ns = self._without_short_rows(time_ns, rows, reader)
         loops = rows.frame[name_of(self._plan.tag)].str.strip_chars()
         self._place_others(loops)
         columns = self._cells(rows, reader, loops)
         gathered = [self._of_cells(cells, texts, time_ns) for cells in columns]
         self._tally.rows_kept += len(gathered[0])
         return joined(gathered)
-
-    def _without_short_rows(self, time_ns: TimeArray, rows: Rows, reader: RowReader) -> TimeArray:
-        """Rows cut short lost the place of their fields: without a time they are refused as such."""
-        short = reader.short_rows(rows, rows.may_be_short())
-        return np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
 
     def _place_others(self, loops: pl.Series) -> None:
         """Beside the signals of their loops, which their names do not tell."""

@@ -16,7 +16,8 @@ class Tally:
     cut, and their rows spread inside of them; `comments` those that hold none but a
     comment, `repeats` those whose time their tags had already; `wordy` are columns of words
     that are no signals; `units` those of tags, by a column of units; `lacks_half`: hours go to 12 and begin again, and
-    nothing tells AM from PM; `in_other_order` counts dates that fit with day and month exchanged alone."""
+    nothing tells AM from PM; `without_date` counts rows with a clock alone, which have the date of one above;
+    `in_other_order` counts dates that fit with day and month exchanged alone."""
 
     rows_read: int = 0
     rows_kept: int = 0
@@ -30,6 +31,7 @@ class Tally:
     units: dict[str, str] = field(default_factory=dict)
     lacks_half: bool = False
     in_other_order: int = 0
+    without_date: int = 0
     first_time_ns: int | None = None
     last_time_ns: int | None = None
     writing: Writing = field(default_factory=Writing)

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
 from app.ingest.model import FloatArray, IngestOptions, SignalBlock
 from app.ingest.numbers.no_data import Span, ends_are_codes
@@ -23,6 +23,7 @@ from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk
 from app.ingest.tables.wordy_columns import WordyColumns
+from app.ingest.tags.grouping import AUDITED
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
@@ -39,6 +40,7 @@ class WideTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
+        self._dates = [DatesOnce(group.time) for group in plan.groups]
         self._quality = tally.quality = Quality(options.drop_uncertain)
         self._spreaders: list[Spreader] = []
         self._further_names = FurtherNames(plan.names, plan.groups)
@@ -71,7 +73,12 @@ class WideTable:
         """Blocks, with all that the file holds of a loop in one batch."""
         for number, groups in enumerate(self._passes(reader)):
             yield from self._one_pass(reader, groups, first=number == 0)
-        self._tally.wordy += self._wordy.settle()
+        self._tally.wordy += [*self._wordy.settle(), *self._empty()]
+
+    def _empty(self) -> list[str]:
+        """The tags of PV and OP that had no value in any row."""
+        each = self._places.items()
+        return [at.tag for index, at in each if at.signal in AUDITED and self._highest[index] < self._lowest[index]]
 
     def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
         """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
@@ -119,6 +126,7 @@ class WideTable:
     def _chunks(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[tuple[int, Chunk]]:
         """Chunks of each group, with the group's number."""
         self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
+        self._dates = [DatesOnce(group.time) for group in self._plan.groups]
         self._further_names = FurtherNames(self._plan.names, groups)
         spread = self._plan.spread
         self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
@@ -130,6 +138,7 @@ class WideTable:
                 if chunk is not None:
                     yield number, chunk
         self._tally.in_other_order = self._times[0].in_other_order
+        self._tally.without_date = self._dates[0].carried
         self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)
         for number, spreader in enumerate(self._spreaders):
             rest = spreader.rest()
@@ -161,8 +170,7 @@ class WideTable:
         short: NDArray[np.int64],
         first: bool,
     ) -> Chunk | None:
-        texts = joined_times(rows.frame, group.time)
-        time_ns = self._times[number].read(texts)
+        texts, time_ns = self._dates[number].read(rows.frame, self._times[number].read)
         kept = time_ns != NO_TIME
         if len(short):
             kept[short] = False

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.ingest.model import IngestOptions, TimeArray
 from app.nanoseconds import NS_PER_S
@@ -19,10 +20,11 @@ EXAMPLES = {"day": "03/04/2026 is 3 April", "month": "03/04/2026 is 4 March", "y
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A sample of stamps as a format gives them, in order of the rows, without those it cannot read."""
+    """A sample of stamps as a format gives them, in order of the rows; `read` (n,): those that it can read."""
 
     format: str
     times: TimeArray
+    read: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,13 @@ def in_other_order(format_: str) -> str:
 def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
     """The first reading in the order that was said; else of those that are not ahead of the clock, if any, the one in
     which time runs most evenly."""
+    common = np.logical_and.reduce([reading.read & _runs_on(reading.times) for reading in readings])
+    unevenness = {reading.format: _unevenness(reading, common) for reading in readings}
     said = [reading for reading in readings if options.day_first is not None and _is_said(reading, options)]
-    if said:
+    if said and not any(_tells_more(reading, said[0], common) for reading in readings):
         return Chosen(said[0].format)
     past = [reading for reading in readings if not _ahead(reading, options)] or list(readings)
-    ranked = sorted(past, key=_unevenness)
+    ranked = sorted(past, key=lambda reading: unevenness[reading.format])
     chosen = ranked[0]
     rivals = _others([*ranked[1:], *(reading for reading in readings if reading not in past)], chosen)
     if not rivals:
@@ -55,7 +59,7 @@ def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
     why = "nothing in the file tells"
     if not _others(past, chosen):
         why = "read otherwise, times lie ahead of the clock"
-    elif _unevenness(ranked[1]) > _unevenness(chosen):
+    elif unevenness[ranked[1].format] > unevenness[chosen.format]:
         why = "time runs forward most evenly so"
     note = f"dates were read {_example(chosen.format)}, because {why}; {_otherwise(rivals)}"
     return Chosen(chosen.format, rivals, (*_unlike_said(chosen, options), note))
@@ -88,17 +92,31 @@ def _unlike_said(chosen: Reading, options: IngestOptions) -> tuple[str, ...]:
 
 
 def _ahead(reading: Reading, options: IngestOptions) -> bool:
-    if options.now_ns is None or not len(reading.times):
+    if options.now_ns is None or not reading.read.any():
         return False
-    return int(reading.times.max()) > options.now_ns + CLOCKS_APART_NS
+    return int(reading.times[reading.read].max()) > options.now_ns + CLOCKS_APART_NS
 
 
 def _others(readings: Sequence[Reading], chosen: Reading) -> tuple[str, ...]:
     return tuple(reading.format for reading in readings if reading.format[:_DATE] != chosen.format[:_DATE])
 
 
-def _unevenness(reading: Reading) -> tuple[int, int]:
-    """Steps backward, then the span: the wrong order of day and month makes time jump."""
-    steps = np.diff(reading.times)
+def _tells_more(reading: Reading, other: Reading, common: NDArray[np.bool_]) -> bool:
+    """Whether one reads more stamps than another, which are no damaged ones: time runs on in them."""
+    more = int(np.sum(reading.read)) > int(np.sum(other.read))
+    return more and _unevenness(reading, common)[0] < _unevenness(other, common)[0]
+
+
+def _runs_on(times: TimeArray) -> NDArray[np.bool_]:
+    """Which stamps do not jump away from those around them and back."""
+    ways = np.sign(np.diff(times.astype(np.float64)))
+    return np.concatenate(([True], ways[1:] * ways[:-1] >= 0, [True]))[: len(times)]
+
+
+def _unevenness(reading: Reading, common: NDArray[np.bool_]) -> tuple[int, int]:
+    """Steps backward and stamps that are not read, then the span of those that run on in any order: the wrong order
+    of day and month makes time jump, and so does a damaged stamp that is read in it."""
+    steps = np.diff(reading.times[reading.read])
     backward = min(int(np.sum(steps < 0)), int(np.sum(steps > 0)))
-    return backward, int(np.sum(np.abs(steps)) // NS_PER_S)
+    span = np.sum(np.abs(np.diff(reading.times[common])))
+    return backward + int(np.sum(~reading.read)), int(span // NS_PER_S)

@@ -24,6 +24,7 @@ FIRST_YEAR, LAST_YEAR = 1971, 2199
 _FIRST_NS, _END_NS = (np.datetime64(f"{year}", "ns").astype(np.int64) for year in (FIRST_YEAR, LAST_YEAR + 1))
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
+DAMAGED_SHARE = 0.02  # of a sample, that may tell an order of day, month and year by damage alone
 LONGEST_KEPT, LONGEST_PROBE = 1 << 16, 64
 """Characters of a sample with its name, and of a probe with its separator, whose form is kept: comments would stay in
 memory by the MB."""
@@ -206,19 +207,30 @@ def _text_form(sample: list[str], options: IngestOptions, american: bool | None 
         times = parse_text(series, candidate, zoned)
         share = float(np.mean(times != NO_TIME))
         if share >= LEAST_SHARE:
-            fits.append((share, Reading(candidate, times[times != NO_TIME])))
+            fits.append((share, Reading(candidate, times, times != NO_TIME)))
     if not fits:
         return None
     best = max(share for share, _ in fits)
-    return _choose([reading for share, reading in fits if share >= best - 1e-9], zoned, options)
+    fitting = [reading for share, reading in fits if share >= best - 1e-9]
+    if all(reading.format.startswith(AMBIGUOUS) for reading in fitting):  # a damaged stamp may fit a wrong order alone
+        fitting = [r for share, r in fits if share >= best - DAMAGED_SHARE and r.format.startswith(AMBIGUOUS)]
+    return _choose(fitting, zoned, options)
 
 
 def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
+    """By the shape of a few; one of them may be written otherwise than the others, with a T before its clock too."""
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
-    separator = "T" if re.search(r"\dT\d", probe) else " "
     probes = {_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])}
-    fitting = {form for probe in probes if _MAY_BE_STAMP.search(probe) for form in _of_shape(probe, separator)}
-    return [form for form in _formats(separator, american) if form in fitting]
+    shaped = [text for text in probes if _MAY_BE_STAMP.search(text)]
+    found: list[str] = []
+    for separator in sorted({_separator(text) for text in shaped}):
+        fitting = {form for text in shaped for form in _of_shape(text, separator)}
+        found += [form for form in _formats(separator, american) if form in fitting and form not in found]
+    return found
+
+
+def _separator(text: str) -> str:
+    return "T" if re.search(r"\dT\d", text) else " "
 
 
 @lru_cache
@@ -249,7 +261,8 @@ def _shape(form: str) -> re.Pattern[str]:
 
 def _american(sample: list[str]) -> bool:
     """Where nothing else tells: a clock of twelve hours or a month without its zero stands with the month first."""
-    return any(re.match(r"\d[/-]", text) or re.search(r"\d\s*[AaPp][Mm]\b", text) for text in sample)
+    american = (bool(re.match(r"\d[/-]", text) or re.search(r"\d\s*[AaPp][Mm]\b", text)) for text in sample)
+    return sum(american) > DAMAGED_SHARE * len(sample)
 
 
 def _choose(fits: list[Reading], zoned: bool, options: IngestOptions) -> TimeForm:
