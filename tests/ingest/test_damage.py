@@ -62,6 +62,19 @@ def test_a_row_of_a_long_table_that_lost_a_field_is_of_no_tag(read: Read, row: s
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(2 * COUNT, "ragged_row")]
 
 
+@pytest.mark.parametrize("bad", [(), (300,), (0,), (0, 1), (0, 1, 300)])
+def test_a_quality_that_is_given_where_it_is_bad_may_be_left_out_elsewhere(read: Read, bad: tuple[int, ...]) -> None:
+    rows = [
+        f"A.{word},{START + timedelta(seconds=10 * i)},{i + at},bar" + ",Bad" * (i in bad)
+        for i in range(400)
+        for at, word in ((0.5, "PV"), (50, "OP"))
+    ]
+    content = read(text(["Tag,Time,Value,Unit,Status", *rows]))
+    assert content.loops["A"].samples == 400
+    assert np.flatnonzero(np.isnan(content.loops["A"].pv)).tolist() == list(bad)
+    assert dict(content.rejects.counts) == ({"bad_quality": 2 * len(bad)} if bad else {})
+
+
 @pytest.mark.parametrize("at", [0, 30])
 @pytest.mark.parametrize(
     "row",

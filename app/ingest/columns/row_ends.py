@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.ingest.columns.names import mostly_numbers
-from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import FloatArray
 from app.ingest.numbers.units import as_number
@@ -29,7 +29,9 @@ def with_ends(plan: Plan, head: Head) -> Plan:
     counts = Counter(map(len, rows))
     often = max(_SOME_ROWS, _SOME_SHARE * counts.total())
     full = [row for row in rows if len(row) >= plan.width]
-    read, ends, seldom = plan.read, set(plan.ends), True
+    one_value = isinstance(plan, LongPlan) and not plan.signals
+    ends = plan.ends | {end for end in range(_least(plan), plan.width) if one_value and counts[end] >= often}
+    read, seldom = plan.read, True
     for end in range(plan.width - 1, _least(plan) - 1, -1):
         if end in read:
             seldom = False
@@ -38,8 +40,8 @@ def with_ends(plan: Plan, head: Head) -> Plan:
         elif mostly_numbers(head.column(end, plan.first_row), head.decimal_mark):
             break
         if seldom or counts[end] >= often:
-            ends.add(end)
-    return replace(plan, ends=frozenset(ends))
+            ends |= {end}
+    return replace(plan, ends=ends)
 
 
 def _is_left_out(end: int, rows: Rows, full: Rows, plan: Plan, head: Head) -> bool:
