@@ -75,7 +75,9 @@ def told(process: Step, sensor: Step) -> Explanation:
     return ask(loop(process, sensor))
 
 
-@pytest.mark.parametrize(("process", "sensor"), [(quicker_up, as_it_is), (linear, warms_slowly)])
+@pytest.mark.parametrize(
+    ("process", "sensor"), [(quicker_up, as_it_is), (quicker_below, as_it_is), (linear, warms_slowly)]
+)
 def test_what_fits_nothing_in_the_library_is_unnamed(process: Step, sensor: Step) -> None:
     said = told(process, sensor)
     first = said.effects[0]
