@@ -9,12 +9,12 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import httpx
 import hypothesis
@@ -208,17 +208,20 @@ def warm_kernels() -> None:
     warming.warm_up()
 
 
-@lru_cache(maxsize=2000)
-def _audited_once(fingerprint: str, recording: "_Named", config: AuditConfig) -> Audit:
-    return audit(recording.it, config)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class _Named:
-    """A recording that is told by its name beside its fingerprint."""
+class _Told(Generic[T]):
+    """Something that is told by what it holds."""
 
-    name: str
-    it: Recording = field(compare=False)
+    by: Hashable
+    it: T = field(compare=False)
+
+
+@lru_cache(maxsize=2000)
+def _audited_once(recording: _Told[Recording], config: AuditConfig) -> Audit:
+    return audit(recording.it, config)
 
 
 @pytest.fixture(autouse=True)
@@ -228,27 +231,20 @@ def audits_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """
 
     def once(recording: Recording, config: AuditConfig) -> Audit:
-        return _audited_once(recording.fingerprint(), _Named(recording.name, recording), config)
+        return _audited_once(_Told((recording.fingerprint(), recording.name), recording), config)
 
     monkeypatch.setattr(chunks, "audit", once)
 
 
 @lru_cache(maxsize=200)
-def _explained_once(content: bytes, comparison: "_Compared") -> Explanation:
+def _explained_once(comparison: _Told[Comparison]) -> Explanation:
     return explain(comparison.it)
-
-
-@dataclass(frozen=True)
-class _Compared:
-    """A comparison that is told by its content beside it."""
-
-    it: Comparison = field(compare=False)
 
 
 @pytest.fixture(autouse=True)
 def explanations_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """As audits, on both data bases and by whatever way a comparison comes."""
-    monkeypatch.setattr(working, "explain", lambda it: _explained_once(pickle.dumps(it), _Compared(it)))
+    monkeypatch.setattr(working, "explain", lambda it: _explained_once(_Told(pickle.dumps(it), it)))
 
 
 @pytest.fixture

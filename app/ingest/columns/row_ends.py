@@ -29,9 +29,9 @@ def with_ends(plan: Plan, head: Head) -> Plan:
     counts = Counter(map(len, rows))
     often = max(_SOME_ROWS, _SOME_SHARE * counts.total())
     full = [row for row in rows if len(row) >= plan.width]
-    one_value = isinstance(plan, LongPlan) and not plan.signals
-    ends = plan.ends | {end for end in range(_least(plan), plan.width) if one_value and counts[end] >= often}
-    read, seldom = plan.read, True
+    read, ends, seldom = plan.read, set(plan.ends), True
+    if isinstance(plan, LongPlan) and not plan.signals:
+        ends.update(end for end in range(_least(plan), plan.width) if counts[end] >= often)
     for end in range(plan.width - 1, _least(plan) - 1, -1):
         if end in read:
             seldom = False
@@ -40,8 +40,8 @@ def with_ends(plan: Plan, head: Head) -> Plan:
         elif mostly_numbers(head.column(end, plan.first_row), head.decimal_mark):
             break
         if seldom or counts[end] >= often:
-            ends |= {end}
-    return replace(plan, ends=ends)
+            ends.add(end)
+    return replace(plan, ends=frozenset(ends))
 
 
 def _is_left_out(end: int, rows: Rows, full: Rows, plan: Plan, head: Head) -> bool:

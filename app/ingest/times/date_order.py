@@ -1,6 +1,6 @@
 """In which order day, month and year stand in dates of digits alone, where several orders can be read."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +48,7 @@ def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
     common = np.logical_and.reduce([reading.read & _runs_on(reading.times) for reading in readings])
     unevenness = {reading.format: _unevenness(reading, common) for reading in readings}
     said = [reading for reading in readings if options.day_first is not None and _is_said(reading, options)]
-    if said and not any(_tells_more(reading, said[0], common) for reading in readings):
+    if said and not any(_tells_more(reading, said[0], unevenness) for reading in readings):
         return Chosen(said[0].format)
     past = [reading for reading in readings if not _ahead(reading, options)] or list(readings)
     ranked = sorted(past, key=lambda reading: unevenness[reading.format])
@@ -101,10 +101,10 @@ def _others(readings: Sequence[Reading], chosen: Reading) -> tuple[str, ...]:
     return tuple(reading.format for reading in readings if reading.format[:_DATE] != chosen.format[:_DATE])
 
 
-def _tells_more(reading: Reading, other: Reading, common: NDArray[np.bool_]) -> bool:
+def _tells_more(reading: Reading, other: Reading, unevenness: Mapping[str, tuple[int, int]]) -> bool:
     """Whether one reads more stamps than another, which are no damaged ones: time runs on in them."""
     more = int(np.sum(reading.read)) > int(np.sum(other.read))
-    return more and _unevenness(reading, common)[0] < _unevenness(other, common)[0]
+    return more and unevenness[reading.format][0] < unevenness[other.format][0]
 
 
 def _runs_on(times: TimeArray) -> NDArray[np.bool_]:
