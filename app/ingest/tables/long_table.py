@@ -233,16 +233,19 @@ class LongTable:
         return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        texts, time_ns = self._dates.read(rows.frame, self._read_times)
+        texts, time_ns = self._timed(rows, reader)
         cells = Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
-        gathered = self._of_cells(cells, texts, self._without_short_rows(time_ns, rows, reader))
+        gathered = self._of_cells(cells, texts, time_ns)
         self._tally.rows_kept += len(gathered)
         return gathered
 
-    def _without_short_rows(self, time_ns: TimeArray, rows: Rows, reader: RowReader) -> TimeArray:
-        """Rows cut short lost the place of their fields: without a time they are refused as such."""
+    def _timed(self, rows: Rows, reader: RowReader) -> tuple[pl.Series, TimeArray]:
+        """What stands in the rows for their times, and the times. Rows cut short lost the place of their fields:
+        without a time they are refused as such."""
+        texts, time_ns = self._dates.read(rows.frame, self._read_times)
         short = reader.short_rows(rows, rows.may_be_short())
-        return np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
+        time_ns = np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
+        return texts, time_ns
 
     def _of_cells(self, cells: Cells, texts: pl.Series, time_ns: TimeArray) -> Gathered:
         """The values in rows with a time and a tag; texts: of the times."""

@@ -30,8 +30,7 @@ class LoopRowsTable(LongTable):
         return None
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
-        texts, time_ns = self._dates.read(rows.frame, self._read_times)
-        time_ns = self._without_short_rows(time_ns, rows, reader)
+        texts, time_ns = self._timed(rows, reader)
         loops = rows.frame[name_of(self._plan.tag)].str.strip_chars()
         self._place_others(loops)
         columns = self._cells(rows, reader, loops)
