@@ -8,6 +8,7 @@ from app.cli.bench import Section
 from app.lab.bench import files, ingest, plant
 from app.lab.bench.bench import QUICK, Bench, SkippedError
 from app.lab.bench.machine import describe
+from app.lab.bench.measure import yardstick_s
 from app.lab.bench.page import performance_page
 from app.lab.bench.running import SECTIONS, read
 from app.services import demo
@@ -96,6 +97,16 @@ def test_the_page_counts_workers_as_one_says_it_and_tells_which_loop_grows() -> 
     assert "a pressure loop of the simulated plant whose valve sticks (S 2 %, J 0.5 %)" in page
     figures["sections"]["plant"]["whole"]["ms_a_loop"] = 600.0
     assert "3 workers do it in 6 hours" in performance_page(figures)
+
+
+def test_the_page_tells_audits_beside_what_the_machine_did_meanwhile() -> None:
+    figures = read(FIGURES)
+    figures["sections"]["audit"]["longer"] |= {"ms_max": 60.0, "ms_mean": 30.0, "yardstick_ms": 40.0}
+    page = performance_page(figures)
+    assert "took 40 ms here: of the last row the dearest audit cost 1.5 times that and the mean one 0.75" in page
+    del figures["sections"]["audit"]["longer"]["yardstick_ms"]
+    assert "a million additions" not in performance_page(figures)
+    assert yardstick_s() > 0.0
 
 
 def test_of_the_kernel_the_version_is_told_and_not_whose_build_it_is(monkeypatch) -> None:

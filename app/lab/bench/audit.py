@@ -16,7 +16,7 @@ from app.engine.recording import Recording, UniformRecord
 from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter
 from app.lab.bench.bench import Bench, Figures
 from app.lab.bench.loops import records
-from app.lab.bench.measure import median_s
+from app.lab.bench.measure import median_s, yardstick_s
 
 KINDS = 60  # the conditions of the simulated plant
 REPEATS = 5
@@ -51,6 +51,7 @@ def _spread(plant: dict[str, Recording], samples: int) -> Figures:
         "ms_median": float(np.median(ms)),
         "ms_p95": float(np.percentile(ms, 95)),
         "ms_max": float(np.max(ms)),
+        "yardstick_ms": 1e3 * yardstick_s(),
     }
 
 

@@ -24,6 +24,23 @@ def median_s(work: Callable[[], object], repeats: int = 9) -> float:
     return float(np.median(times))
 
 
+YARDSTICK_ADDITIONS = 1_000_000
+
+
+def yardstick_s() -> float:
+    """What a million additions in a loop of Python take here, in s of processor time, the least of nine: a processor
+    that is shared is at times half as fast as at others, and times are to be read beside it.
+    """
+    return min(_additions_s() for _ in range(9))
+
+
+def _additions_s() -> float:
+    total, start = 0, time.thread_time()
+    for one in range(YARDSTICK_ADDITIONS):
+        total += one
+    return time.thread_time() - start
+
+
 class Stopwatch:
     """Wall time of a block, in s."""
 

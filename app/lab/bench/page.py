@@ -216,6 +216,7 @@ def _audit(found: Figures) -> str:
     shown = ("samples", "loops", "ms_mean", "ms_median", "ms_p95", "ms_max")
     head = ("samples", "simulated loops", "mean, ms", "median", "95th percentile", "greatest")
     text += table(head, [[number(it[key], 4) for key in shown] for it in spreads]) + "\n"
+    text += "".join(_yardstick(it) for it in spreads[-1:] if "yardstick_ms" in it)
     stages = [
         (r["stage"], number(r["ms"]), f"{100 * r['share']:.0f} %", number(r["calls_a_loop"])) for r in found["stages"]
     ]
@@ -235,6 +236,16 @@ def _audit(found: Figures) -> str:
         text += table((label, "one-parameter identification, ms"), [(r["value"], number(r["ms"])) for r in found[name]])
         text += "\n"
     return text
+
+
+def _yardstick(longer: Figures) -> str:
+    """How fast this machine was meanwhile, and what the audits cost in that unit."""
+    unit = longer["yardstick_ms"]
+    return (
+        f"Meanwhile a million additions in a loop of Python took {number(unit)} ms here: of the last row the dearest "
+        f"audit cost {number(longer['ms_max'] / unit)} times that and the mean one {number(longer['ms_mean'] / unit)}. "
+        "These ratios travel better than the times.\n\n"
+    )
 
 
 def _slope(before: Figures, row: Figures, name: str) -> float | None:
