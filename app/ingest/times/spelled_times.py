@@ -59,16 +59,21 @@ _OFFSETS = MappingProxyType(
 """Zones in letters that mean one offset wherever they are used; CST, IST and BST do not."""
 ZONES_IN_LETTERS = tuple(_OFFSETS)
 _IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(_OFFSETS)})$"
+_OF_DIGITS = (
+    (r"(:\d{2}(?:\.\d+)?) ([+-]\d{2}):?(\d{2})$", "${1}${2}:${3}"),
+    (r"(\d:\d{2}:\d{2}):(\d{3})$", "${1}.${2}"),
+)
+"""All that is done to stamps of digits and their usual signs, as ISO 8601 has them."""
+_OTHER_SIGNS = r"[^0-9TZ :.+/-]"
 _MADE_PLAIN = (
     (
         r"(?i)^[a-z]{3} ([a-z]{3}) (\d{1,2}) (\d{1,2}:\d{2}:\d{2})((?: \S+)?) (\d{4})$",
         "${1} ${2} ${5} ${3}${4}",
     ),  # Java
     (r"(?i) (\d{1,2})\.(\d{2})\.(\d{2})((?:\.\d+)?) ?([ap]m)$", " ${1}:${2}:${3}${4} ${5}"),
-    (r"(:\d{2}(?:\.\d+)?) ([+-]\d{2}):?(\d{2})$", "${1}${2}:${3}"),
+    *_OF_DIGITS,
     (r"(?i)(\d)(?:,|,? (?:at|um|à|a las)) ?(\d{1,2}:\d{2})", "${1} ${2}"),
     (r"(:\d{2}),(\d)", "${1}.${2}"),
-    (r"(\d:\d{2}:\d{2}):(\d{3})$", "${1}.${2}"),
     (r"^(\d{4})年(\d{1,2})月(\d{1,2})日", "${1}-${2}-${3}"),
     (r"(\d{1,2})[时時](\d{1,2})分(\d{1,2})秒", "${1}:${2}:${3}"),
     (r"(?i)(\d) ?([ap])\.? ?m\b\.?", "${1} ${2}m"),
@@ -86,8 +91,11 @@ _MADE_PLAIN = (
 def respelled(texts: pl.Series) -> pl.Series:
     """Stamps in the usual spelling; named months as 12-Nov-2026; texts that are none come back as anything."""
     texts = texts.str.replace_all(r"\s+", " ").str.strip_chars(' "')
-    for pattern, plain in _MADE_PLAIN:
+    of_digits = not texts.str.contains(_OTHER_SIGNS).any()
+    for pattern, plain in _OF_DIGITS if of_digits else _MADE_PLAIN:
         texts = texts.str.replace(pattern, plain)
+    if of_digits:  # the forms below, most of whose cost is that they are compiled, have words
+        return texts
     if texts.str.contains(_IN_LETTERS).any():
         for letters, offset in _OFFSETS.items():
             texts = texts.str.replace(rf"(:\d{{2}}(?:\.\d+)?) {letters}$", f"${{1}}{offset}")
