@@ -1,6 +1,7 @@
 """A faulty sensor: it spikes, or it holds its value and jumps."""
 
 import numpy as np
+from numba import njit
 
 from app.engine.fitness.signals import run_lengths
 from app.engine.recording import BoolArray, FloatArray
@@ -71,14 +72,30 @@ def _spikes(pv: FloatArray, op: FloatArray) -> tuple[int, float]:
     """How many spikes, and the share of the variance of PV about its running median that they hold."""
     if len(pv) < _FEWEST_SAMPLES:
         return 0, 0.0
-    around = _around(pv)
-    off = around[2] - np.sort(around, axis=0)[2]
     usual = float(np.median(np.abs(np.diff(pv))))
-    beside = np.ptp(around[[0, 1, 3, 4]], axis=0)
+    off, beside = _off_its_neighbours(pv)
     spike = (np.abs(off) > _SPIKE_SIZE * usual) & (beside < _RETURNS_WITHIN * np.abs(off)) & (usual > 0.0)
-    spike &= ~_op_stays(op)
+    if spike.any():
+        spike &= ~_op_stays(op)
     total = float(off @ off)
     return int(spike.sum()), float(off[spike] @ off[spike]) / total if total > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _off_its_neighbours(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n - 4,) each, of the inner samples of x (n,): how far it is from the median of five around it, and what the
+    others of these go over.
+    """
+    off, beside = np.empty(len(x) - 4), np.empty(len(x) - 4)
+    for k in range(len(off)):
+        a, b, here, c, d = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4]
+        low_ab, high_ab, low_cd, high_cd = min(a, b), max(a, b), min(c, d), max(c, d)
+        lowest, highest = min(low_ab, low_cd), max(high_ab, high_cd)
+        # Of four the middle two; the fifth is the median where it lies between them.
+        lower, upper = max(low_ab, low_cd), min(high_ab, high_cd)
+        off[k] = here - max(min(lower, upper), min(here, max(lower, upper)))
+        beside[k] = highest - lowest
+    return off, beside
 
 
 def _op_stays(op: FloatArray) -> BoolArray:
