@@ -13,7 +13,7 @@ from numba import njit
 
 from app.engine.recording import FloatArray, IntArray
 from app.engine.signals.sampled import cycle_ranges, deviation, dot, mean, median, without_drift
-from app.engine.valve import he_step
+from app.engine.valve import he_stems, he_step
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
@@ -23,6 +23,7 @@ _SLIPS = (0.0, 0.4, 1.0)
 # A misfit below this share of the variance of PV is as good as none: noise decides there.
 _MISFIT_FLOOR = 0.02
 _WORST_MISFIT = 2.0
+_SAMPLES_ABREAST = 64
 
 
 @dataclass(frozen=True)
@@ -239,26 +240,108 @@ def fill_sums(y: FloatArray, v: FloatArray, grid: tuple, drift: int, xy: FloatAr
     (n,) through every process of the grid (`process_grid`), less its drift, and of the squares of that.
     """
     lags, dead_times = grid
-    n, half = len(y), len(y) // 2
     for i in range(len(lags)):
-        x = without_drift(through_process(v, lags[i]), drift)
-        for k in range(len(dead_times)):
-            theta = dead_times[k]
-            early, late = x[: half - theta], x[half - theta : n - theta]
-            xy[i, k, 0], xy[i, k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
-            xx[i, k, 0], xx[i, k, 1] = dot(early, early), dot(late, late)
+        _fill_delayed(y, without_drift(through_process(v, lags[i]), drift), dead_times, xy[i], xx[i])
+
+
+@njit(cache=True, nogil=True)
+def _fill_delayed(y: FloatArray, x: FloatArray, dead_times: IntArray, xy: FloatArray, xx: FloatArray) -> None:
+    """The same of one lag, (dead times, 2) each; x: (n,) what comes through it, less its drift."""
+    n, half = len(y), len(y) // 2
+    for k in range(len(dead_times)):
+        theta = dead_times[k]
+        early, late = x[: half - theta], x[half - theta : n - theta]
+        xy[k, 0], xy[k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
+        xx[k, 0], xx[k, 1] = dot(early, early), dot(late, late)
 
 
 @njit(cache=True, nogil=True)
 def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     """Sums of products of PV with every simulated PV, and of their squares, over both halves of the window."""
-    half = len(y) // 2
+    n, half = len(y), len(y) // 2
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))
     yy = np.empty((len(dead_times), 2))
     yy[:, 1] = dot(y[half:], y[half:])
     for k in range(len(dead_times)):
         yy[k, 0] = dot(y[dead_times[k] : half], y[dead_times[k] : half])
-    for m in range(len(S)):
-        fill_sums(y, valve_position(op, S[m], J[m]), (lags, dead_times), drift, xy[m], xx[m])
+    # All valves abreast: one after another would wait for the sample before at every sample.
+    x, total, simulated = np.empty((n, len(S))), np.empty((n + 1, len(S))), np.empty((len(S), n))
+    he_stems(op, S, J, simulated)
+    v = simulated.T.copy()
+    for i in range(len(lags)):
+        _through_abreast(v, lags[i], x)
+        _without_line_abreast(x)
+        _without_drift_abreast(x, drift, total, simulated)
+        for m in range(len(S)):
+            _fill_delayed(y, simulated[m], dead_times, xy[m, i], xx[m, i])
     return yy, xy, xx
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _through_abreast(v: FloatArray, lag: float, x: FloatArray) -> None:
+    """`through_process` of v (n, M) into x (n, M)."""
+    n, abreast = v.shape
+    if lag == 0.0:
+        x[:] = v
+        return
+    level, keep, added = v[0].copy(), 1.0, 1.0
+    mean = np.zeros(abreast)
+    if lag < 0.0:
+        level[:] = 0.0
+        for t in range(n):
+            for m in range(abreast):
+                mean[m] += v[t, m] / n
+    else:
+        keep = np.exp(-1.0 / lag)
+        added = 1.0 - keep
+    for t in range(n):
+        for m in range(abreast):
+            level[m] = keep * level[m] + added * (v[t, m] - mean[m])
+            x[t, m] = level[m]
+
+
+@njit(cache=True, nogil=True)
+def _without_line_abreast(x: FloatArray) -> None:
+    """Takes their least-squares straight lines out of the columns of x (n, M)."""
+    n, abreast = x.shape
+    level, slope, middle, bottom = np.zeros(abreast), np.zeros(abreast), (n - 1) / 2.0, 0.0
+    for t in range(n):
+        bottom += (t - middle) ** 2
+        for m in range(abreast):
+            level[m] += x[t, m]
+            slope[m] += (t - middle) * x[t, m]
+    for m in range(abreast):
+        level[m] /= n
+        slope[m] /= bottom
+    for t in range(n):
+        for m in range(abreast):
+            x[t, m] = x[t, m] - level[m] - slope[m] * (t - middle)
+
+
+@njit(cache=True, nogil=True)
+def _without_drift_abreast(x: FloatArray, half: int, total: FloatArray, out: FloatArray) -> None:
+    """`without_drift` of the columns of x (n, M), which have no line any more, into the rows of out (M, n). total:
+    (n + 1, M) room to work in.
+    """
+    n, abreast = x.shape
+    taken_off = 1.0 if n >= 2.5 * half else 0.0  # of the moving average
+    running = np.zeros(abreast)
+    total[0] = 0.0
+    for t in range(n):
+        row, following = x[t], total[t + 1]
+        for m in range(abreast):
+            running[m] += taken_off * row[m]
+            following[m] = running[m]
+    part = np.empty((_SAMPLES_ABREAST, abreast))
+    for begin in range(0, n, _SAMPLES_ABREAST):
+        end = min(begin + _SAMPLES_ABREAST, n)
+        for t in range(begin, end):
+            low, high = max(t - half, 0), min(t + half + 1, n)
+            share, row, before, upto, left = 1.0 / (high - low), x[t], total[low], total[high], part[t - begin]
+            for m in range(abreast):
+                left[m] = row[m] - (upto[m] - before[m]) * share
+        for m in range(abreast):
+            kept = out[m, begin:end]
+            for t in range(len(kept)):
+                kept[t] = part[t, m]
