@@ -7,6 +7,7 @@ from app.engine.fitness.signals import run_lengths
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.rivals.rival import Rival, not_evaluated, rising
 from app.engine.rivals.scene import Scene
+from app.engine.signals.sampled import medians_of_five
 
 # Fixed beforehand, not fitted: nothing but the instrument holds PV to the last digit while OP moves.
 _AGAINST_STICTION = 3.0
@@ -73,7 +74,7 @@ def _spikes(pv: FloatArray, op: FloatArray) -> tuple[int, float]:
     if len(pv) < _FEWEST_SAMPLES:
         return 0, 0.0
     usual = float(np.median(np.abs(np.diff(pv))))
-    off, beside = _off_its_neighbours(pv)
+    off, beside = (pv - medians_of_five(pv))[2:-2], _range_beside(pv)
     spike = (np.abs(off) > _SPIKE_SIZE * usual) & (beside < _RETURNS_WITHIN * np.abs(off)) & (usual > 0.0)
     if spike.any():
         spike &= ~_op_stays(op)
@@ -82,20 +83,13 @@ def _spikes(pv: FloatArray, op: FloatArray) -> tuple[int, float]:
 
 
 @njit(cache=True, nogil=True)
-def _off_its_neighbours(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n - 4,) each, of the inner samples of x (n,): how far it is from the median of five around it, and what the
-    others of these go over.
-    """
-    off, beside = np.empty(len(x) - 4), np.empty(len(x) - 4)
-    for k in range(len(off)):
-        a, b, here, c, d = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4]
-        low_ab, high_ab, low_cd, high_cd = min(a, b), max(a, b), min(c, d), max(c, d)
-        lowest, highest = min(low_ab, low_cd), max(high_ab, high_cd)
-        # Of four the middle two; the fifth is the median where it lies between them.
-        lower, upper = max(low_ab, low_cd), min(high_ab, high_cd)
-        off[k] = here - max(min(lower, upper), min(here, max(lower, upper)))
-        beside[k] = highest - lowest
-    return off, beside
+def _range_beside(x: FloatArray) -> FloatArray:
+    """(n - 4,) what the two samples before each inner one of x (n,) and the two after it go over."""
+    ranges = np.empty(len(x) - 4)
+    for k in range(len(ranges)):
+        a, b, c, d = x[k], x[k + 1], x[k + 3], x[k + 4]
+        ranges[k] = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d))
+    return ranges
 
 
 def _op_stays(op: FloatArray) -> BoolArray:

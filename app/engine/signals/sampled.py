@@ -91,6 +91,18 @@ def median(x: FloatArray) -> float:
 
 
 @njit(cache=True, nogil=True)
+def medians_of_five(x: FloatArray) -> FloatArray:
+    """(N,) the median of each sample of x (N,) and the two on either side; the last one repeated beyond the ends."""
+    n, out = len(x), np.empty(len(x))
+    for i in range(n):
+        a, b, c, d = x[max(i - 2, 0)], x[max(i - 1, 0)], x[min(i + 1, n - 1)], x[min(i + 2, n - 1)]
+        # Of the four beside it the middle two: the sample is the median where it lies between them.
+        lower, upper = max(min(a, b), min(c, d)), min(max(a, b), max(c, d))
+        out[i] = max(min(lower, upper), min(x[i], max(lower, upper)))
+    return out
+
+
+@njit(cache=True, nogil=True)
 def slope(x: FloatArray) -> FloatArray:
     """(N,) half of what x (N,), N at least 2, moves from the sample before to the one after; one step at the ends."""
     n = len(x)
