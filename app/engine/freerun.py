@@ -5,14 +5,15 @@ a first-order lag or an integrator, and a dead time; the gain is the only thing 
 the same slow drift first, so that load changes slower than some three cycles do not count.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray, IntArray
-from app.engine.signals.sampled import cycle_ranges, dot, without_drift
-from app.engine.valve import he_step
+from app.engine.signals.sampled import cycle_ranges, deviation, dot, mean, median, without_drift
+from app.engine.valve import he_stems, he_step
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
@@ -22,6 +23,7 @@ _SLIPS = (0.0, 0.4, 1.0)
 # A misfit below this share of the variance of PV is as good as none: noise decides there.
 _MISFIT_FLOOR = 0.02
 _WORST_MISFIT = 2.0
+_SAMPLES_ABREAST = 64
 
 
 @dataclass(frozen=True)
@@ -83,24 +85,25 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     action, integral_share = controller_action(y, without_drift(op, drift))
     lags, dead_times = process_grid(per_cycle)
     sums = _Sums(*_bank(y, op, S, J, lags, dead_times, drift))
-    any_sign, causal = _misfit(sums, 0.0), _misfit(sums, -action)
-    held = _held_out(sums, -action)
-    best = int(np.argmin(any_sign[1:].reshape(len(S) - 1, -1).min(axis=1))) + 1
+    misfit, causal_misfit = _misfit(sums, 0.0), _misfit(sums, -action)
+    any_sign, causal, level = (_least(x) for x in (misfit, causal_misfit, causal_misfit[:, -1:]))
+    held = _held_out(sums.yy, sums.xy, sums.xx, -action)
+    best = int(np.argmin(misfit[1:].reshape(len(S) - 1, -1).min(axis=1))) + 1
     return FreeRun(
-        fit_linear=1.0 - float(any_sign[0].min()),
-        fit_sticky=1.0 - float(any_sign[1:].min()),
+        fit_linear=1.0 - any_sign[0],
+        fit_sticky=1.0 - any_sign[1],
         gain=_log_gain(any_sign),
-        causal_linear=1.0 - float(causal[0].min()),
-        causal_sticky=1.0 - float(causal[1:].min()),
+        causal_linear=1.0 - causal[0],
+        causal_sticky=1.0 - causal[1],
         causal_gain=_log_gain(causal),
-        misfit_drop=float(any_sign[0].min() - any_sign[1:].min()),
-        causal_drop=float(causal[0].min() - causal[1:].min()),
+        misfit_drop=any_sign[0] - any_sign[1],
+        causal_drop=causal[0] - causal[1],
         held_linear=1.0 - held[0],
         held_sticky=1.0 - held[1],
         held_gain=held[0] - held[1],
         S_share=float(S[best]),
         J_share=float(J[best] / S[best]),
-        level_gain=_log_gain(causal[:, -1:]),
+        level_gain=_log_gain(level),
         integral_share=integral_share,
     )
 
@@ -115,7 +118,7 @@ def process_grid(per_cycle: int) -> tuple[FloatArray, IntArray]:
 def cycle_range(op: FloatArray, per_cycle: int) -> float:
     """Median range of op (n,) over its cycles; over all where there is not one whole cycle."""
     ranges = cycle_ranges(op, per_cycle)
-    usual = float(np.median(ranges)) if len(ranges) else 0.0
+    usual = float(median(ranges)) if len(ranges) else 0.0
     return usual or float(np.ptp(op))
 
 
@@ -124,26 +127,40 @@ def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
 
     pv, op: (n,) without drift. A set point that moves blurs both.
     """
-    integral = np.cumsum(pv - pv.mean())
-    t = np.linspace(-1.0, 1.0, len(pv))
-    columns = np.column_stack((pv, integral, np.ones_like(t), t, t * t))
-    scale = np.maximum(columns.std(axis=0), 1e-12)
-    scale[2] = 1.0
-    columns /= scale
-    normal = columns.T @ columns + 1e-9 * len(pv) * np.eye(5)
-    proportional, integrating = np.linalg.solve(normal, columns.T @ op)[:2]
+    rows = _acted_on(pv)
+    normal = rows @ rows.T + 1e-9 * len(pv) * np.eye(len(rows))
+    proportional, integrating = np.linalg.solve(normal, rows @ op)[:2]
     strongest = proportional if abs(proportional) > abs(integrating) else integrating
     share = abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
     return float(np.sign(strongest)), float(share)
 
 
-def _log_gain(misfit: FloatArray) -> float:
-    return float(np.log((misfit[0].min() + _MISFIT_FLOOR) / (misfit[1:].min() + _MISFIT_FLOOR)))
+@njit(cache=True, nogil=True)
+def _acted_on(pv: FloatArray) -> FloatArray:
+    """(5, n): pv (n,), its integral and what drifts, a parabola; all but the constant at unit deviation."""
+    n, level, total = len(pv), mean(pv), 0.0
+    rows = np.ones((5, n))
+    for k in range(n):
+        total += pv[k] - level
+        t = 2.0 * k / max(n - 1, 1) - 1.0
+        rows[0, k], rows[1, k], rows[3, k], rows[4, k] = pv[k], total, t, t * t
+    for row in (0, 1, 3, 4):
+        rows[row] /= max(deviation(rows[row]), 1e-12)
+    return rows
+
+
+def _least(misfit: FloatArray) -> tuple[float, float]:
+    """Of the linear valve and of the sticky ones."""
+    return float(misfit[0].min()), float(misfit[1:].min())
+
+
+def _log_gain(least: tuple[float, float]) -> float:
+    return math.log((least[0] + _MISFIT_FLOOR) / (least[1] + _MISFIT_FLOOR))
 
 
 def _misfit(sums: _Sums, sign: float) -> FloatArray:
     """(M, lags, dead times) share of the variance of PV left over; process gains of the other sign count as zero."""
-    xy, xx, yy = sums.xy.sum(axis=-1), sums.xx.sum(axis=-1), sums.yy.sum(axis=-1)
+    xy, xx, yy = (both[..., 0] + both[..., 1] for both in (sums.xy, sums.xx, sums.yy))
     return 1.0 - _usable(xy, sign) ** 2 / (xx + 1e-12) / (yy + 1e-300)
 
 
@@ -151,19 +168,29 @@ def _usable(xy: FloatArray, sign: float) -> FloatArray:
     return xy if sign == 0.0 else np.where(xy * sign > 0.0, xy, 0.0)
 
 
-def _held_out(sums: _Sums, sign: float) -> tuple[float, float]:
-    """Mean misfit on the half that was not fitted: linear valve, sticky valve."""
+@njit(cache=True, nogil=True)
+def _held_out(yy: FloatArray, xy: FloatArray, xx: FloatArray, sign: float) -> tuple[float, float]:
+    """Mean misfit on the half that was not fitted, of `_Sums`: linear valve, sticky valve."""
     linear, sticky = 0.0, 0.0
-    for fitted, other in ((0, 1), (1, 0)):
-        xy, xx, yy = sums.xy[..., fitted], sums.xx[..., fitted], sums.yy[:, fitted]
-        gain = _usable(xy, sign) / (xx + 1e-12)
-        inside = (yy - gain * xy) / (yy + 1e-300)
-        there = sums.yy[:, other]
-        outside = (there - 2 * gain * sums.xy[..., other] + gain**2 * sums.xx[..., other]) / (there + 1e-300)
-        outside = np.minimum(outside, _WORST_MISFIT)
-        linear += float(outside[0].flat[np.argmin(inside[0])]) / 2
-        sticky += float(outside[1:].flat[np.argmin(inside[1:])]) / 2
+    for fitted in range(2):
+        linear += _misfit_elsewhere(yy, xy[:1], xx[:1], fitted, sign) / 2
+        sticky += _misfit_elsewhere(yy, xy[1:], xx[1:], fitted, sign) / 2
     return linear, sticky
+
+
+@njit(cache=True, nogil=True)
+def _misfit_elsewhere(yy: FloatArray, xy: FloatArray, xx: FloatArray, fitted: int, sign: float) -> float:
+    """On the other half, of the model that is best on the one that was fitted."""
+    other, least, found = 1 - fitted, np.inf, _WORST_MISFIT
+    for m, i, k in np.ndindex(xy.shape[:3]):
+        usable = xy[m, i, k, fitted] if sign == 0.0 or xy[m, i, k, fitted] * sign > 0.0 else 0.0
+        gain = usable / (xx[m, i, k, fitted] + 1e-12)
+        inside = (yy[k, fitted] - gain * xy[m, i, k, fitted]) / (yy[k, fitted] + 1e-300)
+        if inside < least:
+            there = yy[k, other]
+            outside = there - 2 * gain * xy[m, i, k, other] + gain**2 * xx[m, i, k, other]
+            least, found = inside, min(outside / (there + 1e-300), _WORST_MISFIT)
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -213,26 +240,108 @@ def fill_sums(y: FloatArray, v: FloatArray, grid: tuple, drift: int, xy: FloatAr
     (n,) through every process of the grid (`process_grid`), less its drift, and of the squares of that.
     """
     lags, dead_times = grid
-    n, half = len(y), len(y) // 2
     for i in range(len(lags)):
-        x = without_drift(through_process(v, lags[i]), drift)
-        for k in range(len(dead_times)):
-            theta = dead_times[k]
-            early, late = x[: half - theta], x[half - theta : n - theta]
-            xy[i, k, 0], xy[i, k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
-            xx[i, k, 0], xx[i, k, 1] = dot(early, early), dot(late, late)
+        _fill_delayed(y, without_drift(through_process(v, lags[i]), drift), dead_times, xy[i], xx[i])
+
+
+@njit(cache=True, nogil=True)
+def _fill_delayed(y: FloatArray, x: FloatArray, dead_times: IntArray, xy: FloatArray, xx: FloatArray) -> None:
+    """The same of one lag, (dead times, 2) each; x: (n,) what comes through it, less its drift."""
+    n, half = len(y), len(y) // 2
+    for k in range(len(dead_times)):
+        theta = dead_times[k]
+        early, late = x[: half - theta], x[half - theta : n - theta]
+        xy[k, 0], xy[k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
+        xx[k, 0], xx[k, 1] = dot(early, early), dot(late, late)
 
 
 @njit(cache=True, nogil=True)
 def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     """Sums of products of PV with every simulated PV, and of their squares, over both halves of the window."""
-    half = len(y) // 2
+    n, half = len(y), len(y) // 2
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))
     yy = np.empty((len(dead_times), 2))
     yy[:, 1] = dot(y[half:], y[half:])
     for k in range(len(dead_times)):
         yy[k, 0] = dot(y[dead_times[k] : half], y[dead_times[k] : half])
-    for m in range(len(S)):
-        fill_sums(y, valve_position(op, S[m], J[m]), (lags, dead_times), drift, xy[m], xx[m])
+    # All valves abreast: one after another would wait for the sample before at every sample.
+    x, total, simulated = np.empty((n, len(S))), np.empty((n + 1, len(S))), np.empty((len(S), n))
+    he_stems(op, S, J, simulated)
+    v = simulated.T.copy()
+    for i in range(len(lags)):
+        _through_abreast(v, lags[i], x)
+        _without_line_abreast(x)
+        _without_drift_abreast(x, drift, total, simulated)
+        for m in range(len(S)):
+            _fill_delayed(y, simulated[m], dead_times, xy[m, i], xx[m, i])
     return yy, xy, xx
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _through_abreast(v: FloatArray, lag: float, x: FloatArray) -> None:
+    """`through_process` of v (n, M) into x (n, M)."""
+    n, abreast = v.shape
+    if lag == 0.0:
+        x[:] = v
+        return
+    level, keep, added = v[0].copy(), 1.0, 1.0
+    mean = np.zeros(abreast)
+    if lag < 0.0:
+        level[:] = 0.0
+        for t in range(n):
+            for m in range(abreast):
+                mean[m] += v[t, m] / n
+    else:
+        keep = np.exp(-1.0 / lag)
+        added = 1.0 - keep
+    for t in range(n):
+        for m in range(abreast):
+            level[m] = keep * level[m] + added * (v[t, m] - mean[m])
+            x[t, m] = level[m]
+
+
+@njit(cache=True, nogil=True)
+def _without_line_abreast(x: FloatArray) -> None:
+    """Takes their least-squares straight lines out of the columns of x (n, M)."""
+    n, abreast = x.shape
+    level, slope, middle, bottom = np.zeros(abreast), np.zeros(abreast), (n - 1) / 2.0, 0.0
+    for t in range(n):
+        bottom += (t - middle) ** 2
+        for m in range(abreast):
+            level[m] += x[t, m]
+            slope[m] += (t - middle) * x[t, m]
+    for m in range(abreast):
+        level[m] /= n
+        slope[m] /= bottom
+    for t in range(n):
+        for m in range(abreast):
+            x[t, m] = x[t, m] - level[m] - slope[m] * (t - middle)
+
+
+@njit(cache=True, nogil=True)
+def _without_drift_abreast(x: FloatArray, half: int, total: FloatArray, out: FloatArray) -> None:
+    """`without_drift` of the columns of x (n, M), which have no line any more, into the rows of out (M, n). total:
+    (n + 1, M) room to work in.
+    """
+    n, abreast = x.shape
+    taken_off = 1.0 if n >= 2.5 * half else 0.0  # of the moving average
+    running = np.zeros(abreast)
+    total[0] = 0.0
+    for t in range(n):
+        row, following = x[t], total[t + 1]
+        for m in range(abreast):
+            running[m] += taken_off * row[m]
+            following[m] = running[m]
+    part = np.empty((_SAMPLES_ABREAST, abreast))
+    for begin in range(0, n, _SAMPLES_ABREAST):
+        end = min(begin + _SAMPLES_ABREAST, n)
+        for t in range(begin, end):
+            low, high = max(t - half, 0), min(t + half + 1, n)
+            share, row, before, upto, left = 1.0 / (high - low), x[t], total[low], total[high], part[t - begin]
+            for m in range(abreast):
+                left[m] = row[m] - (upto[m] - before[m]) * share
+        for m in range(abreast):
+            kept = out[m, begin:end]
+            for t in range(len(kept)):
+                kept[t] = part[t, m]

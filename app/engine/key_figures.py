@@ -268,14 +268,14 @@ def _harris_index(error: FloatArray, run: IntArray) -> float | None:
     if rows < 5 * HARRIS_TERMS or np.ptp(error) <= resolution(error):
         return None
     error = error - np.mean(error)
-    past, future = np.lib.stride_tricks.sliding_window_view(error, HARRIS_TERMS)[: len(together)], error[reach:]
+    past, future = np.array([error[k : k + len(together)] for k in range(HARRIS_TERMS)]), error[reach:]
     if rows < len(together):
-        past, future = past[together], future[together]
+        past, future = past[:, together], future[together]
     if not np.mean(future**2) > 0.0:
         return None  # so small that no square of it is left
     # Normal equations with a trace of ridge: exact enough for an index, and a twentieth of the cost of an SVD.
-    gram = past.T @ past
+    gram = past @ past.T
     gram[np.diag_indices_from(gram)] += 1e-9 * gram[0, 0]
-    residual = future - past @ np.linalg.solve(gram, past.T @ future)
+    residual = future - np.linalg.solve(gram, past @ future) @ past
     degrees = max(rows - HARRIS_TERMS, 1)
     return min(1.0, float(residual @ residual / degrees / np.mean(future**2)))

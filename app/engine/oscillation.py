@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numba import njit
@@ -84,18 +83,19 @@ _NO_OSCILLATION = Oscillation(None, 0.0, 0.0, None, 0.0, "pv", 0.0)
 
 
 def autocorrelation(x: FloatArray) -> FloatArray:
-    """Autocorrelation (N//2,) of x (N,) about its mean, divided by N - lag, so that it does not fade with the lag.
+    """Autocorrelation (..., N//2) of x (..., N) about its mean, divided by N - lag, so that it does not fade with the
+    lag.
 
     Returns zeros where x does not vary.
     """
-    x = x - x.mean()
-    n = len(x)
+    x = x - x.mean(axis=-1, keepdims=True)
+    n = x.shape[-1]
     size = fft.next_fast_len(n + n // 2, real=True)  # no lag that is asked for hears the other end of x
     spectrum = fft.rfft(x, size)
-    raw = fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: n // 2]
-    if raw[0] <= 0.0:
-        return np.zeros(n // 2)
-    return raw / raw[0] * (n / (n - np.arange(n // 2)))
+    raw = fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[..., : n // 2]
+    power = raw[..., :1]
+    varies = power > 0.0
+    return np.where(varies, raw / np.where(varies, power, 1.0) * (n / (n - np.arange(n // 2))), 0.0)
 
 
 def detect(record: UniformRecord) -> Oscillation:
@@ -110,10 +110,13 @@ def detect(record: UniformRecord) -> Oscillation:
     """
     stride = max(1, -(-record.samples // _LONGEST_SEARCHED))
     signals, candidates = _signals(record, stride), []
-    for name, share in product(signals, _TREND_SHARES):
-        swing = _swing(autocorrelation(_without_trend(signals[name], share)))
-        if swing is not None:
-            candidates.append((swing.score, -share, name, swing))
+    for name, x in signals.items():
+        # Side by side they share the registers of the transform.
+        functions = autocorrelation(np.array([_without_trend(x, share) for share in _TREND_SHARES]))
+        for share, function in zip(_TREND_SHARES, functions, strict=True):
+            swing = _swing(function)
+            if swing is not None:
+                candidates.append((swing.score, -share, name, swing))
     strongest = sorted(candidates, key=lambda c: c[:2], reverse=True)
     found = next((c for c in strongest if not _is_rounding(signals[c[2]], -c[1])), None)
     if found is None:

@@ -96,6 +96,14 @@ def test_few_cycles_no_period_and_a_signal_that_stands_are_not_evaluated():
     assert timekeeping(replace(pair, pv=np.full(len(whole), 3.0)), swing()) is None
 
 
+def test_op_is_not_looked_at_where_pv_is_uneven_enough():
+    whole = np.arange(20 * PER_CYCLE) / PER_CYCLE
+    pair = record(triangle(whole), np.full(len(whole), 3.0))
+    alone = timekeeping(replace(pair, op=pair.pv), swing())
+    assert timekeeping(pair, swing(), uneven=alone.jitter) == alone
+    assert timekeeping(pair, swing(), uneven=alone.jitter + 1e-6) is None
+
+
 def test_as_many_cycles_as_are_needed_are_evaluated():
     enough = np.arange((FEWEST_CYCLES + 2) * PER_CYCLE) / PER_CYCLE
     assert timekeeping(record(triangle(enough), triangle(enough)), swing()) is not None
@@ -113,7 +121,7 @@ def test_as_many_cycles_as_are_needed_are_evaluated():
     ],
 )
 def test_a_swing_keeps_time_by_both_yardsticks_or_not_at_all(monkeypatch, jitter, unlike, doubted):
-    monkeypatch.setattr(doubting, "timekeeping", lambda record, oscillation: Timekeeping(jitter, unlike))
+    monkeypatch.setattr(doubting, "timekeeping", lambda *_: Timekeeping(jitter, unlike))
     config = VerdictConfig(min_jitter=0.015, min_jitter_of_unlike=0.035)
     doubts = doubting._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), config)
     assert [doubt.code for doubt in doubts] == ["keeps_time"] * doubted
@@ -121,7 +129,7 @@ def test_a_swing_keeps_time_by_both_yardsticks_or_not_at_all(monkeypatch, jitter
 
 
 def test_a_swing_that_could_not_be_measured_is_no_doubt(monkeypatch):
-    monkeypatch.setattr(doubting, "timekeeping", lambda record, oscillation: None)
+    monkeypatch.setattr(doubting, "timekeeping", lambda *_: None)
     assert doubting._keeps_time(record(np.zeros(3), np.zeros(3)), swing(), VerdictConfig()) == []
 
 

@@ -9,9 +9,10 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numba import njit
 
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.signals.sampled import blocks, forgetting
+from app.engine.signals.sampled import blocks, forgetting, unit_deviation
 
 MEMORIES = (8.0, 24.0, 72.0)
 """Means after which what is older counts a third."""
@@ -57,22 +58,31 @@ class Lags:
 
     def past(self, x: FloatArray, terms: int) -> FloatArray:
         """(..., terms, n): the last means before it, at most `order`, of one signal (N,) or of many, (M, N)."""
-        means = self._means(x)[..., self.order - terms : -1]
-        return np.lib.stride_tricks.sliding_window_view(means, means.shape[-1] - terms + 1, axis=-1)
+        return self._past_of(self._means(x), terms)
 
     def whole_past(self, x: FloatArray) -> FloatArray:
         """(k, n): the last means, and what x was lately, within the last of them. A controller has seen what PV was by
         then, and OP would tell it; a stem has gone along with what OP was.
         """
-        within = blocks(x, self.stride)
-        lengths = [2**k for k in range(self.stride.bit_length()) if 2**k < self.stride]
-        lately = [_at_unit(_mean(within[:, -length:]))[self.order - 1 : -1] for length in lengths]
-        return np.vstack((self.past(x, self.order), *lately))
+        return np.vstack((self.past(x, self.order), *self._lately(x)))
 
-    def long_past(self, x: FloatArray) -> FloatArray:
-        """(3, n): what x was over longer times than that, as averages that forget exponentially."""
+    def all_past(self, x: FloatArray) -> tuple[FloatArray, ...]:
+        """(..., n) each: what `whole_past` has, and what x was over longer times than that, as averages that forget
+        exponentially.
+        """
         means = self._means(x)
-        return np.array([_at_unit(forgetting(means, memory))[self.order - 1 : -1] for memory in MEMORIES])
+        longer = [unit_deviation(forgetting(means, memory))[self.order - 1 : -1] for memory in MEMORIES]
+        return self._past_of(means, self.order), *self._lately(x), *longer
+
+    def _past_of(self, means: FloatArray, terms: int) -> FloatArray:
+        known = means[..., self.order - terms : -1]
+        shape = (*known.shape[:-1], terms, known.shape[-1] - terms + 1)
+        strides = (*known.strides, known.strides[-1])
+        return np.lib.stride_tricks.as_strided(known, shape, strides, writeable=False)
+
+    def _lately(self, x: FloatArray) -> list[FloatArray]:
+        lengths = [2**k for k in range(self.stride.bit_length()) if 2**k < self.stride]
+        return [_newest_means(x, self.stride, length)[self.order - 1 : -1] for length in lengths]
 
     def touched(self, samples: BoolArray, within: int) -> BoolArray:
         """(n,): whether one of these samples (N,) is in what is foretold or in the last `within` means before it."""
@@ -82,7 +92,8 @@ class Lags:
         return np.asarray(place - newest <= within)[self.order :]
 
     def _means(self, x: FloatArray) -> FloatArray:
-        return _at_unit(_mean(blocks(x, self.stride)))
+        means = np.array([_newest_means(one, self.stride, self.stride) for one in np.atleast_2d(x)])
+        return means.reshape(*x.shape[:-1], -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,17 +170,20 @@ class Table:
         left = _firm(among.sum(axis=1), firm[0, 0]) - known.transpose(0, 2, 1) @ along
         added = np.linalg.solve(left, (value - weights @ known)[..., None])
         kept = weights - (along @ added)[..., 0]
-        whole = np.column_stack((-kept, np.ones(len(more))))[:, None, None, :]
-        added = added[:, None]
-        missed = whole @ self.products @ whole.swapaxes(2, 3) - 2.0 * whole @ across @ added
+        whole, added = np.column_stack((-kept, np.ones(len(more)))), added[:, None]
+        alone = np.vecdot(whole @ self.products, whole).T[..., None, None]
+        missed = alone - 2.0 * whole[:, None, None, :] @ across @ added
         return np.asarray(np.maximum(missed + added.swapaxes(2, 3) @ among @ added, 0.0)[..., 0, 0])
 
     def _products_with(self, more: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(M, P, terms + 1, k) and (M, P, k, k): of further terms (M, k, n) with these and with each other."""
         sets, k, values = more.shape
-        across = _products(self.rows, more.reshape(-1, values), self.parts).reshape(len(self.parts), -1, sets, k)
-        among = [more[..., part] @ more[..., part].swapaxes(1, 2) for part in self.parts]
-        return across.transpose(2, 0, 1, 3), np.stack(among, axis=1)
+        abreast = more.reshape(-1, values)
+        across = _products(self.rows, abreast, self.parts).reshape(len(self.parts), -1, sets, k)
+        # One product of all sets, of which little is asked, costs less than one of each.
+        among = _products(abreast, abreast, self.parts).reshape(len(self.parts), sets, k, sets, k)
+        each = np.arange(sets)
+        return across.transpose(2, 0, 1, 3), among[:, each, :, each]
 
 
 def _products(a: FloatArray, b: FloatArray, parts: tuple[slice, ...]) -> FloatArray:
@@ -201,13 +215,13 @@ def _firm(among: FloatArray, scale: float) -> FloatArray:
     return among + RIDGE * scale * np.eye(among.shape[-1])
 
 
-def _mean(within: FloatArray) -> FloatArray:
-    """Over the last axis, of a few samples: one after the other for all at once."""
-    return np.asarray(sum(within[..., k] for k in range(within.shape[-1])) / within.shape[-1])
-
-
-def _at_unit(x: FloatArray) -> FloatArray:
-    """Along the last axis."""
-    about = x - x.mean(axis=-1, keepdims=True)
-    spread = np.sqrt(np.vecdot(about, about) / x.shape[-1])[..., None]
-    return np.asarray(about / np.where(spread > 0.0, spread, 1.0))
+@njit(cache=True, nogil=True)
+def _newest_means(x: FloatArray, stride: int, newest: int) -> FloatArray:
+    """(N // stride,) at unit deviation: means of the last `newest` of each `stride` samples of x (N,)."""
+    means = np.empty(len(x) // stride)
+    for i in range(len(means)):
+        total, end = 0.0, (i + 1) * stride
+        for k in range(end - newest, end):
+            total += x[k]
+        means[i] = total / newest
+    return unit_deviation(means)

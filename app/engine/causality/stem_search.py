@@ -8,6 +8,7 @@ import numpy as np
 from app.engine.causality.foretelling import Lags, Table, fitted, not_far
 from app.engine.fitness.signals import STANDING, newest_long_run, standing, stored_points
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
+from app.engine.signals.sampled import gathered
 from app.engine.signals.turning import usual_range
 
 MOST_SAMPLES = 40_000
@@ -68,10 +69,12 @@ class Asked:
     def beside(self, signals: FloatArray) -> "Asked":
         """With the past of the one of the signals (M, N) that foretells PV best known too, if one does."""
         best, nats = self.most_worth(signals)
-        return replace(self, known=self.known.beside(self._past(signals[best]))) if nats.sum() > 0.0 else self
+        if not nats.sum() > 0.0:
+            return self
+        return replace(self, known=self.known.beside(self._past(signals[best : best + 1])[0]))
 
     def _past(self, signals: FloatArray) -> FloatArray:
-        return np.compress(self.kept, self.lags.past(signals, STEM_ORDER), axis=-1)
+        return gathered(self.lags.past(signals, STEM_ORDER), np.flatnonzero(self.kept))
 
 
 def moving_part(record: UniformRecord) -> UniformRecord | None:
@@ -115,7 +118,7 @@ def _linear(lags: Lags, record: UniformRecord, news: FloatArray) -> FloatArray:
     signals = [record.pv, record.op]
     if record.sp is not None and np.ptp(record.sp) > 0.0:
         signals.append(record.sp)
-    past = [part for x in signals for part in (lags.whole_past(x), lags.long_past(x))]
+    past = [part for x in signals for part in lags.all_past(x)]
     return np.vstack((lags.ones(record.pv), *past, lags.past(news, NEWS_ORDER), lags.value(record.pv)))
 
 

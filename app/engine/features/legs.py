@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
 from app.engine.recording import FloatArray, IntArray
-from app.engine.signals.sampled import burstiness, quantiles
+from app.engine.signals.sampled import burstiness, deviation, quantiles, slope
 
 _FEWEST_LEGS = 4
 _BINS = 8
@@ -41,18 +41,21 @@ def legs(window: ShapeWindow) -> Legs:
     """The features of `Legs` for one window."""
     pv, op = window.pv_smooth, window.op_smooth
     dpv, dop = window.pv_slope, window.op_slope
-    ends = reversals(op, REVERSAL * float(np.std(op)))
+    ends = reversals(op, REVERSAL * float(deviation(op)))
     sizes = np.abs(np.diff(op[ends]))
     swings = _ranges(pv, ends)
     way, travelled = _travelled(op, ends)
+    told = len(sizes) >= _FEWEST_LEGS
+    edges = quantiles(travelled, _EDGES) if told else np.empty(0)
+    between = slice(ends[0], ends[-1]) if told else slice(0)
     return Legs(
         leg_size_spread=_spread(sizes),
         leg_time_spread=_spread(np.diff(ends).astype(np.float64)),
         swing_spread=_spread(swings),
-        path=_explained(way * pv[ends[0] : ends[-1]], travelled) if len(sizes) >= _FEWEST_LEGS else 0.0,
-        path_slope=_explained(way * dpv[ends[0] : ends[-1]], travelled) if len(sizes) >= _FEWEST_LEGS else 0.0,
-        pv_corners=burstiness(np.gradient(dpv)),
-        op_corners=burstiness(np.gradient(dop)),
+        path=float(_between_bins(way * pv[between], travelled, edges)) if told else 0.0,
+        path_slope=float(_between_bins(way * dpv[between], travelled, edges)) if told else 0.0,
+        pv_corners=burstiness(slope(dpv)),
+        op_corners=burstiness(slope(dop)),
     )
 
 
@@ -69,7 +72,12 @@ def _ranges(x: FloatArray, ends: IntArray) -> FloatArray:
 def _spread(x: FloatArray) -> float:
     if len(x) < _FEWEST_LEGS:
         return _UNKNOWN_SPREAD
-    return float(np.std(np.log(np.maximum(x, 1e-3 * x.max() + 1e-12))))
+    return float(_spread_of_logarithms(x))
+
+
+@njit(cache=True, nogil=True)
+def _spread_of_logarithms(x: FloatArray) -> float:
+    return deviation(np.log(np.maximum(x, 1e-3 * x.max() + 1e-12)))
 
 
 def _travelled(op: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -80,11 +88,6 @@ def _travelled(op: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
     start = np.repeat(op[ends[:-1]], length)
     way = np.repeat(np.sign(np.diff(op[ends])), length)
     return way, way * (op[ends[0] : ends[-1]] - start)
-
-
-def _explained(values: FloatArray, travelled: FloatArray) -> float:
-    """Share of the variance of values (n,) between bins of equal counts of travelled (n,)."""
-    return float(_between_bins(values, travelled, quantiles(travelled, _EDGES)))
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.signals.sampled import ROUNDING, at_ends, moving_average, quantiles, without_line
+from app.engine.signals.sampled import ROUNDING, at_ends, deviation, moving_average, quantiles, without_line
 
 _SAME_STEP = 0.02
 _FEWEST_STEPS = 10
@@ -49,7 +49,7 @@ def limits(window: ShapeWindow) -> Limits:
 
 def _steps(x: FloatArray) -> FloatArray:
     """Steps between samples in standard deviations of x less its straight line."""
-    return np.abs(np.diff(x)) / (float(np.std(without_line(x))) or 1.0)
+    return np.abs(np.diff(x)) / (float(deviation(without_line(x))) or 1.0)
 
 
 def _at_extremes(op: FloatArray) -> tuple[BoolArray, BoolArray]:

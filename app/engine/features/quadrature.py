@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.signals.sampled import ROUNDING, correlation, hann
+from app.engine.signals.sampled import ROUNDING, correlation, dot, hann
 
 _SEGMENT = 3 * PER_CYCLE
 # In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.
@@ -77,11 +78,18 @@ def _direction(slope: FloatArray) -> FloatArray:
 
 def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Cross-correlation at lags 1..half a cycle, at the same negative lags, and at zero."""
-    n = len(pv)
-    size = fft.next_fast_len(2 * n, real=True)
-    full = fft.irfft(fft.rfft(op, size) * np.conj(fft.rfft(pv, size)), size) / n
-    lags = np.arange(1, PER_CYCLE // 2 + 1)
-    return full[lags], full[-lags], float(full[0])
+    forward, backward = _lagged_means(op, pv), _lagged_means(pv, op)
+    return forward[1:], backward[1:], float(forward[0])
+
+
+@njit(cache=True, nogil=True)
+def _lagged_means(late: FloatArray, early: FloatArray) -> FloatArray:
+    """(half a cycle + 1,) means over all samples (n,) of the products of one with the other so many samples before."""
+    n = len(late)
+    means = np.zeros(PER_CYCLE // 2 + 1)
+    for lag in range(min(len(means), n)):
+        means[lag] = dot(late[lag:], early[: n - lag]) / n
+    return means
 
 
 def _coherency(pv: FloatArray, op: FloatArray) -> complex:

@@ -1,7 +1,6 @@
 """The wave forms of OP and PV: triangle, sine, rectangle or noise."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -10,11 +9,11 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.signals.sampled import ROUNDING, hann, log_kurtosis, skewness
+from app.engine.signals.sampled import ROUNDING, deviation, hann, log_kurtosis, skewness
 
 ComplexArray = NDArray[np.complex128]
 
-_HARMONIC_EDGES = (0.5, 1.5, 2.5, 3.5)
+_HARMONIC_EDGES = (0.5, 1.5, 2.5, 3.5, np.inf)
 _FEWEST_HALF_CYCLE = 8
 _BISPECTRUM_LINES = 12
 _FEWEST_SEGMENTS = 4
@@ -85,8 +84,8 @@ def shape(window: ShapeWindow) -> Shape:
         op_second=float(op_power[2]),
         op_third=float(op_power[3]),
         op_fast=float(op_power[4]),
-        pv_roughness=float(np.log10(np.var(window.pv - pv) + 1e-4)),
-        op_roughness=float(np.log10(np.var(window.op - op) + 1e-4)),
+        pv_roughness=float(np.log10(deviation(window.pv - pv) ** 2 + 1e-4)),
+        op_roughness=float(np.log10(deviation(window.op - op) ** 2 + 1e-4)),
         pv_bicoherence=bicoherence(window.pv),
         op_bicoherence=bicoherence(window.op),
     )
@@ -94,12 +93,19 @@ def shape(window: ShapeWindow) -> Shape:
 
 def harmonic_shares(x: FloatArray) -> FloatArray:
     """(5,) shares of the power of x (n,): below the fundamental, fundamental, second, third, above."""
-    lines = fft.rfft(x * hann(len(x)))
-    power = lines.real**2 + lines.imag**2
-    line = np.arange(len(power)) * PER_CYCLE / len(x)
-    edges = [0, *np.searchsorted(line, _HARMONIC_EDGES), len(power)]
-    shares = np.array([power[first:last].sum() for first, last in pairwise(edges)])
-    return shares / (power.sum() + 1e-12)
+    shares: FloatArray = _shares_between(fft.rfft(x * hann(len(x))), len(x), _HARMONIC_EDGES)
+    return shares
+
+
+@njit(cache=True, nogil=True)
+def _shares_between(lines: ComplexArray, samples: int, edges: tuple) -> FloatArray:
+    """(bands,) shares of the power of the lines of so many samples below each of these edges, in lines a cycle."""
+    shares, band = np.zeros(len(edges)), 0
+    for k in range(len(lines)):
+        while k * PER_CYCLE / samples >= edges[band]:
+            band += 1
+        shares[band] += lines[k].real ** 2 + lines[k].imag ** 2
+    return shares / (shares.sum() + 1e-12)
 
 
 def bicoherence(x: FloatArray) -> float:

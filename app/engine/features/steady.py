@@ -1,9 +1,10 @@
 """The stretch of a record over which the set point rests."""
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from app.engine.recording import FloatArray, UniformRecord
+from app.engine.signals.sampled import correlation, medians_of_five
 
 # A record that mostly follows its set point shows the following, not the valve: where this much of PV comes from SP...
 _FOLLOWS = 0.5
@@ -11,16 +12,15 @@ _FOLLOWS = 0.5
 _FEWEST_SAMPLES, _LEAST_SHARE = 150, 0.3
 # A set point rests where it stays within this share of its whole range, but for single samples.
 _STANDS = 0.01
-_ODD_SAMPLES = 5
 
 
 def at_rest(record: UniformRecord) -> UniformRecord | None:
     """The longest stretch with SP at rest, where PV mostly follows SP over the whole record; else None."""
     if record.sp is None or not np.all(np.isfinite(record.sp)):
         return None
-    steady = median_filter(record.sp, _ODD_SAMPLES, mode="nearest")
+    steady = medians_of_five(record.sp)
     span = float(np.ptp(steady))
-    if span <= 0.0 or np.corrcoef(record.pv, steady)[0, 1] ** 2 < _FOLLOWS:
+    if span <= 0.0 or correlation(record.pv, steady) ** 2 < _FOLLOWS:
         return None
     fewest = int(np.ceil(max(_FEWEST_SAMPLES, _LEAST_SHARE * record.samples)))
     part = _longest_within(steady, _STANDS * span, fewest)

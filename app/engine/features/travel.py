@@ -10,7 +10,7 @@ from app.engine.features.window import CYCLES, PER_CYCLE, ShapeWindow, cycle_sam
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, IntArray, UniformRecord
 from app.engine.signals.movement_patterns import rho_3
-from app.engine.signals.sampled import ROUNDING, burstiness, correlation, quantiles
+from app.engine.signals.sampled import ROUNDING, burstiness, correlation, deviation, median, quantiles
 
 REVERSAL = 0.7
 _STILL_BAND = 0.3
@@ -58,7 +58,8 @@ def travel(window: ShapeWindow) -> Travel:
     pv, op = window.pv_smooth, window.op_smooth
     op_eighth, pv_eighth = _pieces(pv, op, _EIGHTH)
     op_quarter, pv_quarter = _pieces(pv, op, PER_CYCLE // 4)
-    legs = _legs(pv, op, REVERSAL * float(np.std(op)), _STILL_BAND * float(np.std(pv)))
+    spread = float(deviation(pv))
+    legs = _legs(pv, op, REVERSAL * float(deviation(op)), _STILL_BAND * spread)
     some = len(legs) >= 2
     return Travel(
         flat_eighth=_flat_share(op_eighth, pv_eighth),
@@ -66,10 +67,10 @@ def travel(window: ShapeWindow) -> Travel:
         pv_moves_alone=_share(pv_eighth, op_eighth < 0.15),
         together_eighth=correlation(op_eighth, pv_eighth),
         together_quarter=correlation(op_quarter, pv_quarter),
-        leg_still=float(np.median(legs[:, 0])) if some else 0.0,
-        leg_sharpness=float(np.median(legs[:, 1])) if some else 0.0,
-        leg_spread=float(np.std(legs[:, 0])) if some else 0.0,
-        leg_contrast=_contrast(legs, float(np.std(pv))),
+        leg_still=float(median(legs[:, 0])) if some else 0.0,
+        leg_sharpness=float(median(legs[:, 1])) if some else 0.0,
+        leg_spread=float(deviation(legs[:, 0])) if some else 0.0,
+        leg_contrast=_contrast(legs, spread),
         pv_bursts=burstiness(window.pv_slope),
         op_bursts=burstiness(window.op_slope),
         sticking=rho_3(op[::_STRIDE], pv[::_STRIDE]),

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.sampled import moving_average, resample, without_drift, without_line
+from app.engine.signals.sampled import deviation, moving_average, resample, slope, without_drift, without_line
 
 PER_CYCLE = 40
 CYCLES = 15
@@ -42,12 +42,12 @@ class ShapeWindow:
     @cached_property
     def pv_slope(self) -> FloatArray:
         """(n,) slope of pv_smooth, a sample."""
-        return np.gradient(self.pv_smooth)
+        return slope(self.pv_smooth)
 
     @cached_property
     def op_slope(self) -> FloatArray:
         """(n,) slope of op_smooth, a sample."""
-        return np.gradient(self.op_smooth)
+        return slope(self.op_smooth)
 
 
 def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = MOST_WINDOWS) -> list[ShapeWindow]:
@@ -96,12 +96,12 @@ def window_of(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> Shape
 
 
 def _unit(x: FloatArray) -> FloatArray | None:
-    deviation = without_drift(x, _DRIFT_HALF)
-    spread = float(np.std(deviation))
+    swing = without_drift(x, _DRIFT_HALF)
+    spread = float(deviation(swing))
     # What remains of a constant is rounding, not a signal.
     if spread <= 1e-9 * float(np.max(np.abs(x))):
         return None
-    return deviation / spread
+    return swing / spread
 
 
 def _smooth(x: FloatArray) -> FloatArray:

@@ -17,7 +17,13 @@ MOST_POINTS = 16
 
 def typical_interval(time_s: FloatArray) -> float:
     """The median sampling interval of `time_s` (N,), N > 1, in seconds."""
-    return float(np.median(np.diff(time_s)))
+    return _typical(np.diff(time_s))
+
+
+def _typical(intervals: FloatArray) -> float:
+    """The median; where all are alike it needs no order."""
+    least = float(np.min(intervals))
+    return least if least == np.max(intervals) else float(np.median(intervals))
 
 
 def most_filled(samples: int, config: FitnessConfig) -> float:
@@ -36,7 +42,8 @@ def is_regular(time_s: FloatArray, config: FitnessConfig) -> bool:
     Stamps of a scan that is a little late, or that were rounded to seconds, are better taken as regular: interpolation
     would smooth the signals.
     """
-    intervals, interval = np.diff(time_s), typical_interval(time_s)
+    intervals = np.diff(time_s)
+    interval = _typical(intervals)
     if np.all(np.abs(intervals - interval) <= config.jitter_tolerance * interval):
         return True
     clock = even_clock(time_s)

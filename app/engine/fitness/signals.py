@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.ndimage import median_filter
 
 from app.engine.fitness.config import LIMIT_BAND, FitnessConfig
@@ -14,6 +15,7 @@ from app.engine.signals.sampled import at_ends
 LARGEST_PLAUSIBLE = 1e100
 # Two values that differ by less than this share of the signal's span are the same value after a change of unit.
 SAME_SHARE_OF_SPAN = 1e-9
+_EPSILON = float(np.finfo(np.float64).eps)
 OUTERMOST, LEVEL_BAND = 0.02, 0.01
 # Of a signal's values, on either side, but never fewer than so many: its range is asked between them.
 OUTER_SHARE, FEWEST_OUTER = 0.01, 4
@@ -32,10 +34,17 @@ def resolution(signal: FloatArray) -> float:
 
     It covers the rounding of a change of unit or offset, which a comparison for equality would not survive.
     """
+    return float(_resolution(signal))
+
+
+@njit(cache=True, nogil=True)
+def _resolution(signal: FloatArray) -> float:
     if len(signal) == 0:
         return 0.0
-    largest = float(np.max(np.abs(signal)))
-    return max(SAME_SHARE_OF_SPAN * float(np.ptp(signal)), 8.0 * float(np.finfo(np.float64).eps) * largest)
+    low = high = signal[0]
+    for value in signal:
+        low, high = min(low, value), max(high, value)
+    return max(SAME_SHARE_OF_SPAN * (high - low), 8.0 * _EPSILON * max(abs(low), abs(high)))
 
 
 def wild(signal: FloatArray, time_s: FloatArray, config: FitnessConfig) -> BoolArray:
@@ -180,11 +189,18 @@ def newest_long(starts: IntArray, ends: IntArray, share: float, least: int, leng
 
 def run_lengths(signal: FloatArray) -> IntArray:
     """(N,) for each sample the length of the constant run that it stands in, in samples."""
-    if len(signal) == 0:
-        return np.zeros(0, dtype=np.int64)
-    moved = np.abs(np.diff(signal)) > resolution(signal)
-    run = np.concatenate(([0], np.cumsum(moved)))
-    return np.bincount(run)[run]
+    lengths: IntArray = _run_lengths(signal)
+    return lengths
+
+
+@njit(cache=True, nogil=True)
+def _run_lengths(signal: FloatArray) -> IntArray:
+    lengths, first, same = np.empty(len(signal), dtype=np.int64), 0, _resolution(signal)
+    for k in range(1, len(signal) + 1):
+        if k == len(signal) or abs(signal[k] - signal[k - 1]) > same:
+            lengths[first:k] = k - first
+            first = k
+    return lengths
 
 
 def quantisation_step(signal: FloatArray) -> float | None:
@@ -202,17 +218,29 @@ def on_line_share(signal: FloatArray) -> float:
 
     Measured signals hardly do that; a historian that interpolates between the points it kept does it all the time.
     """
-    if len(signal) < 3:
-        return 0.0
-    tolerance = 4.0 * resolution(signal)
-    moving = np.abs(signal[2:] - signal[:-2]) > tolerance
-    straight = np.abs(signal[2:] - 2.0 * signal[1:-1] + signal[:-2]) <= tolerance
-    return float(np.mean(moving & straight))
+    return float(_on_line_share(signal))
+
+
+@njit(cache=True, nogil=True)
+def _on_line_share(signal: FloatArray) -> float:
+    tolerance, inner, found = 4.0 * _resolution(signal), max(len(signal) - 2, 0), 0
+    for k in range(inner):
+        before, here, after = signal[k], signal[k + 1], signal[k + 2]
+        found += abs(after - before) > tolerance and abs(after - 2.0 * here + before) <= tolerance
+    return found / inner if inner > 0 else 0.0
 
 
 def stored_points(signal: FloatArray) -> int:
     """How many samples of `signal` (N,) a historian must have stored to give it back, held or on straight lines."""
-    same = resolution(signal)
-    changes = int(np.count_nonzero(np.abs(np.diff(signal)) > same))
-    corners = int(np.count_nonzero(np.abs(np.diff(signal, 2)) > 4.0 * same))
+    return int(_stored_points(signal))
+
+
+@njit(cache=True, nogil=True)
+def _stored_points(signal: FloatArray) -> int:
+    same, changes, corners = _resolution(signal), 0, 0
+    for k in range(1, len(signal)):
+        step = signal[k] - signal[k - 1]
+        changes += abs(step) > same
+        if k > 1:
+            corners += abs(step - (signal[k - 1] - signal[k - 2])) > 4.0 * same
     return min(changes, corners) + 1

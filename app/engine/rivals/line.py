@@ -7,6 +7,7 @@ import numpy as np
 
 from app.engine.features import PER_CYCLE
 from app.engine.recording import FloatArray
+from app.engine.signals.sampled import hann
 
 FEWEST_CYCLES = 10
 """Fewer leave no room between the harmonics to see the noise."""
@@ -38,7 +39,7 @@ def line(x: FloatArray) -> Line | None:
     n = len(x)
     if n < FEWEST_CYCLES * PER_CYCLE:
         return None
-    amplitude = np.abs(np.fft.rfft(x * np.hanning(n), _FINER * n))
+    amplitude = np.abs(np.fft.rfft(x * hann(n), _FINER * n))
     low, high = (round(_FINER * n / PER_CYCLE * (1.0 + off)) for off in (-_OFF_PERIOD, _OFF_PERIOD))
     first = low + int(np.argmax(amplitude[low : high + 1]))
     fundamental = float(amplitude[first]) or 1.0

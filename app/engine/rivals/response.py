@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.features import PER_CYCLE
 from app.engine.freerun import fill_sums, process_grid, valve_position
 from app.engine.recording import FloatArray
-from app.engine.signals.sampled import dot, without_drift
+from app.engine.signals.sampled import deviation, dot, without_drift
 
 _DRIFT_HALF = int(1.5 * PER_CYCLE)
 _WORST = -1.0
@@ -29,7 +29,7 @@ def response(y: FloatArray, x: FloatArray) -> Response:
     The same models, drift removal and halves as `freerun`; only the gain is regressed, of either sign. Nothing follows
     from an x that does not move.
     """
-    spread = float(np.std(x))
+    spread = float(deviation(x))
     if spread <= _STANDS * float(np.max(np.abs(x))):
         return Response(0.0, 0.0)
     fit, held_out = _best(without_drift(y, _DRIFT_HALF), x / spread, *process_grid(PER_CYCLE), _DRIFT_HALF)

@@ -12,7 +12,15 @@ from app.engine.recording import FloatArray, UniformRecord
 from app.engine.rivals.line import Line, line, worst
 from app.engine.rivals.periodic import held_out_sine
 from app.engine.rivals.response import response
-from app.engine.signals.sampled import ROUNDING, correlation, moving_average, resample, without_drift, without_line
+from app.engine.signals.sampled import (
+    ROUNDING,
+    correlation,
+    deviation,
+    moving_average,
+    resample,
+    without_drift,
+    without_line,
+)
 
 _WINDOWS = 2
 _SMOOTHING_HALF = 2
@@ -152,7 +160,7 @@ def decay_ratio(acf: FloatArray) -> float:
 
 def _opposition(pv: FloatArray, op: FloatArray) -> float:
     action, _ = controller_action(without_drift(pv, 2 * PER_CYCLE), without_drift(op, 2 * PER_CYCLE))
-    pv_steps, op_steps = (np.diff(moving_average(x, _SMOOTHING_HALF)) / (np.std(x) or 1.0) for x in (pv, op))
+    pv_steps, op_steps = (np.diff(moving_average(x, _SMOOTHING_HALF)) / (deviation(x) or 1.0) for x in (pv, op))
     moved = (np.abs(pv_steps) > ROUNDING) & (np.abs(op_steps) > ROUNDING)
     signs = np.sign(pv_steps[moved] * op_steps[moved])
     return action * float(signs.mean()) if len(signs) else 0.0

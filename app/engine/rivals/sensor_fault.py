@@ -1,11 +1,13 @@
 """A faulty sensor: it spikes, or it holds its value and jumps."""
 
 import numpy as np
+from numba import njit
 
 from app.engine.fitness.signals import run_lengths
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.rivals.rival import Rival, not_evaluated, rising
 from app.engine.rivals.scene import Scene
+from app.engine.signals.sampled import medians_of_five
 
 # Fixed beforehand, not fitted: nothing but the instrument holds PV to the last digit while OP moves.
 _AGAINST_STICTION = 3.0
@@ -71,14 +73,23 @@ def _spikes(pv: FloatArray, op: FloatArray) -> tuple[int, float]:
     """How many spikes, and the share of the variance of PV about its running median that they hold."""
     if len(pv) < _FEWEST_SAMPLES:
         return 0, 0.0
-    around = _around(pv)
-    off = around[2] - np.sort(around, axis=0)[2]
     usual = float(np.median(np.abs(np.diff(pv))))
-    beside = np.ptp(around[[0, 1, 3, 4]], axis=0)
+    off, beside = (pv - medians_of_five(pv))[2:-2], _range_beside(pv)
     spike = (np.abs(off) > _SPIKE_SIZE * usual) & (beside < _RETURNS_WITHIN * np.abs(off)) & (usual > 0.0)
-    spike &= ~_op_stays(op)
+    if spike.any():
+        spike &= ~_op_stays(op)
     total = float(off @ off)
     return int(spike.sum()), float(off[spike] @ off[spike]) / total if total > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _range_beside(x: FloatArray) -> FloatArray:
+    """(n - 4,) what the two samples before each inner one of x (n,) and the two after it go over."""
+    ranges = np.empty(len(x) - 4)
+    for k in range(len(ranges)):
+        a, b, c, d = x[k], x[k + 1], x[k + 3], x[k + 4]
+        ranges[k] = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d))
+    return ranges
 
 
 def _op_stays(op: FloatArray) -> BoolArray:

@@ -25,10 +25,12 @@ def innovations(x: FloatArray, order: int) -> FloatArray | None:
         return None
     x = (x - x.mean()) / x.std()
     # Least squares, not Yule and Walker: their weights leave a part of what swings in both, which is alike by chance.
-    windows = np.lib.stride_tricks.sliding_window_view(x[:, :-1], order, axis=1).reshape(-1, order)
-    past, next_one = np.column_stack((windows, np.ones(len(windows)))), x[:, order:].ravel()
-    gram = past.T @ past + RIDGE * x.size * np.eye(order + 1)
-    e = next_one - past @ np.linalg.solve(gram, past.T @ next_one)
+    next_one = x[:, order:].ravel()
+    past = np.ones((order + 1, len(next_one)))
+    for k in range(order):
+        past[k] = x[:, k : k - order].ravel()
+    gram = past @ past.T + RIDGE * x.size * np.eye(order + 1)
+    e = next_one - np.linalg.solve(gram, past @ next_one) @ past
     spread = float(np.std(e))
     if spread == 0.0:
         return None

@@ -206,7 +206,7 @@ def _follows(rival: Rival, config: VerdictConfig) -> list[Reason]:
 
 def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: VerdictConfig) -> list[Reason]:
     """A swing that comes back to its time is driven from outside, whatever its shape."""
-    found = timekeeping(record, oscillation)
+    found = timekeeping(record, oscillation, config.min_jitter)
     if found is None:
         return []
     jitter = Measured(found.jitter, ">=", min(config.min_jitter, config.min_jitter_of_unlike * found.unlike))

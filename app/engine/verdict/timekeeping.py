@@ -1,5 +1,6 @@
 """How evenly a loop's swing keeps time: what a clock drives does, a valve that sticks lets go sooner or later."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +29,9 @@ class Timekeeping:
     unlike: float
 
 
-def timekeeping(record: UniformRecord, oscillation: Oscillation) -> Timekeeping | None:
-    """How evenly PV and OP swing; None where there are fewer than FEWEST_CYCLES.
+def timekeeping(record: UniformRecord, oscillation: Oscillation, uneven: float = math.inf) -> Timekeeping | None:
+    """How evenly PV and OP swing; None where there are fewer than FEWEST_CYCLES. uneven: a jitter from which on no more
+    is asked: where PV has it, OP is not looked at.
 
     A limit cycle finds its time anew in each cycle, so that its phase walks at random, the farther the more the cycles
     differ; what a timer drives comes back to its time. The phase of the fundamental is taken once a cycle, and what it
@@ -42,8 +44,11 @@ def timekeeping(record: UniformRecord, oscillation: Oscillation) -> Timekeeping 
     per_cycle = oscillation.samples_per_cycle
     if per_cycle is None or record.samples < (FEWEST_CYCLES + SMOOTHED_CYCLES) * per_cycle:
         return None
-    pv, op = (_of_signal(without_line(x), per_cycle) for x in (record.pv, record.op))
-    if pv is None or op is None:
+    pv = _of_signal(without_line(record.pv), per_cycle)
+    if pv is None or pv.jitter >= uneven:
+        return pv
+    op = _of_signal(without_line(record.op), per_cycle)
+    if op is None:
         return None
     return Timekeeping(max(pv.jitter, op.jitter), max(pv.unlike, op.unlike))
 
