@@ -78,7 +78,7 @@ class Whitened:
 
     @property
     def cost(self) -> float:
-        return float(self.rows @ self.rows)
+        return float(self.rows.dot(self.rows))
 
 
 def prior_rows(task: Task, x: FloatArray) -> FloatArray:
@@ -183,8 +183,8 @@ def projected_cost(rows: FloatArray, basis: FloatArray) -> float:
     """The sum of squares of `rows` (N,) that is left when the directions of `basis` (N, P), orthonormal, are taken
     out.
     """
-    along = basis.T @ rows
-    return float(rows @ rows - along @ along)
+    along = basis.T.dot(rows)  # `@` takes longer over one row, for the same products
+    return float(rows.dot(rows) - along.dot(along))
 
 
 def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:

@@ -69,13 +69,15 @@ class ForwardPath:
 
     def out_of_process(self, signal: FloatArray, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
         """What load and process make of a signal (N,)."""
+        record = self.record
         if not self.inside:
-            return run_rows(signal, row[None, :], self.record.sampling_interval_s, self.record.rest, LARGEST)[0]
-        load, process = ([Part(self.blocks[k], values[k]) for k in some] for some in (self.load, self.process))
-        context = Context(self.record, plant_of(row))
-        plant = altered_plant(context, process)
-        signal = through_parts(signal, load, Context(self.record, plant))
-        return through_parts(through_process(signal, process, plant, context), process, context)
+            return run_rows(signal, row[None, :], record.sampling_interval_s, record.rest, LARGEST)[0]
+        context = Context(record, plant_of(row))
+        process = [Part(self.blocks[k], values[k]) for k in self.process]
+        altered = Context(record, altered_plant(context, process)) if process else context
+        for k in self.load:
+            signal = passed(self.blocks[k], signal, values[k], altered)
+        return through_parts(through_process(signal, process, altered.plant, context), process, context)
 
     def as_shown(self, pv: FloatArray, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
         """What the blocks behind the process make of its PV (N,)."""
