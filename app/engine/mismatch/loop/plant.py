@@ -67,8 +67,9 @@ def _delay(v: FloatArray, samples: float) -> FloatArray:
     last = max(min(n + whole, n), first)
     for t in range(first):
         out[t] = (1.0 - share) * v[max(min(t - whole, n - 1), 0)] + share * v[0]
-    now, before = v[first - whole : last - whole], v[first - whole - 1 : last - whole - 1]
-    out[first:last] = (1.0 - share) * now + share * before
+    now, before, there = v[first - whole : last - whole], v[first - whole - 1 : last - whole - 1], out[first:last]
+    for t in range(len(there)):
+        there[t] = (1.0 - share) * now[t] + share * before[t]
     out[last:] = v[-1]
     return out
 
@@ -243,22 +244,20 @@ def plant_of(row: FloatArray) -> Plant:
 
 
 @njit(cache=True, nogil=True)
-def _with_rest(pv: FloatArray, rest: FloatArray, most: float) -> FloatArray:
-    """pv (N,) cut to `most` either side, with what is beside it, (N,)."""
-    out = np.empty(len(pv))
+def _with_rest(pv: FloatArray, rest: FloatArray, most: float, out: FloatArray) -> None:
+    """Writes pv (N,) cut to `most` either side, with what is beside it, into out (N,)."""
     for t in range(len(pv)):
         now = pv[t]
         if not abs(now) < most:
             now = -most if now < 0.0 else most
         out[t] = now + rest[t]
-    return out
 
 
 @njit(cache=True, nogil=True)
 def _processes(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most: float) -> FloatArray:
     out = np.empty((len(rows), len(v)))
     for k in range(len(rows)):
-        out[k] = _with_rest(_process(v, rows[k], ts), rest, most)
+        _with_rest(_process(v, rows[k], ts), rest, most, out[k])
     return out
 
 
@@ -269,7 +268,9 @@ def run_rows(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most:
 
 def with_rest(pv: FloatArray, rest: FloatArray, most: float) -> FloatArray:
     """pv (N,) with a rest (N,) beside it; where it runs away it is cut to `most`, what is no number to that too."""
-    return _with_rest(np.ascontiguousarray(pv), rest, most)
+    out = np.empty(len(pv))
+    _with_rest(np.ascontiguousarray(pv), rest, most, out)
+    return out
 
 
 def delay(v: FloatArray, delay_s: float, sampling_interval_s: float) -> FloatArray:
