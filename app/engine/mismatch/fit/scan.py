@@ -153,28 +153,25 @@ def solved(points: FloatArray, linear: list[int], parameters: tuple[Parameter, .
     if len(points) == 0:
         return []
     # Where all linear parameters are zero the block does nothing: what it moves is the difference.
-    gram, slope, ground_ = moved.gram, moved.slope, moved.under
+    gram, slope, under = moved.gram, moved.slope, moved.under
     if not linear:
-        energies = ground_.energy + 2.0 * slope[:, 0] + gram[:, 0, 0]
-        return starts_of(points, ground_, energies)
+        gains = gained(under, under.energy + 2.0 * slope[:, 0] + gram[:, 0, 0]).tolist()
+        return [Start(values, gain) for values, gain in zip(points, gains, strict=True)]
     ridge = (1e-10 * np.trace(gram, axis1=1, axis2=2)[:, None, None] + 1e-300) * np.eye(len(linear))
     change = -np.linalg.solve(gram + ridge, slope[:, :, None])[:, :, 0]
     curve = np.einsum("mi,mij,mj->m", change, gram, change)
-    energies = ground_.energy + 2.0 * np.sum(change * slope, axis=1) + curve
+    gains = gained(under, under.energy + 2.0 * np.sum(change * slope, axis=1) + curve).tolist()
     scales = np.array([parameters[k].scale for k in linear])
     low, high = (np.array([getattr(parameters[k], side) for k in linear]) for side in ("low", "high"))
     best = points.copy()
     best[:, linear] = np.clip(points[:, linear] + change * scales, low, high)
-    return starts_of(best, ground_, energies)
+    return [Start(values, gain) for values, gain in zip(best, gains, strict=True)]
 
 
-def starts_of(points: FloatArray, ground_: Ground, energies: FloatArray) -> list[Start]:
-    """Points (M, P) with their gain in log-likelihood (nat) where these energies (M,) are left of the whitened
-    residual.
-    """
-    ratios = max(ground_.energy, 1e-300) / np.maximum(energies, 1e-300)
-    gains: list[float] = (0.5 * ground_.count * np.log(ratios)).tolist()
-    return [Start(values, gain) for values, gain in zip(points, gains, strict=True)]
+def gained(ground_: Ground, energies: FloatArray) -> FloatArray:
+    """The gains in log-likelihood (nat) where these energies (M,) are left of the whitened residual."""
+    left = np.maximum(energies, 1e-300)
+    return 0.5 * ground_.count * np.asarray(np.log(max(ground_.energy, 1e-300) / left))
 
 
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:
