@@ -3,8 +3,8 @@ he_stems and kano_stems move many valves abreast.
 """
 
 from app.engine.valve.abreast import he_stems, kano_stems
-from app.engine.valve.choudhury import choudhury_start, choudhury_step, two_parameter_choudhury
-from app.engine.valve.he import he_step, two_parameter_he
+from app.engine.valve.choudhury import choudhury_start, choudhury_stem, choudhury_step, two_parameter_choudhury
+from app.engine.valve.he import he_stem, he_step, two_parameter_he
 from app.engine.valve.kano import kano_start, kano_step, two_parameter_kano
 from app.engine.valve.one_parameter import one_parameter, one_parameter_step
 from app.engine.valve.physical import CLASSIC, PACKED, PhysicalValve, physical_step, simulate_physical
@@ -14,7 +14,9 @@ __all__ = [
     "PACKED",
     "PhysicalValve",
     "choudhury_start",
+    "choudhury_stem",
     "choudhury_step",
+    "he_stem",
     "he_stems",
     "he_step",
     "kano_start",

@@ -60,6 +60,17 @@ def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray) -
     return v
 
 
+@njit(cache=True, nogil=True)
+def choudhury_stem(op: FloatArray, S: float, J: float, start: float) -> FloatArray:
+    """The position (N,) of one valve, as `two_parameter_choudhury` has it of many; nothing is checked."""
+    v, state = np.empty(len(op)), np.empty(5)
+    choudhury_start(op[0], state)
+    state[1] = state[3] = start
+    for t in range(len(op)):
+        v[t] = choudhury_step(op[t], state, S, J)
+    return v
+
+
 def two_parameter_choudhury(
     op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray | None = None
 ) -> FloatArray:

@@ -39,6 +39,15 @@ def _run_grid(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray) -
     return v
 
 
+@njit(cache=True, nogil=True)
+def he_stem(op: FloatArray, S: float, J: float, start: float) -> FloatArray:
+    """The position (N,) of one valve, as `two_parameter_he` has it of many; nothing is checked."""
+    v, x = np.empty(len(op)), start
+    for t in range(len(op)):
+        x = v[t] = _moved(op[t], x, S, J)
+    return v
+
+
 def two_parameter_he(op: FloatArray, S: FloatArray, J: FloatArray, start: FloatArray | None = None) -> FloatArray:
     """Valve position v, (M, N) in the unit of OP, of He's model for each point (S, J) of a grid.
 

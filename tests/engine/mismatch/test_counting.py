@@ -84,7 +84,7 @@ def test_samples_that_are_not_compared_change_nothing_that_is_asked_of_a_fit() -
 def test_the_priors_are_no_samples() -> None:
     under = ground(fit_linear(recorded(), Given(PLANT)), NoiseModel())
     assert len(under.rows) > N - 3
-    assert gained(under, under.energy / np.e) == pytest.approx(0.5 * (N - 3))
+    assert gained(under, np.array([under.energy / np.e]))[0] == pytest.approx(0.5 * (N - 3))
 
 
 def test_the_deviation_of_noise_is_that_of_the_innovations_there_are() -> None:

@@ -18,7 +18,7 @@ from app.engine.mismatch.fit.scan import Start, task_with
 from app.engine.mismatch.fit.task import Given, start_at
 from app.engine.mismatch.loop import plant as plant_module
 from app.engine.mismatch.loop.block import Context, Part
-from app.engine.mismatch.loop.chain import Recent, simulate
+from app.engine.mismatch.loop.chain import ForwardPath, simulate
 from app.engine.mismatch.loop.experiment import Experiment, experiment
 from app.engine.mismatch.loop.plant import Plant, delay, lag, run_process
 from app.engine.mismatch.physics import (
@@ -59,12 +59,16 @@ def test_signals_kept_of_recent_simulations_change_none_whatever_moves():
     for block in library(given):
         if block.suits is not None and not block.suits(context):
             continue
-        starts, recent = block.starts(context, given.pv_deviation), Recent()
+        starts = block.starts(context, given.pv_deviation)
+        path = ForwardPath(given, (known.block, block), PLANT)
         for values in (starts[0], starts[-1], starts[0] * 1.01):
             for plant in others:
                 parts = (known, Part(block, values))
-                kept = simulate(given, plant, parts, recent)
+                kept = path.run(plant.row(), [part.values for part in parts])
                 assert np.array_equal(kept, simulate(given, plant, parts)), block.name
+            rows = np.array([plant.row() for plant in others])
+            each = path.run_each(rows, [part.values for part in parts])
+            assert np.array_equal(each, [simulate(given, plant, parts) for plant in others]), block.name
 
 
 def test_scaled_innovations_are_the_whitened_residual_less_a_row():
@@ -224,6 +228,7 @@ def test_noise_is_coloured_as_it_was_whitened() -> None:
 
 KERNELS = (
     (plant_module, "_process"),
+    (plant_module, "_processes"),
     (friction, "_place"),
     (friction, "_speed"),
     (friction, "_sprung"),

@@ -13,6 +13,7 @@ from app.engine.recording import FloatArray
 ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
 HOPELESS = 0.35
 POINTS = 6
+NEIGHBOURS = 0.08  # of a parameter's range
 PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
 
 
@@ -147,15 +148,19 @@ def pursue(block: Block, begun: list[Fit]) -> Fit:
 def finalists(starts: tuple[Start, ...], block: Block, context: Context, most: int | None = None) -> tuple[Start, ...]:
     """The best points of a scan that are not neighbours, as many as the block has finalists."""
     most = block.finalists if most is None else most
-    ranges = np.array([p.high - p.low for p in block.parameters(context)]) + 1e-300
+    ranges = [p.high - p.low + 1e-300 for p in block.parameters(context)]
     kept: list[Start] = []
+    places: list[list[float]] = []
     for start in starts:
-        if all(apart(start.values, other.values, ranges) for other in kept):
+        place = start.values.tolist()
+        if all(apart(place, other, ranges) for other in places):
             kept.append(start)
+            places.append(place)
         if len(kept) == most:
             break
     return tuple(kept)
 
 
-def apart(a: FloatArray, b: FloatArray, ranges: FloatArray) -> bool:
-    return len(a) > 0 and bool(np.max(np.abs(a - b) / ranges) > 0.08)
+def apart(a: list[float], b: list[float], ranges: list[float]) -> bool:
+    """Whether two points (P,) are far from each other in any of the parameters' ranges."""
+    return any(abs(one - other) / reach > NEIGHBOURS for one, other, reach in zip(a, b, ranges, strict=True))

@@ -11,10 +11,9 @@ from app.engine.mismatch.compete.competition import Contender, Scanned, descende
 from app.engine.mismatch.compete.worth import nearer
 from app.engine.mismatch.fit.fitting import Fit, finish, fit, quiet_noise, task_of
 from app.engine.mismatch.fit.free_run import free_run_error
-from app.engine.mismatch.fit.scan import Ground, Start, ground, moves, scan, task_with, with_block
+from app.engine.mismatch.fit.scan import Beside, Ground, Start, ground, moves, scan, task_with
 from app.engine.mismatch.fit.task import Task, make_task, start_at
 from app.engine.mismatch.loop.block import Block, Context, Part
-from app.engine.mismatch.loop.chain import Recent
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
@@ -54,9 +53,9 @@ def couples(found: Fit, surveyed: tuple[Scanned, ...], apart: tuple[frozenset[st
 
 
 def candidates_of(block: Block, starts: tuple[Start, ...], under: Ground) -> list[Candidate]:
-    found, recent = [], Recent()
+    found, beside = [], Beside(block, under.fit)
     for start in starts:
-        moved = moves(under, with_block(under, block, start.values, recent)[None, :])[0]
+        moved = moves(under, beside.simulated(start.values)[None, :])[0]
         found.append(Candidate(Part(block, start.values), moved - under.basis @ (under.basis.T @ moved)))
     return found
 

@@ -78,7 +78,7 @@ class Whitened:
 
     @property
     def cost(self) -> float:
-        return float(self.rows @ self.rows)
+        return float(self.rows.dot(self.rows))
 
 
 def prior_rows(task: Task, x: FloatArray) -> FloatArray:
@@ -97,15 +97,19 @@ def residual_rows(task: Task, x: FloatArray, noise: NoiseModel) -> Whitened:
 def slopes(
     task: Task, x: FloatArray, noise: NoiseModel, at: Whitened, along: Sequence[int] | None = None
 ) -> FloatArray:
-    """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which."""
-    along = range(len(x)) if along is None else along
-    columns = np.empty((len(along), len(at.rows)))
-    for column, k in zip(columns, along, strict=True):
-        f = task.free[k]
-        step = f.step if x[k] + f.step <= f.high else -f.step
-        moved = x.copy()
-        moved[k] += step
-        column[:] = (residual_rows(task, moved, noise).rows - at.rows) / step
+    """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which, in
+    their order.
+    """
+    moving = np.arange(len(x)) if along is None else np.asarray(along, dtype=np.int64)
+    steps = np.where(x + task.step <= task.high, task.step, -task.step)[moving]
+    moved = np.repeat(x[None, :], len(moving), axis=0)
+    moved[np.arange(len(moving)), moving] += steps
+    alike = int(np.count_nonzero(moving < task.linear_count))
+    count, columns = len(at.rows) - len(x), np.empty((len(moving), len(at.rows)))
+    record, simulated = task.record, task.simulated_each(moved, alike)
+    scaled_innovations(record.pv_deviation, simulated, record.usable, noise, at.rows, columns)
+    columns[:, count:] = prior_rows(task, moved) - at.rows[count:]
+    columns /= steps[:, None]
     return columns.T
 
 
@@ -179,8 +183,8 @@ def projected_cost(rows: FloatArray, basis: FloatArray) -> float:
     """The sum of squares of `rows` (N,) that is left when the directions of `basis` (N, P), orthonormal, are taken
     out.
     """
-    along = basis.T @ rows
-    return float(rows @ rows - along @ along)
+    along = basis.T.dot(rows)  # `@` takes longer over one row, for the same products
+    return float(rows.dot(rows) - along.dot(along))
 
 
 def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:

@@ -10,7 +10,7 @@ from app.engine.mismatch.fit.fitting import Fit, orthonormal, prior_rows, residu
 from app.engine.mismatch.fit.noise import NoiseModel, compared_count, scaled_innovations, whiten
 from app.engine.mismatch.fit.task import Task, make_task
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
-from app.engine.mismatch.loop.chain import Recent, simulate
+from app.engine.mismatch.loop.chain import BEHIND, ForwardPath, simulate
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
@@ -28,7 +28,6 @@ class Ground:
     basis: FloatArray
     innovations: FloatArray
     prior: FloatArray
-    sensor_parts: bool
     whitened: FloatArray
     energy: float
     count: int
@@ -53,48 +52,76 @@ def ground(fit: Fit, noise: NoiseModel) -> Ground:
     at = residual_rows(task, fit.x, fit.noise)
     basis = orthonormal(slopes(task, fit.x, fit.noise, at))
     rows = at.rows - basis @ (basis.T @ at.rows)
-    sensor = any(part.block.stage == "sensor" for part in fit.parts)
     innovations = whiten(fit.residual, fit.record.usable, fit.noise)
     count = compared_count(fit.record.usable)
-    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), sensor, at.rows, float(rows @ rows), count)
+    return Ground(fit, rows, basis, innovations, prior_rows(task, fit.x), at.rows, float(rows @ rows), count)
 
 
-@dataclass(frozen=True, eq=False)
+class Beside:
+    """A block more beside what was fitted; what is added to PV needs no new run of the process."""
+
+    def __init__(self, block: Block, fit: Fit) -> None:
+        self.block, self.fit, self.context = block, fit, Context(fit.record, fit.plant)
+        self.row, self.known = fit.plant.row(), [part.values for part in fit.parts]
+        self.path = ForwardPath(fit.record, [*(part.block for part in fit.parts), block], fit.plant)
+        sensors = any(part.block.stage == "sensor" for part in fit.parts)
+        self.last = block.stage in BEHIND and not sensors
+
+    def simulated(self, values: FloatArray) -> FloatArray:
+        """PV (N,) with the block at these values."""
+        if self.last and self.block.apply is not None:
+            return self.block.apply(self.fit.simulated, values, self.context)
+        return self.path.run(self.row, [*self.known, values])
+
+
 class Moved:
-    """What the simulations of one point of a grid move the whitened residual by, the linear model following, as inner
-    products with each other (L, L) and with that residual (L,).
+    """What the simulations of each point of a grid (M) move the whitened residual by, the linear model following, as
+    inner products with each other (M, L, L) and with that residual (M, L).
     """
 
-    gram: FloatArray
-    slope: FloatArray
+    def __init__(self, under: Ground, points: int, simulated: int) -> None:
+        self.under = under
+        self.gram, self.slope = np.empty((points, simulated, simulated)), np.empty((points, simulated))
+
+    def take(self, point: int, rows: FloatArray) -> None:
+        """What the simulations of one point move the residual by: rows (L, rows)."""
+        along = rows.dot(self.under.basis)  # `@` takes longer over so few rows, for the same products
+        self.gram[point] = rows.dot(rows.T) - along.dot(along.T)
+        self.slope[point] = rows.dot(self.under.rows)
 
 
 def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], ...]:
     """The grid of a block's `starts` under each ground (of one fit, under several noise models), the best first."""
     fit = grounds[0].fit
-    context = Context(fit.record, fit.plant)
+    context, beside = Context(fit.record, fit.plant), Beside(block, fit)
     parameters = block.parameters(context)
     linear = [k for k, p in enumerate(parameters) if p.linear]
-    grids = [{values.tobytes(): values for values in block.starts(context, ground_.innovations)} for ground_ in grounds]
-    known: list[dict[bytes, Moved]] = [{} for _ in grounds]
-    rows, recent = np.zeros((max(len(linear), 1), len(grounds[0].rows))), Recent()
+    steps = steps_of(parameters, linear)
+    grids = [{values.tobytes(): values for values in block.starts(context, under.innovations)} for under in grounds]
+    places = [{key: k for k, key in enumerate(points)} for points in grids]
+    every = [Moved(under, len(points), len(steps)) for under, points in zip(grounds, grids, strict=True)]
+    rows = np.zeros((len(steps), len(grounds[0].rows)))
     for key, values in {key: values for points in grids for key, values in points.items()}.items():
-        simulated = simulations(block, values, linear, parameters, grounds[0], recent)
-        for ground_, points, moved in zip(grounds, grids, known, strict=True):
-            if key in points:
-                move(ground_, simulated, rows)
-                moved[key] = inner_products(ground_, rows)
-    found = []
-    for ground_, points, moved in zip(grounds, grids, known, strict=True):
-        starts = solved(np.array(list(points.values())), linear, parameters, ground_, [moved[key] for key in points])
-        found.append(tuple(sorted(starts, key=lambda start: -start.gain)))
-    return tuple(found)
+        simulated = simulations(beside, values + steps)
+        for at, moved in zip(places, every, strict=True):
+            if key in at:
+                move(moved.under, simulated, rows)
+                moved.take(at[key], rows)
+    found = (
+        solved(np.array(list(points.values())), linear, parameters, moved)
+        for points, moved in zip(grids, every, strict=True)
+    )
+    return tuple(tuple(sorted(starts, key=lambda start: -start.gain)) for starts in found)
 
 
-def inner_products(ground_: Ground, rows: FloatArray) -> Moved:
-    """Of what moves the whitened residual by some rows (L, rows)."""
-    along = rows @ ground_.basis
-    return Moved(rows @ rows.T - along @ along.T, rows @ ground_.rows)
+def steps_of(parameters: tuple[Parameter, ...], linear: list[int]) -> FloatArray:
+    """(L, P) from a point of the grid to what is simulated there: each linear parameter moved by its scale, nothing
+    where none is linear.
+    """
+    steps = np.zeros((max(len(linear), 1), len(parameters)))
+    for step, k in zip(steps, linear, strict=False):
+        step[k] = parameters[k].scale
+    return steps
 
 
 def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
@@ -112,66 +139,39 @@ def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
     return tuple(sorted(found, key=lambda start: -start.gain))
 
 
-def simulations(
-    block: Block,
-    values: FloatArray,
-    linear: list[int],
-    parameters: tuple[Parameter, ...],
-    ground_: Ground,
-    recent: Recent,
-) -> FloatArray:
-    """The simulations (L, N) with the block at one point of the grid: one for each linear parameter moved by its scale,
-    one in all where none is linear.
-    """
-    if not linear:
-        return with_block(ground_, block, values, recent)[None, :]
-    moved = np.repeat(values[None, :], len(linear), axis=0)
-    for row, k in zip(moved, linear, strict=True):
-        row[k] += parameters[k].scale
-    return np.stack([with_block(ground_, block, row, recent) for row in moved])
+def simulations(beside: Beside, points: FloatArray) -> FloatArray:
+    """The simulations (L, N) with the block at some values (L, P)."""
+    if len(points) == 1:
+        return beside.simulated(points[0])[None, :]
+    return np.stack([beside.simulated(values) for values in points])
 
 
-def solved(
-    points: FloatArray,
-    linear: list[int],
-    parameters: tuple[Parameter, ...],
-    ground_: Ground,
-    moved: list[Moved],
-) -> list[Start]:
+def solved(points: FloatArray, linear: list[int], parameters: tuple[Parameter, ...], moved: Moved) -> list[Start]:
     """The points (M, P) of a grid, their linear parameters by least squares; the linear model follows by inner products
-    with its directions alone. moved: by what the simulations of each point move the residual.
+    with its directions alone.
     """
     if len(points) == 0:
         return []
     # Where all linear parameters are zero the block does nothing: what it moves is the difference.
-    gram, slope = np.stack([one.gram for one in moved]), np.stack([one.slope for one in moved])
+    gram, slope, under = moved.gram, moved.slope, moved.under
     if not linear:
-        energies = ground_.energy + 2.0 * slope[:, 0] + gram[:, 0, 0]
-        return [Start(values, gained(ground_, float(e))) for values, e in zip(points, energies, strict=True)]
+        gains = gained(under, under.energy + 2.0 * slope[:, 0] + gram[:, 0, 0]).tolist()
+        return [Start(values, gain) for values, gain in zip(points, gains, strict=True)]
     ridge = (1e-10 * np.trace(gram, axis1=1, axis2=2)[:, None, None] + 1e-300) * np.eye(len(linear))
     change = -np.linalg.solve(gram + ridge, slope[:, :, None])[:, :, 0]
     curve = np.einsum("mi,mij,mj->m", change, gram, change)
-    energies = ground_.energy + 2.0 * np.sum(change * slope, axis=1) + curve
+    gains = gained(under, under.energy + 2.0 * np.sum(change * slope, axis=1) + curve).tolist()
     scales = np.array([parameters[k].scale for k in linear])
     low, high = (np.array([getattr(parameters[k], side) for k in linear]) for side in ("low", "high"))
     best = points.copy()
     best[:, linear] = np.clip(points[:, linear] + change * scales, low, high)
-    return [Start(values, gained(ground_, float(e))) for values, e in zip(best, energies, strict=True)]
+    return [Start(values, gain) for values, gain in zip(best, gains, strict=True)]
 
 
-def with_block(ground_: Ground, block: Block, values: FloatArray, recent: Recent) -> FloatArray:
-    """The simulation with one block more; what is added to PV needs no new run of the process. recent: of simulations
-    with the same block.
-    """
-    fit = ground_.fit
-    if block.stage in ("output", "sensor") and block.apply is not None and not ground_.sensor_parts:
-        return block.apply(fit.simulated, values, Context(fit.record, fit.plant))
-    return simulate(fit.record, fit.plant, (*fit.parts, Part(block, values)), recent)
-
-
-def gained(ground_: Ground, energy: float) -> float:
-    """The gain in log-likelihood (nat) where this energy is left of the whitened residual."""
-    return 0.5 * ground_.count * float(np.log(max(ground_.energy, 1e-300) / max(energy, 1e-300)))
+def gained(ground_: Ground, energies: FloatArray) -> FloatArray:
+    """The gains in log-likelihood (nat) where these energies (M,) are left of the whitened residual."""
+    left = np.maximum(energies, 1e-300)
+    return 0.5 * ground_.count * np.asarray(np.log(max(ground_.energy, 1e-300) / left))
 
 
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:

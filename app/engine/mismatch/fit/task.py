@@ -1,15 +1,15 @@
 """What is fitted: the numbers of a linear plant and of the blocks beside it, with what is known of them beforehand."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
-from app.engine.mismatch.loop.chain import Recent, simulate
+from app.engine.mismatch.loop.chain import ForwardPath
 from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, Experiment
-from app.engine.mismatch.loop.plant import Plant
+from app.engine.mismatch.loop.plant import NUMBERS, Plant
 from app.engine.recording import BoolArray, FloatArray
 
 GIVEN_DEVIATION = 0.05
@@ -123,7 +123,6 @@ class Task:
     high: FloatArray
     scale: FloatArray
     log: BoolArray
-    recent: Recent = field(default_factory=Recent)
 
     def plant_at(self, x: FloatArray) -> Plant:
         return self.plant_of(self.values_at(x))
@@ -132,8 +131,19 @@ class Task:
         return self.parts_of(self.values_at(x))
 
     def simulated(self, x: FloatArray) -> FloatArray:
+        """PV (N,) at coordinates x (P,)."""
         values = self.values_at(x)
-        return simulate(self.record, self.plant_of(values), self.parts_of(values), self.recent)
+        return self.path.run(self.row_of(values), self.of_blocks(values))
+
+    def simulated_each(self, points: FloatArray, alike: int) -> FloatArray:
+        """PV (L, N) at coordinates (L, P), the first of which, so many, have the numbers of the blocks in common."""
+        values, simulated = [self.values_at(x) for x in points], np.empty((len(points), self.record.samples))
+        if alike:
+            rows = np.array([self.row_of(there) for there in values[:alike]])
+            simulated[:alike] = self.path.run_each(rows, self.of_blocks(values[0]))
+        for k in range(alike, len(points)):
+            simulated[k] = self.path.run(self.row_of(values[k]), self.of_blocks(values[k]))
+        return simulated
 
     def values_at(self, x: FloatArray) -> FloatArray:
         """The free numbers (P,) in their units at coordinates x."""
@@ -142,12 +152,39 @@ class Task:
         values *= self.scale
         return values
 
+    def row_of(self, values: FloatArray) -> FloatArray:
+        """The plant of values (P,) as the kernel reads it (12,)."""
+        row = self.given_row.copy()
+        row[self.linear_at] = values[: self.linear_count]
+        return row
+
+    def of_blocks(self, values: FloatArray) -> list[FloatArray]:
+        return [values[place] for place in self.places]
+
     def plant_of(self, values: FloatArray) -> Plant:
         linear = values[: self.linear_count].tolist()
         return self.given.plant.changed(**dict(zip(self.linear_names, linear, strict=True)))
 
     def parts_of(self, values: FloatArray) -> tuple[Part, ...]:
-        return tuple([Part(block, values[place]) for block, place in zip(self.blocks, self.places, strict=True)])
+        return tuple([Part(block, own) for block, own in zip(self.blocks, self.of_blocks(values), strict=True)])
+
+    @cached_property
+    def path(self) -> ForwardPath:
+        return ForwardPath(self.record, self.blocks, self.given.plant)
+
+    @cached_property
+    def given_row(self) -> FloatArray:
+        return self.given.plant.row()
+
+    @cached_property
+    def linear_at(self) -> NDArray[np.int64]:
+        """Where the free numbers of the plant stand in its row."""
+        return np.array([NUMBERS.index(name) for name in self.linear_names])
+
+    @cached_property
+    def step(self) -> FloatArray:
+        """(P,) over what a slope is taken in each coordinate."""
+        return np.array([f.step for f in self.free])
 
     @cached_property
     def log_at(self) -> NDArray[np.int64]:

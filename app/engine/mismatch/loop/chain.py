@@ -1,12 +1,12 @@
 """The loop's forward path, OP to PV, with whatever physics it was given: one free run, never fed with PV."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
 
-from app.engine.mismatch.loop.block import STAGES, Context, Part, Stage
+import numpy as np
+
+from app.engine.mismatch.loop.block import STAGES, Block, Context, Part, Stage
 from app.engine.mismatch.loop.experiment import LARGEST, Experiment
-from app.engine.mismatch.loop.plant import Plant, run_row, with_rest
+from app.engine.mismatch.loop.plant import Plant, plant_of, run_rows, with_rest
 from app.engine.recording import FloatArray
 
 BEFORE: tuple[Stage, ...] = ("valve", "input")
@@ -14,87 +14,99 @@ BEHIND: tuple[Stage, ...] = ("output", "sensor")
 MOST_RECENT = 8
 
 
-@dataclass(frozen=True)
-class Order:
-    """Which of some parts (by index) the signal passes before the process, in this order; which act in the load and in
-    the process; and whether any acts behind it.
+class ForwardPath:
+    """The way from OP to PV through given blocks, to be simulated again and again: a search moves few numbers at a
+    time, and what does not depend on those stays as it was in one of the latest simulations.
+
+    record: from which everything is simulated. blocks: in the order in which their values are given. plant: for blocks
+    before the process, which depend on their values alone.
     """
 
-    before: tuple[int, ...]
-    load: tuple[int, ...]
-    process: tuple[int, ...]
-    behind: bool
+    def __init__(self, record: Experiment, blocks: Sequence[Block], plant: Plant) -> None:
+        self.record = record.as_sampled
+        self.context = Context(self.record, plant)
+        self.taken = None if record.finer is None else record.finer.taken
+        self.blocks = tuple(blocks)
+        self.before, self.load, self.process, self.behind = (
+            tuple(k for stage in stages for k, block in enumerate(blocks) if block.stage == stage)
+            for stages in (BEFORE, ("load",), ("process",), BEHIND)
+        )
+        self.inside = (*self.load, *self.process)
+        self.recent: dict[bytes, FloatArray] = {}
 
+    def run(self, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
+        """PV (N,) as `simulate` has it, of a plant as the kernel reads it (12,) and the values of each block."""
+        signal, numbers = self.into_process(values)
+        for k in self.inside:
+            numbers += values[k].tobytes()
+        numbers += row.tobytes()
+        pv = self.latest(numbers)
+        if pv is None:
+            pv = self.keep(numbers, self.out_of_process(signal, row, values))
+        pv = self.as_shown(pv, row, values)
+        return pv if self.taken is None else pv[self.taken]
 
-def order_of(parts: tuple[Part, ...]) -> Order:
-    def at(stage: Stage) -> tuple[int, ...]:
-        return tuple(k for k, part in enumerate(parts) if part.block.stage == stage)
+    def run_each(self, rows: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
+        """PV (L, N) of each of some plants (L, 12) behind and before the same values of each block."""
+        if self.inside:
+            return np.stack([self.run(row, values) for row in rows])
+        signal, _ = self.into_process(values)
+        pv = run_rows(signal, rows, self.record.sampling_interval_s, self.record.rest, LARGEST)
+        if self.behind:
+            pv = np.stack([self.as_shown(one, row, values) for one, row in zip(pv, rows, strict=True)])
+        return pv if self.taken is None else pv[:, self.taken]
 
-    before = tuple(k for stage in BEFORE for k in at(stage))
-    return Order(before, at("load"), at("process"), any(part.block.stage in BEHIND for part in parts))
+    def into_process(self, values: Sequence[FloatArray]) -> tuple[FloatArray, bytes]:
+        """The signal (N,) that reaches load and process, and the numbers that made it."""
+        signal, numbers = self.record.op_deviation, b""
+        for k in self.before:
+            numbers += values[k].tobytes()
+            known = self.latest(numbers)
+            signal = (
+                self.keep(numbers, passed(self.blocks[k], signal, values[k], self.context)) if known is None else known
+            )
+        return signal, numbers
 
+    def out_of_process(self, signal: FloatArray, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
+        """What load and process make of a signal (N,)."""
+        record = self.record
+        if not self.inside:
+            return run_rows(signal, row[None, :], record.sampling_interval_s, record.rest, LARGEST)[0]
+        context = Context(record, plant_of(row))
+        process = [Part(self.blocks[k], values[k]) for k in self.process]
+        altered = Context(record, altered_plant(context, process)) if process else context
+        for k in self.load:
+            signal = passed(self.blocks[k], signal, values[k], altered)
+        return through_parts(through_process(signal, process, altered.plant, context), process, context)
 
-class Recent:
-    """The signals of the latest simulations of one task, by the numbers that made them: a search moves few numbers at
-    a time, and what does not depend on those stays as it was. And the order of its parts, which stays.
-    """
+    def as_shown(self, pv: FloatArray, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
+        """What the blocks behind the process make of its PV (N,)."""
+        if self.behind:
+            context = Context(self.record, plant_of(row))
+            for k in self.behind:
+                pv = passed(self.blocks[k], pv, values[k], context)
+        return pv
 
-    def __init__(self) -> None:
-        self.known: dict[bytes, FloatArray] = {}
-        self.order: Order | None = None
-
-    def signal(self, numbers: bytes, make: Callable[[], FloatArray]) -> FloatArray:
-        """The signal (N,) that these numbers make; made where it is not known, in place of the one longest unused."""
-        found = self.known.pop(numbers, None)
-        if found is None:
-            found = make()
-            if len(self.known) == MOST_RECENT:
-                del self.known[next(iter(self.known))]
-        self.known[numbers] = found
+    def latest(self, numbers: bytes) -> FloatArray | None:
+        """The signal that these numbers made in one of the latest simulations, from now on the one latest used."""
+        found = self.recent.pop(numbers, None)
+        if found is not None:
+            self.recent[numbers] = found
         return found
 
-    def order_of(self, parts: tuple[Part, ...]) -> Order:
-        if self.order is None:
-            self.order = order_of(parts)
-        return self.order
+    def keep(self, numbers: bytes, signal: FloatArray) -> FloatArray:
+        """The signal, kept in place of the one longest unused."""
+        if len(self.recent) == MOST_RECENT:
+            del self.recent[next(iter(self.recent))]
+        self.recent[numbers] = signal
+        return signal
 
 
-def simulate(
-    record: Experiment, plant: Plant, parts: tuple[Part, ...] = (), recent: Recent | None = None
-) -> FloatArray:
-    """PV (N,) as deviation from the record's mean, in its unit, simulated from OP and measured signals alone.
-
-    recent: of simulations of the same record and blocks.
-    """
+def simulate(record: Experiment, plant: Plant, parts: tuple[Part, ...] = ()) -> FloatArray:
+    """PV (N,) as deviation from the record's mean, in its unit, simulated from OP and measured signals alone."""
     if record.finer is not None:
-        return simulate(record.finer.record, plant, parts, recent)[record.finer.taken]
-    if recent is None:
-        return through(record, plant, parts, record.op_deviation, STAGES)
-    order = recent.order_of(parts)
-    signal, numbers, context = record.op_deviation, b"", Context(record, plant)
-    for k in order.before:
-        numbers += parts[k].values.tobytes()
-        signal = recent.signal(numbers, partial(through_parts, signal, [parts[k]], context))
-    load, process = [parts[k] for k in order.load], [parts[k] for k in order.process]
-    for part in (*load, *process):
-        numbers += part.values.tobytes()
-    row = plant.row()
-    make = partial(through_load_and_process, signal, load, process, context, row)
-    signal = recent.signal(numbers + row.tobytes(), make)
-    return through(record, plant, parts, signal, BEHIND) if order.behind else signal
-
-
-def through_load_and_process(
-    signal: FloatArray, load: list[Part], process: list[Part], context: Context, row: FloatArray
-) -> FloatArray:
-    """What load and process make of a signal (N,). row: the context's plant, as the kernel reads it."""
-    plant = altered_plant(context, process) if process else context.plant
-    if load:
-        signal = through_parts(signal, load, Context(context.record, plant))
-    if plant is not context.plant:
-        row = plant.row()
-    signal = through_process(signal, process, plant, context, row)
-    return through_parts(signal, process, context)
+        return simulate(record.finer.record, plant, parts)[record.finer.taken]
+    return through(record, plant, parts, record.op_deviation, STAGES)
 
 
 def signal_before(record: Experiment, plant: Plant, parts: tuple[Part, ...], stop: Part) -> FloatArray:
@@ -120,7 +132,7 @@ def through(
     for stage in stages:
         here = [part for part in parts if part.block.stage == stage]
         if stage == "process":
-            signal = through_process(signal, here, altered.plant, context, altered.plant.row())
+            signal = through_process(signal, here, altered.plant, context)
         if here:
             signal = through_parts(signal, here, altered if stage == "load" else context)
     return signal
@@ -128,9 +140,12 @@ def through(
 
 def through_parts(signal: FloatArray, here: Sequence[Part], context: Context) -> FloatArray:
     for part in here:
-        if part.block.apply is not None:
-            signal = part.block.apply(signal, part.values, context)
+        signal = passed(part.block, signal, part.values, context)
     return signal
+
+
+def passed(block: Block, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return signal if block.apply is None else block.apply(signal, values, context)
 
 
 def altered_plant(context: Context, parts: Sequence[Part]) -> Plant:
@@ -142,15 +157,11 @@ def altered_plant(context: Context, parts: Sequence[Part]) -> Plant:
     return plant
 
 
-def through_process(
-    signal: FloatArray, parts: Sequence[Part], plant: Plant, context: Context, row: FloatArray
-) -> FloatArray:
-    """What the process makes of a signal (N,); one that runs away is cut to what can be squared. row: the plant as the
-    kernel reads it.
-    """
+def through_process(signal: FloatArray, parts: Sequence[Part], plant: Plant, context: Context) -> FloatArray:
+    """What the process makes of a signal (N,); one that runs away is cut to what can be squared."""
     record = context.record
     for part in parts:
         if part.block.replaces is not None:
             pv = part.block.replaces(signal, plant, part.values, context)
             return with_rest(pv, record.rest, LARGEST)
-    return with_rest(run_row(signal, row, record.sampling_interval_s), record.rest, LARGEST)
+    return run_rows(signal, plant.row()[None, :], record.sampling_interval_s, record.rest, LARGEST)[0]

@@ -1,6 +1,6 @@
 """The process between valve and sensor: lags, dead time, and the ways in which a real vessel leaves the linear form."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numba import njit
@@ -41,22 +41,8 @@ class Plant:
 
     def row(self) -> FloatArray:
         """The plant as the kernel reads it."""
-        return np.array(
-            [
-                self.K,
-                self.tau,
-                self.theta,
-                self.b,
-                self.x0,
-                self.tau2,
-                self.leak,
-                self.tau3,
-                self.high,
-                self.low,
-                self.head,
-                self.zero,
-            ]
-        )
+        numbers = vars(self)
+        return np.array([numbers[name] for name in NUMBERS])
 
     def changed(self, **values: float) -> "Plant":
         """The same with other values of some fields; past the constructor, in which a search would spend as much time
@@ -65,6 +51,9 @@ class Plant:
         other = object.__new__(Plant)
         vars(other).update(vars(self), **values)
         return other
+
+
+NUMBERS = tuple(field.name for field in fields(Plant))
 
 
 @njit(cache=True, nogil=True)
@@ -78,8 +67,9 @@ def _delay(v: FloatArray, samples: float) -> FloatArray:
     last = max(min(n + whole, n), first)
     for t in range(first):
         out[t] = (1.0 - share) * v[max(min(t - whole, n - 1), 0)] + share * v[0]
-    now, before = v[first - whole : last - whole], v[first - whole - 1 : last - whole - 1]
-    out[first:last] = (1.0 - share) * now + share * before
+    now, before, there = v[first - whole : last - whole], v[first - whole - 1 : last - whole - 1], out[first:last]
+    for t in range(len(there)):
+        there[t] = (1.0 - share) * now[t] + share * before[t]
     out[last:] = v[-1]
     return out
 
@@ -243,29 +233,44 @@ def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> Floa
     """PV (N,) in its unit, as deviation, of a valve position v (N,) in the unit of OP, as deviation, held over each
     sample.
     """
-    return run_row(v, plant.row(), sampling_interval_s)
+    return _process(np.ascontiguousarray(v), plant.row(), sampling_interval_s)
 
 
-def run_row(v: FloatArray, row: FloatArray, sampling_interval_s: float) -> FloatArray:
-    """As `run_process`, of a plant as the kernel reads it (12,)."""
-    return _process(np.ascontiguousarray(v), row, sampling_interval_s)
+def plant_of(row: FloatArray) -> Plant:
+    """The plant that a kernel reads as this row (12,); past the constructor as well."""
+    plant = object.__new__(Plant)
+    vars(plant).update(zip(NUMBERS, row.tolist(), strict=True))
+    return plant
 
 
 @njit(cache=True, nogil=True)
-def _with_rest(pv: FloatArray, rest: FloatArray, most: float) -> FloatArray:
-    """pv (N,) cut to `most` either side, with what is beside it, (N,)."""
-    out = np.empty(len(pv))
+def _with_rest(pv: FloatArray, rest: FloatArray, most: float, out: FloatArray) -> None:
+    """Writes pv (N,) cut to `most` either side, with what is beside it, into out (N,)."""
     for t in range(len(pv)):
         now = pv[t]
         if not abs(now) < most:
             now = -most if now < 0.0 else most
         out[t] = now + rest[t]
+
+
+@njit(cache=True, nogil=True)
+def _processes(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most: float) -> FloatArray:
+    out = np.empty((len(rows), len(v)))
+    for k in range(len(rows)):
+        _with_rest(_process(v, rows[k], ts), rest, most, out[k])
     return out
+
+
+def run_rows(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most: float) -> FloatArray:
+    """What each of some plants (L, 12), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
+    return _processes(np.ascontiguousarray(v), rows, ts, rest, most)
 
 
 def with_rest(pv: FloatArray, rest: FloatArray, most: float) -> FloatArray:
     """pv (N,) with a rest (N,) beside it; where it runs away it is cut to `most`, what is no number to that too."""
-    return _with_rest(np.ascontiguousarray(pv), rest, most)
+    out = np.empty(len(pv))
+    _with_rest(np.ascontiguousarray(pv), rest, most, out)
+    return out
 
 
 def delay(v: FloatArray, delay_s: float, sampling_interval_s: float) -> FloatArray:

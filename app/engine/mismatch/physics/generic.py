@@ -41,10 +41,10 @@ def acting(u: FloatArray, context: Context) -> FloatArray:
 def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Four lags of OP beside the model: whatever linear memory it lacks."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
-    late = acting(u, context)
-    out = signal
-    for value, speed in zip(values, SPEEDS, strict=True):
-        out = out + value * lag(late, speed * slowness(context), ts)
+    late, slow, out = acting(u, context), slowness(context), signal
+    for value, speed in zip(values.tolist(), SPEEDS, strict=True):
+        if value != 0.0:
+            out = out + value * lag(late, speed * slow, ts)
     return out
 
 

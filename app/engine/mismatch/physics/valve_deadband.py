@@ -5,7 +5,7 @@ import numpy as np
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
-from app.engine.valve import two_parameter_he
+from app.engine.valve import he_stem
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -19,9 +19,9 @@ def starts(context: Context, _: FloatArray) -> FloatArray:
 
 
 def backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    band = values[:1]
-    start = first_position(float(signal[0]), values, 1, 0.5 * float(band[0]))
-    return two_parameter_he(signal, band, np.zeros(1), np.array([start]))[0]
+    band = float(values[0])
+    start = first_position(float(signal[0]), values, 1, 0.5 * band)
+    return he_stem(np.ascontiguousarray(signal), band, 0.0, start)
 
 
 BLOCKS = (

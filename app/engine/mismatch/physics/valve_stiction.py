@@ -9,7 +9,7 @@ import numpy as np
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
-from app.engine.valve import two_parameter_choudhury, two_parameter_he
+from app.engine.valve import choudhury_stem, he_stem
 
 Sizes = TypeVar("Sizes", float, FloatArray)
 
@@ -31,11 +31,11 @@ def starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.op_span * np.geomspace(0.02, 1.2, 26), shares, np.zeros(1))
 
 
-def stem(signal: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """S, J and the stem's first position, (1,) each, unit of OP."""
-    S, J = float(values[0]), float(values[0] * values[1])
-    start = first_position(float(signal[0]), values, 2, reach(S, J))
-    return np.array([S]), np.array([J]), np.array([start])
+def stem(signal: FloatArray, values: FloatArray) -> tuple[float, float, float]:
+    """S, J and the stem's first position, unit of OP."""
+    S, share = values[:2].tolist()
+    J = S * share
+    return S, J, first_position(float(signal[0]), values, 2, reach(S, J))
 
 
 def reach(S: Sizes, J: Sizes) -> Sizes:
@@ -62,11 +62,11 @@ def start_slipping_as(start: float, share: float, others: FloatArray, side: floa
 
 
 def he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    return two_parameter_he(signal, *stem(signal, values))[0]
+    return he_stem(np.ascontiguousarray(signal), *stem(signal, values))
 
 
 def choudhury(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    return two_parameter_choudhury(signal, *stem(signal, values))[0]
+    return choudhury_stem(np.ascontiguousarray(signal), *stem(signal, values))
 
 
 BLOCKS = tuple(
