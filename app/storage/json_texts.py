@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import orjson
 
+_WITHOUT_FRACTION = frozenset({str, int, bool, type(None)})
+
 
 def short_json(value: Any) -> bytes:
     """Without spaces, in UTF-8; numpy's numbers are numbers. Raises ValueError where one is not finite."""
@@ -27,10 +29,17 @@ def check_finite(value: Any, name: str = "") -> None:
     """Raises ValueError where a number is not finite, with its place: `.spectra.pv[]`."""
     if isinstance(value, dict):
         for key, part in value.items():
-            check_finite(part, f"{name}.{key}")
+            if not _is_plain(part):
+                check_finite(part, f"{name}.{key}")
     elif isinstance(value, (list, tuple)):
         for part in value:
-            if type(part) is not float or not isfinite(part):  # most are: curves and spectra
+            if not _is_plain(part):
                 check_finite(part, f"{name}[]")
     elif isinstance(value, (float, np.floating, np.ndarray)) and not np.isfinite(value).all():
         raise ValueError(f"{name or 'value'} is {value}, no number that could be stored")
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether it is a finite number of Python or what holds none, as most of a verdict are."""
+    kind = type(value)
+    return isfinite(value) if kind is float else kind in _WITHOUT_FRACTION
