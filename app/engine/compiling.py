@@ -6,17 +6,20 @@ import numpy as np
 
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
+from app.engine.causality.own_cycle import own_cycle
 from app.engine.preparation import identified_part
-from app.engine.recording import FloatArray, Recording
+from app.engine.recording import FloatArray, Recording, UniformRecord
 from app.engine.reference.reliability import climb
 
 SAMPLES = 300
+SEARCHED_SAMPLES = 1000
 
 
 def audits() -> None:
     """Whole audits: all kernels that an audit has."""
     for recording in recordings():
         audit(recording)
+    search_for_stems()
 
 
 def identifications() -> None:
@@ -32,6 +35,15 @@ def verdicts() -> None:
     """All but the reference: the other half."""
     for recording in recordings():
         audit(recording, with_reference=False)
+    search_for_stems()
+
+
+def search_for_stems() -> None:
+    """Of a record with noise: those below foretell themselves so well that no stem is sought in them."""
+    steps = np.arange(SEARCHED_SAMPLES)
+    noise = np.random.default_rng(0).normal(size=(2, len(steps)))
+    pv, op = np.sin(steps / 6.0) + noise
+    own_cycle(UniformRecord(1.0, pv, op, None, np.zeros(len(steps), dtype=np.bool_)), 38.0)
 
 
 def recordings() -> Iterator[Recording]:

@@ -14,6 +14,7 @@ from numba import njit
 from app.engine.recording import FloatArray, IntArray
 from app.engine.signals.sampled import cycle_ranges, deviation, dot, mean, median, without_drift
 from app.engine.valve import he_stems, he_step
+from app.engine.valve.abreast import SAMPLES_ABREAST
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
@@ -23,7 +24,6 @@ _SLIPS = (0.0, 0.4, 1.0)
 # A misfit below this share of the variance of PV is as good as none: noise decides there.
 _MISFIT_FLOOR = 0.02
 _WORST_MISFIT = 2.0
-_SAMPLES_ABREAST = 64
 
 
 @dataclass(frozen=True)
@@ -333,9 +333,9 @@ def _without_drift_abreast(x: FloatArray, half: int, total: FloatArray, out: Flo
         for m in range(abreast):
             running[m] += taken_off * row[m]
             following[m] = running[m]
-    part = np.empty((_SAMPLES_ABREAST, abreast))
-    for begin in range(0, n, _SAMPLES_ABREAST):
-        end = min(begin + _SAMPLES_ABREAST, n)
+    part = np.empty((SAMPLES_ABREAST, abreast))
+    for begin in range(0, n, SAMPLES_ABREAST):
+        end = min(begin + SAMPLES_ABREAST, n)
         for t in range(begin, end):
             low, high = max(t - half, 0), min(t + half + 1, n)
             share, row, before, upto, left = 1.0 / (high - low), x[t], total[low], total[high], part[t - begin]

@@ -83,8 +83,8 @@ _NO_OSCILLATION = Oscillation(None, 0.0, 0.0, None, 0.0, "pv", 0.0)
 
 
 def autocorrelation(x: FloatArray) -> FloatArray:
-    """Autocorrelation (..., N//2) of x (..., N) about its mean, divided by N - lag, so that it does not fade with the
-    lag.
+    """Autocorrelation (..., N//2) of x (..., N), finite, about its mean, divided by N - lag, so that it does not fade
+    with the lag.
 
     Returns zeros where x does not vary.
     """

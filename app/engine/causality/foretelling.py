@@ -67,8 +67,8 @@ class Lags:
         return np.vstack((self.past(x, self.order), *self._lately(x)))
 
     def all_past(self, x: FloatArray) -> tuple[FloatArray, ...]:
-        """(..., n) each: what `whole_past` has, and what x was over longer times than that, as averages that forget
-        exponentially.
+        """What `whole_past` has, (terms, n) and then (n,) each, and what x was over longer times than that, as averages
+        that forget exponentially.
         """
         means = self._means(x)
         longer = [unit_deviation(forgetting(means, memory))[self.order - 1 : -1] for memory in MEMORIES]

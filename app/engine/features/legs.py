@@ -45,15 +45,14 @@ def legs(window: ShapeWindow) -> Legs:
     sizes = np.abs(np.diff(op[ends]))
     swings = _ranges(pv, ends)
     way, travelled = _travelled(op, ends)
-    told = len(sizes) >= _FEWEST_LEGS
-    edges = quantiles(travelled, _EDGES) if told else np.empty(0)
-    between = slice(ends[0], ends[-1]) if told else slice(0)
+    between = slice(ends[0], ends[-1]) if len(sizes) >= _FEWEST_LEGS else None
+    path, path_slope = (0.0, 0.0) if between is None else _paths(way * pv[between], way * dpv[between], travelled)
     return Legs(
         leg_size_spread=_spread(sizes),
         leg_time_spread=_spread(np.diff(ends).astype(np.float64)),
         swing_spread=_spread(swings),
-        path=float(_between_bins(way * pv[between], travelled, edges)) if told else 0.0,
-        path_slope=float(_between_bins(way * dpv[between], travelled, edges)) if told else 0.0,
+        path=path,
+        path_slope=path_slope,
         pv_corners=burstiness(slope(dpv)),
         op_corners=burstiness(slope(dop)),
     )
@@ -88,6 +87,12 @@ def _travelled(op: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
     start = np.repeat(op[ends[:-1]], length)
     way = np.repeat(np.sign(np.diff(op[ends])), length)
     return way, way * (op[ends[0] : ends[-1]] - start)
+
+
+def _paths(pv: FloatArray, pv_slope: FloatArray, travelled: FloatArray) -> tuple[float, float]:
+    """Of PV and of its slope (n,), each along OP's legs, what bins of equal counts of travelled (n,) hold."""
+    edges = quantiles(travelled, _EDGES)
+    return float(_between_bins(pv, travelled, edges)), float(_between_bins(pv_slope, travelled, edges))
 
 
 @njit(cache=True, nogil=True)

@@ -5,7 +5,7 @@ from numba import njit
 
 from app.engine.recording import FloatArray
 
-_SAMPLES_ABREAST = 64
+SAMPLES_ABREAST = 64
 
 
 @njit(cache=True, nogil=True)
@@ -13,9 +13,9 @@ def he_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> Flo
     """v (M, N) of He's valves in the unit of OP, at rest at the first sample, all abreast; returns their means (M,)."""
     x, reach, behind = np.full(len(S), op[0]), 0.5 * (S + J), 0.5 * (S - J)
     total = np.zeros(len(S))
-    moved = np.empty((_SAMPLES_ABREAST, len(S)))
-    for begin in range(0, len(op), _SAMPLES_ABREAST):
-        part = op[begin : begin + _SAMPLES_ABREAST]
+    moved = np.empty((SAMPLES_ABREAST, len(S)))
+    for begin in range(0, len(op), SAMPLES_ABREAST):
+        part = op[begin : begin + SAMPLES_ABREAST]
         for t in range(len(part)):
             u = part[t]
             for m in range(len(x)):
@@ -38,10 +38,10 @@ def kano_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> F
     """
     x, behind = np.full(len(S), op[0]), 0.5 * (S - J)
     stopped_at, direction, rests = op[0] + behind, np.ones(len(S)), np.ones(len(S))
-    moved, total = np.empty((_SAMPLES_ABREAST, len(S))), np.zeros(len(S))
+    moved, total = np.empty((SAMPLES_ABREAST, len(S))), np.zeros(len(S))
     before, step_before = op[0], 0.0
-    for begin in range(0, len(op), _SAMPLES_ABREAST):
-        part = op[begin : begin + _SAMPLES_ABREAST]
+    for begin in range(0, len(op), SAMPLES_ABREAST):
+        part = op[begin : begin + SAMPLES_ABREAST]
         for t in range(len(part)):
             u = part[t]
             step = u - before

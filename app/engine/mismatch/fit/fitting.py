@@ -104,7 +104,7 @@ def slopes(
     steps = np.where(x + task.step <= task.high, task.step, -task.step)[moving]
     moved = np.repeat(x[None, :], len(moving), axis=0)
     moved[np.arange(len(moving)), moving] += steps
-    alike = int(np.count_nonzero(moving < task.linear_count))
+    alike = int(np.argmin(np.append(moving < task.linear_count, False)))  # the first ones, of the plant alone
     count, columns = len(at.rows) - len(x), np.empty((len(moving), len(at.rows)))
     record, simulated = task.record, task.simulated_each(moved, alike)
     scaled_innovations(record.pv_deviation, simulated, record.usable, noise, at.rows, columns)

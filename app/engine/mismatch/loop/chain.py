@@ -62,9 +62,9 @@ class ForwardPath:
         for k in self.before:
             numbers += values[k].tobytes()
             known = self.latest(numbers)
-            signal = (
-                self.keep(numbers, passed(self.blocks[k], signal, values[k], self.context)) if known is None else known
-            )
+            if known is None:
+                known = self.keep(numbers, passed(self.blocks[k], signal, values[k], self.context))
+            signal = known
         return signal, numbers
 
     def out_of_process(self, signal: FloatArray, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:

@@ -39,7 +39,7 @@ def acting(u: FloatArray, context: Context) -> FloatArray:
 
 
 def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    """Four lags of OP beside the model: whatever linear memory it lacks."""
+    """Four lags of OP beside the model: whatever linear memory it lacks; the signal itself where they weigh nothing."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
     late, slow, out = acting(u, context), slowness(context), signal
     for value, speed in zip(values.tolist(), SPEEDS, strict=True):
