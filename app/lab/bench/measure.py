@@ -9,32 +9,35 @@ from typing import Self
 
 import numpy as np
 
+from app.engine.recording import FloatArray
+
 EVERY_S = 0.25
 
 
 def median_s(work: Callable[[], object], repeats: int = 9) -> float:
     """The median processor time of `work` in s after one call to warm up: other work on the machine disturbs it less
     than it does wall time."""
+    return float(np.median(times_s(work, repeats)))
+
+
+def times_s(work: Callable[[], object], repeats: int) -> FloatArray:
+    """(repeats,) processor times of `work` in s after one call to warm up."""
     work()
     times = []
     for _ in range(repeats):
         start = time.thread_time()
         work()
         times.append(time.thread_time() - start)
-    return float(np.median(times))
+    return np.array(times)
 
 
 YARDSTICK_ADDITIONS = 1_000_000
 
 
 def yardstick_s() -> float:
-    """What a million additions in a loop of Python take here, in s of processor time, the least of nine: a processor
-    that is shared is at times half as fast as at others, and times are to be read beside it.
+    """What a million additions in a loop of Python take just now, in s of processor time: a processor that is shared is
+    at times half as fast as at others, and times are to be read beside it.
     """
-    return min(_additions_s() for _ in range(9))
-
-
-def _additions_s() -> float:
     total, start = 0, time.thread_time()
     for one in range(YARDSTICK_ADDITIONS):
         total += one
