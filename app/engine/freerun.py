@@ -13,7 +13,7 @@ from numba import njit
 
 from app.engine.recording import FloatArray, IntArray
 from app.engine.signals.sampled import cycle_ranges, deviation, dot, mean, median, without_drift
-from app.engine.valve import he_stems, he_step
+from app.engine.valve import he_stem, he_stems
 from app.engine.valve.abreast import SAMPLES_ABREAST
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
@@ -193,13 +193,9 @@ def _misfit_elsewhere(yy: FloatArray, xy: FloatArray, xx: FloatArray, fitted: in
     return found
 
 
-@njit(cache=True, nogil=True)
 def valve_position(op: FloatArray, S: float, J: float) -> FloatArray:
     """v (n,) of He's valve, in the unit of OP, starting at rest at op[0]."""
-    state = np.array([op[0], op[0], 0.0])
-    v = np.empty(len(op))
-    for t in range(len(op)):
-        v[t] = he_step(op[t], state, S, J)
+    v: FloatArray = he_stem(op, S, J, op[0])
     return v
 
 
