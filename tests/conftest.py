@@ -40,8 +40,10 @@ from app.storage.tables import metadata
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take long, whatever the number of their tests: begun last, they would keep one core waiting for the other.
-LONG = ("/e2e/", "/chaos/", "/load/", "/workers/", "/web/", "test_hostile", "test_read", "/digests/", "/test_start.py")
-LONG += ("test_types", "test_sizing", "test_upgrades")
+LONG = (
+    *("/e2e/", "/chaos/", "/load/", "/workers/", "/web/", "/digests/"),
+    *("test_hostile", "test_read", "/test_start.py", "test_types", "test_sizing", "test_upgrades"),
+)
 
 # No test is of how long something takes: the first call of a kernel compiles or loads it, and the machine may be busy.
 hypothesis.settings.register_profile(

@@ -25,20 +25,35 @@ def test_the_warm_up_goes_the_longest_way_through_the_engine(
     assert {one.judgement.verdict for one in found} == {"stiction", "inconclusive"}  # sums of sines: PV owes OP nothing
 
 
-LOADED = """
+WARMED = """
 import json, sys
 from numba.core.dispatcher import Dispatcher
 from app.services.auditing import warming
+
+def kernels():
+    own = [module for name, module in sys.modules.items() if name.startswith("app.")]
+    found = [one for module in own for one in vars(module).values() if isinstance(one, Dispatcher) and one.signatures]
+    return {f"{one.py_func.__module__}.{one.py_func.__qualname__}": str(one.signatures) for one in found}
+
 getattr(warming, sys.argv[1])()
-named = [one for name, module in sys.modules.items() if name.startswith("app.") for one in vars(module).values()]
-kernels = [one for one in named if isinstance(one, Dispatcher) and one.signatures]
-print(json.dumps({f"{one.py_func.__module__}.{one.py_func.__qualname__}": str(one.signatures) for one in kernels}))
+"""
+LOADED = f"{WARMED}print(json.dumps(kernels()))"
+COMPILED_LATER = f"""{WARMED}
+import numpy as np
+from app.engine.audit import audit
+from app.engine.recording import Recording
+from app.lab.bench.loops import records
+loops, known = list(records(24, 900)), kernels()
+for loop in loops:
+    audit(Recording(loop.tag, 60.0 * np.arange(900.0), loop.pv, loop.op, loop.sp))
+print(json.dumps({{name: types for name, types in kernels().items() if known.get(name) != types}}))
 """
 
 
-def loaded(part: str) -> dict[str, str]:
-    """The kernels of the project that are there after a part of the warm-up, and the types that they are for."""
-    run = subprocess.run([sys.executable, "-c", LOADED, part], capture_output=True, text=True, check=True)
+def loaded(part: str, script: str = LOADED) -> dict[str, str]:
+    """The kernels of the project that are there after a part of the warm-up, or of which a script tells then, and the
+    types that they are for."""
+    run = subprocess.run([sys.executable, "-c", script, part], capture_output=True, text=True, check=True)
     return dict(json.loads(run.stdout))
 
 
@@ -50,26 +65,9 @@ def test_the_halves_that_are_compiled_side_by_side_are_the_whole(warm_kernels: N
     assert len(first.keys() & second.keys()) < 10  # small ones, of what prepares a record
 
 
-COMPILED_LATER = """
-from app.engine.audit import audit
-from app.lab.bench.loops import records
-from app.engine.recording import Recording
-import json, numpy as np
-loops, known = list(records(24, 900)), json.loads(loaded())
-for loop in loops:
-    audit(Recording(loop.tag, 60.0 * np.arange(900.0), loop.pv, loop.op, loop.sp))
-later = json.loads(loaded())
-print(json.dumps({name: types for name, types in later.items() if known.get(name) != types}))
-"""
-
-
 def test_ordinary_loops_find_every_kernel_compiled(warm_kernels: None) -> None:
     """Of loops with noise: the search for stems has kernels of its own, which what is made of sines never reaches."""
-    *asked, said = LOADED.strip().splitlines()
-    named = "\n    ".join(asked[-2:])
-    script = "\n".join(asked[:-2]) + f"\ndef loaded():\n    {named}\n    return {said[6:-1]}" + COMPILED_LATER
-    run = subprocess.run([sys.executable, "-c", script, "audits"], capture_output=True, text=True, check=True)
-    assert json.loads(run.stdout) == {}
+    assert loaded("audits", COMPILED_LATER) == {}
 
 
 def test_a_warm_up_waits_for_who_compiles_for_the_same_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from app.engine.recording import FloatArray
 
 EVERY_S = 0.25
+YARDSTICK_ADDITIONS = 1_000_000
 
 
 def median_s(work: Callable[[], object], repeats: int = 9) -> float:
@@ -29,9 +30,6 @@ def times_s(work: Callable[[], object], repeats: int) -> FloatArray:
         work()
         times.append(time.thread_time() - start)
     return np.array(times)
-
-
-YARDSTICK_ADDITIONS = 1_000_000
 
 
 def yardstick_s() -> float:

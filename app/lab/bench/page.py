@@ -216,7 +216,8 @@ def _audit(found: Figures) -> str:
     shown = ("samples", "loops", "ms_mean", "ms_median", "ms_p95", "ms_max")
     head = ("samples", "simulated loops", "mean, ms", "median", "95th percentile", "greatest")
     text += table(head, [[number(it[key], 4) for key in shown] for it in spreads]) + "\n"
-    text += "".join(_yardstick(it) for it in spreads[-1:] if "yardstick_ms" in it)
+    if "yardstick_ms" in spreads[-1]:
+        text += _yardstick(spreads[-1])
     stages = [
         (r["stage"], number(r["ms"]), f"{100 * r['share']:.0f} %", number(r["calls_a_loop"])) for r in found["stages"]
     ]
