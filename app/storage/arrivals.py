@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, Subquery, and_, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, and_, func, select
 
+from app.nanoseconds import EVER_NS
 from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, verdicts
@@ -79,13 +80,23 @@ def earlier(
 def anything_new(connection: Connection, audit_id: int) -> bool:
     """Whether a loop of this run was given samples that its verdict before was not, or has none before."""
     earlier = verdicts.alias("earlier")
-    known = select(func.max(earlier.c.input_end_ns)).where(
-        earlier.c.loop_id == verdicts.c.loop_id, earlier.c.audit_id < audit_id
+    given = (
+        earlier.c.loop_id == verdicts.c.loop_id,
+        earlier.c.audit_id < audit_id,
+        earlier.c.input_end_ns.is_not(None),
     )
-    before = known.correlate(verdicts).scalar_subquery()
-    newer = or_(before.is_(None), verdicts.c.input_end_ns > before)
+    last = select(earlier.c.input_end_ns).where(*given).order_by(earlier.c.audit_id.desc()).limit(1)
+    ever = select(func.max(earlier.c.input_end_ns)).where(*given)
+    # The last one leaves few to ask for all before, which is a row a night.
+    newer = and_(_beyond(last), _beyond(ever))
     query = select(verdicts.c.loop_id).where(verdicts.c.audit_id == audit_id, newer)
     return connection.scalar(query.limit(1)) is not None
+
+
+def _beyond(before: Select[tuple[int | None]]) -> ColumnElement[bool]:
+    """Whether a verdict was given samples after that time of its loop, or there is none."""
+    known = func.coalesce(before.correlate(verdicts).scalar_subquery(), -EVER_NS - 1)
+    return known < func.coalesce(verdicts.c.input_end_ns, -EVER_NS)
 
 
 def _ends(audit_id: int | None) -> Subquery:

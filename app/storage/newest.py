@@ -3,7 +3,7 @@ full health times importance."""
 
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, FromClause, Select, and_, func, select
+from sqlalchemy import CTE, ColumnElement, Connection, FromClause, Select, and_, func, select
 
 from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
@@ -32,6 +32,29 @@ def priority(said: FromClause) -> ColumnElement[Any]:
 def worst_first(said: FromClause) -> tuple[ColumnElement[Any], ...]:
     """The order by `priority`, loops of unknown health last, then by tag."""
     return priority(said).desc().nulls_last(), loops.c.tag
+
+
+COUNTED = verdicts.alias("counted")
+"""Verdicts as `last_of` counts them."""
+
+
+def last_of(each: int, asked: ColumnElement[bool], *counted: ColumnElement[bool]) -> CTE:
+    """Id, tag, newest_audit_id and `since` of the loops that are asked for: `since` is the run of the oldest of a
+    loop's newest `each` verdicts that are `counted`, a condition on COUNTED; 0 where there are not more.
+
+    To number a loop's verdicts takes all of them, of which there is one a night, for years.
+    """
+    mine = (COUNTED.c.loop_id == loops.c.id, *counted)
+    oldest = select(COUNTED.c.audit_id).where(*mine).order_by(COUNTED.c.audit_id.desc()).offset(each - 1).limit(1)
+    since = func.coalesce(oldest.correlate(loops).scalar_subquery(), 0).label("since")
+    told = select(loops.c.id, loops.c.tag, loops.c.newest_audit_id, since).where(asked)
+    # Once a loop: PostgreSQL may look for it anew at each verdict else.
+    return told.cte("lasts").prefix_with("MATERIALIZED", dialect="postgresql")
+
+
+def from_then_on(lasts: CTE) -> ColumnElement[bool]:
+    """Verdicts that are no older than `last_of` says."""
+    return and_(verdicts.c.loop_id == lasts.c.id, verdicts.c.audit_id >= lasts.c.since)
 
 
 def heads_of_units(connection: Connection, listed: Select[Any], said: FromClause, each: int) -> list[Any]:

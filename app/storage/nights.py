@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
+from app.storage.newest import COUNTED, from_then_on, last_of
 from app.storage.tables import loops, verdicts
 
 
@@ -33,14 +34,13 @@ class StickingRow(NamedTuple):
 
 def recent(connection: Connection, tags: Sequence[str], each: int, until: int | None = None) -> list[NightRow]:
     """The newest verdicts of these loops, `each` at most, the oldest first. until: the last run that counts."""
-    # Places are found in the key alone: a year of whole rows would be read for the newest ones else.
-    place = func.row_number().over(partition_by=verdicts.c.loop_id, order_by=verdicts.c.audit_id.desc())
-    keys = select(loops.c.tag, verdicts.c.loop_id, verdicts.c.audit_id, place.label("place"))
-    keys = keys.join(verdicts, verdicts.c.loop_id == loops.c.id).where(loops.c.tag.in_(tags))
-    kept = (keys if until is None else keys.where(verdicts.c.audit_id <= until)).subquery()
-    mine = and_(verdicts.c.loop_id == kept.c.loop_id, verdicts.c.audit_id == kept.c.audit_id)
-    query = select(kept.c.tag, *(verdicts.c[name] for name in NightRow._fields[1:])).join(kept, mine)
-    ordered = query.where(kept.c.place <= each).order_by(kept.c.tag, kept.c.audit_id)
+    counted = () if until is None else (COUNTED.c.audit_id <= until,)
+    lasts = last_of(each, loops.c.tag.in_(tags), *counted)
+    query = select(lasts.c.tag, *(verdicts.c[name] for name in NightRow._fields[1:])).join_from(
+        lasts, verdicts, from_then_on(lasts)
+    )
+    query = query if until is None else query.where(verdicts.c.audit_id <= until)
+    ordered = query.order_by(lasts.c.tag, verdicts.c.audit_id)
     return [NightRow._make(row) for row in connection.execute(ordered)]
 
 

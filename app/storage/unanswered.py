@@ -3,12 +3,12 @@
 from collections.abc import Collection
 from typing import NamedTuple
 
-from sqlalchemy import Connection, and_, func, select
+from sqlalchemy import Connection, and_, select
 
 from app.engine.codes import UNANSWERED
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import NEWEST_ROWS, is_newest, worst_first
+from app.storage.newest import COUNTED, NEWEST_ROWS, from_then_on, is_newest, last_of, worst_first
 from app.storage.tables import loops, newest_rows, verdicts
 
 NIGHTS_BACK = 14
@@ -66,14 +66,11 @@ def unanswered_before(connection: Connection, loop_ids: Collection[int]) -> list
     """Of these loops the newest NIGHTS_BACK verdicts before their newest that said the same, the newest first."""
     if not loop_ids:
         return []
-    told = (verdicts.c.loop_id, verdicts.c.audit_id, verdicts.c.extra_json)
-    record = (verdicts.c.input_start_ns, verdicts.c.input_end_ns)
-    place = func.row_number().over(partition_by=verdicts.c.loop_id, order_by=verdicts.c.audit_id.desc())
-    said = select(*told, *record, place.label("place")).join(loops, loops.c.id == verdicts.c.loop_id)
-    mine = (among_many(connection, verdicts.c.loop_id, loop_ids), verdicts.c.likely_cause == UNANSWERED)
-    found = said.where(*mine, verdicts.c.audit_id < loops.c.newest_audit_id).subquery()
-    shown = (found.c.loop_id, found.c.extra_json, found.c.input_start_ns, found.c.input_end_ns)
-    query = select(*shown).where(found.c.place <= NIGHTS_BACK).order_by(found.c.loop_id, found.c.place)
+    same = (COUNTED.c.likely_cause == UNANSWERED, COUNTED.c.audit_id < loops.c.newest_audit_id)
+    lasts = last_of(NIGHTS_BACK, among_many(connection, loops.c.id, loop_ids), *same)
+    told = select(*(verdicts.c[name] for name in SaidBefore._fields)).join_from(lasts, verdicts, from_then_on(lasts))
+    mine = (verdicts.c.likely_cause == UNANSWERED, verdicts.c.audit_id < lasts.c.newest_audit_id)
+    query = told.where(*mine).order_by(verdicts.c.loop_id, verdicts.c.audit_id.desc())
     return [SaidBefore._make(row) for row in connection.execute(query)]
 
 

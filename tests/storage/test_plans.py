@@ -14,16 +14,19 @@ from zstandard import ZstdError
 
 from app.storage import (
     Database,
+    arrivals,
     audits,
     deliveries,
     explanations,
     figures,
     items,
     loops,
+    nights,
     receipts,
     retention,
     series,
     standstill,
+    unanswered,
     uploads,
     verdicts,
 )
@@ -34,6 +37,7 @@ from app.storage.verdicts import RowFilter
 from tests.conftest import own_postgres
 
 NIGHTS = 20
+TAGS = [f"L{number}" for number in range(1, 101)]
 RUN = {
     "trigger": "request",
     "plant": "p",
@@ -112,6 +116,10 @@ ASKED = {
     "a claim": lambda c: items.claim(c, NIGHTS, "w", 32, 45.0),
     "progress of a run": lambda c: audits.progress(c, [NIGHTS]),
     "runs by the page": lambda c: audits.page(c, 50, None),
+    "last nights of a page": lambda c: nights.recent(c, TAGS, 14),
+    "last nights up to a run": lambda c: nights.recent(c, TAGS, 14, NIGHTS - 1),
+    "since when PVs are still": lambda c: unanswered.unanswered_before(c, range(1, 51)),
+    "whether anything is new": lambda c: arrivals.anything_new(c, NIGHTS),
 }
 LARGE = {"verdicts", "verdict_details", "series", "audit_items"}
 
@@ -135,6 +143,18 @@ def test_a_claim_touches_what_it_takes_however_many_loops_wait(plant: Connection
     ]
     assert audits.progress(plant, [run])[run].claimed >= 32
     assert max(touched) <= 3 * 32  # of 1500
+
+
+@pytest.mark.parametrize("name", ["last nights of a page", "last nights up to a run", "since when PVs are still"])
+def test_where_a_loops_last_nights_begin_is_looked_for_once_a_loop(plant: Connection, name: str) -> None:
+    walks = [
+        node["Actual Loops"]
+        for plan in _plans(plant, ASKED[name], "ANALYZE, ")
+        for node in _nodes(plan)
+        if node.get("Relation Name") == "verdicts" and node.get("Alias") == "counted"
+    ]
+    assert walks
+    assert max(walks) <= len(TAGS)
 
 
 def test_the_whole_table_reads_no_verdict(plant: Connection) -> None:
