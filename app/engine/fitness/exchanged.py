@@ -29,7 +29,8 @@ def set_point_with_op(pv: FloatArray, op: FloatArray, sp: FloatArray, in_use: Bo
     known = np.isfinite(pv) & np.isfinite(op) & np.isfinite(sp) & (sp != 0.0)
     if in_use is not None:
         known &= in_use
-    pv, op, sp = pv[known], op[known], sp[known]
-    if not len(op) or np.count_nonzero(np.diff(op)) <= 0.5 * len(op):
+    if not known.all():
+        pv, op, sp = pv[known], op[known], sp[known]
+    if not len(op) or np.count_nonzero(op[1:] != op[:-1]) <= 0.5 * len(op):
         return WithOp()
     return WithOp(len(op), int(np.count_nonzero(np.abs(op - sp) < NEARER * np.abs(pv - sp))))

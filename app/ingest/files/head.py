@@ -178,7 +178,7 @@ def _surely(text: str, decimal_mark: str) -> bool:
 
 
 def _is_comma_number(text: str) -> bool:
-    return bool(_COMMA_NUMBER.fullmatch(without_unit(text)))
+    return "," in text and bool(_COMMA_NUMBER.fullmatch(without_unit(text)))
 
 
 def is_number(text: str, decimal_mark: str = ".") -> bool:

@@ -26,7 +26,12 @@ def scale_jump(block: SignalBlock) -> ScaleJump | None:
     """The first one of a signal: its level and the size of its steps from sample to sample change alike and at once.
     A process that starts changes one of them, or both in other ratios."""
     sizes = np.abs(block.value)
-    if len(sizes) < 2 * FEWEST or np.fmax.reduce(sizes) < LEAST * np.fmin.reduce(sizes):
+    if len(sizes) < 2 * FEWEST:
+        return None
+    least, greatest = sizes.min(), sizes.max()
+    if np.isnan(greatest):  # which takes longer
+        least, greatest = np.fmin.reduce(sizes), np.fmax.reduce(sizes)
+    if greatest < LEAST * least:
         return None  # most signals
     at = np.flatnonzero(sizes > 0.0)
     values, sizes = block.value[at], sizes[at]

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from app.errors import DataError
 from app.ingest.model import SIGNALS, IngestOptions, Signal
 from app.ingest.numbers.units import is_unit
+from app.ingest.remembering import remembered
 from app.ingest.tags.lists import list_rows, list_text
 
 _MAPPING = ("the mapping", "bad_mapping")
@@ -51,6 +52,7 @@ LONGEST_NAME = 1000  # the patterns cost the square of a name's length
 LONGEST_LOOP = IngestOptions().max_name
 _SEPARATORS = "._-/:|\\ "
 _LETTER = r"(?:[^\W\d_]|[\u0300-\u036f])"  # of any script, or its accent where that stands behind it
+_ANY_LETTER = re.compile(r"[^\W\d_]")
 _ENDING = re.compile(rf"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>{_LETTER}+)$")
 _START = re.compile(rf"^(?P<word>{_LETTER}+)[._\-/:|\\ ]+(?P<loop>.+)$")
 _WITHOUT_BLANKS = re.compile(rf"^(?P<loop>.+)(?P<word>{'|'.join(word for word in _WORDS if not word.isascii())})$")
@@ -248,8 +250,13 @@ class Place(NamedTuple):
 
 def place(tag: str, stem: str) -> Place:
     """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
-    if len(tag) > LONGEST_NAME:
+    if len(tag) > LONGEST_NAME or not _ANY_LETTER.search(tag):
         return Place(tag, tag, "OTHER")
+    return _place(tag, stem)
+
+
+@remembered(1 << 16)
+def _place(tag: str, stem: str) -> Place:
     name = SERVER.sub("", tag.strip())
     name = _name_and_unit(name)[0] or name
     signal = _bare(_BRACKET.sub("", name))
