@@ -1,38 +1,63 @@
 """One task a job. Every task may run twice, and finds in the data base whether there is something to do."""
 
+import logging
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from celery import shared_task
 
 from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.services.auditing import chunks
+from app.services.backend import DATABASE_AWAY, no_room
 from app.services.digests import deliveries
 from app.services.explaining import working as explaining
 from app.services.intake import reading
+from app.services.telling.naming import one_line
 from app.services.upkeep import sweep as sweeping
 from workers.process import backend
 
+log = logging.getLogger("loopaudit.worker")
+
+
+@contextmanager
+def a_line_if_full() -> Iterator[None]:
+    """A full disk is no fault of the task: what it was for waits, and is tried again. That is so every few seconds, and
+    needs no traceback each time."""
+    try:
+        yield
+    except (*DATABASE_AWAY, OSError) as error:
+        if not no_room(error):
+            raise
+        reason = getattr(error, "orig", None) or error
+        log.error("no room on the disk, make room; what waits is tried again: %s", one_line(str(reason)))
+
 
 @shared_task(name=READ_UPLOAD)
+@a_line_if_full()
 def read_upload(upload_id: int) -> None:
     reading.read_upload(backend(), upload_id, owner=uuid.uuid4().hex)
 
 
 @shared_task(name=AUDIT_CHUNK)
+@a_line_if_full()
 def audit_chunk(audit_id: int) -> None:
     chunks.audit_chunk(backend(), audit_id, owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=EXPLAIN)
+@a_line_if_full()
 def explain() -> None:
     explaining.explain_next(backend(), owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=DELIVER)
+@a_line_if_full()
 def deliver() -> None:
     deliveries.deliver_next(backend(), owner=uuid.uuid4().hex)
 
 
 @shared_task(name=SWEEP)
+@a_line_if_full()
 def sweep() -> None:
     sweeping.sweep(backend())

@@ -21,8 +21,8 @@ def remembered(
 
         @wraps(ask)
         def answered(*asked: *_Asked) -> _Answer:
-            one = asked[0] if len(asked) == 1 else None  # as most are asked: names, by the 100,000
-            characters = len(one) if isinstance(one, str) else sum(map(_characters, asked))
+            alone = len(asked) == 1  # names are, by the 100,000
+            characters = _characters(*asked) if alone else sum(map(_characters, asked))
             return kept(*asked) if characters <= longest else ask(*asked)
 
         return answered

@@ -41,13 +41,18 @@ def commit_lost(error: Exception) -> bool:
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 DATABASE_FULL = ("disk is full", "No space left")
+FULL_IN_SQL = "53100"
+"""PostgreSQL tells it in the language of its server, beside this code."""
 
 
 def no_room(error: Exception) -> bool:
     """Whether a disk is full: that of the exports, or that of the data base, which says so in its own words."""
     if isinstance(error, OSError):
         return error.errno in DISK_FULL
-    return isinstance(error, DATABASE_AWAY) and any(words in str(error) for words in DATABASE_FULL)
+    if not isinstance(error, DATABASE_AWAY):
+        return False
+    state = getattr(getattr(error, "orig", None), "sqlstate", None)
+    return state == FULL_IN_SQL or any(words in str(error) for words in DATABASE_FULL)
 
 
 def megabytes(size: float) -> str:

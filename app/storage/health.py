@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, literal, select
+from sqlalchemy import Connection, literal, select, text
 
 from app.storage.database import journal_mode
 from app.storage.tables import keys, loops, uploads
@@ -43,3 +43,14 @@ def in_use(connection: Connection) -> bool:
     """Whether a plant has begun to use these tables."""
     begun = (select(literal(1)).select_from(table).limit(1) for table in (loops, uploads, keys))
     return any(connection.scalar(query) is not None for query in begun)
+
+
+PROBED_MB = 4
+
+
+def try_to_grow(connection: Connection) -> None:
+    """Has PostgreSQL write PROBED_MB more than its files hold; they are gone with the transaction. Raises what
+    SQLAlchemy raises where it cannot."""
+    connection.exec_driver_sql("CREATE TEMP TABLE room (filler text) ON COMMIT DROP")
+    rows = text("INSERT INTO room SELECT repeat('x', 1000) FROM generate_series(1, :rows)")  # too short to be packed
+    connection.execute(rows, {"rows": 1000 * PROBED_MB})

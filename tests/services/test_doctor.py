@@ -4,9 +4,12 @@ import json
 import os
 import time
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
-from sqlalchemy import make_url, update
+from psycopg.errors import DiskFull
+from sqlalchemy import Connection, make_url, update
+from sqlalchemy.exc import OperationalError, ProgrammingError
 
 from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
@@ -32,7 +35,7 @@ def test_a_sound_installation_has_no_problem(plant):
     found = states(doctor.examine(plant.settings))
     assert found.keys() >= {
         "data folder", "disk", "kernel cache", "settings", "SQLite", "data base", "tables", "integrity", "clock",
-        "workers", "open work", "room", "keys", "broker",
+        "growth", "workers", "open work", "room", "keys", "broker",
     }  # fmt: skip
     assert "problem" not in found.values()
     assert found["data folder"] == "ok"
@@ -277,3 +280,31 @@ def test_samples_ahead_of_the_clock_are_a_warning(plant):
     check = doctor.records(plant)
     assert (check.state, "time zone" in (check.advice or "")) == ("warning", True)
     assert "ahead of the clock" in check.found
+
+
+@pytest.mark.parametrize(
+    ("error", "state", "said"),
+    [
+        (
+            OperationalError("INSERT", {}, DiskFull("No space left\nHINT: look")),
+            "problem",
+            "no room: No space left HINT",
+        ),
+        (ProgrammingError("CREATE", {}, Exception("permission denied")), "ok", "cannot be tried: permission denied"),
+    ],
+    ids=["full", "not allowed"],
+)
+@pytest.mark.postgres
+def test_a_data_base_that_cannot_grow_is_a_problem(
+    tmp_path: Path, postgres_url: str, monkeypatch: pytest.MonkeyPatch, error: Exception, state: str, said: str
+) -> None:
+    settings = Settings(data_dir=tmp_path, database_url=postgres_url)
+    assert of("growth", settings).found == "the data base takes 4 MB more"
+
+    def fails(connection: Connection) -> None:
+        raise error
+
+    monkeypatch.setattr(doctor.health, "try_to_grow", fails)
+    found = of("growth", settings)
+    assert found.state == state
+    assert said in found.found

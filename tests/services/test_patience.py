@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 
 import pytest
+from psycopg.errors import DiskFull
 from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
@@ -155,7 +156,7 @@ def test_a_data_base_away_for_long_is_no_fault_of_the_file(
 NO_ROOM = [
     OSError(errno.ENOSPC, "No space left on device"),
     OperationalError("INSERT", {}, Exception("database or disk is full")),
-    OperationalError("INSERT", {}, Exception("could not extend file: No space left on device")),
+    OperationalError("INSERT", {}, DiskFull("konnte Datei nicht erweitern: Auf dem Gerät ist kein Platz mehr frei")),
 ]
 
 
@@ -176,7 +177,7 @@ def test_a_full_disk_is_no_fault_of_the_file(
     with monkeypatch.context() as spoiled:
         spoiled.setattr(reading, at, full)
         for _ in range(backend.settings.max_reading_attempts + 5):
-            with pytest.raises(type(error), match=r"No space|full"):
+            with pytest.raises(type(error), match=r"No space|full|kein Platz"):
                 reading.read_upload(backend, int(upload), "reader")
             sweep(backend)
             found = uploads.get_upload(backend, upload)

@@ -17,7 +17,7 @@ from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.auditing.standing_still import stands_still_s
-from app.services.backend import Backend
+from app.services.backend import DATABASE_AWAY, Backend, no_room
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
@@ -175,6 +175,25 @@ def reachable(backend: Backend) -> Check:
     if took_s >= SLOW_DATABASE_S:
         return Check("data base", "warning", found, "slow")
     return Check("data base", "ok", found)
+
+
+def growth(backend: Backend) -> Check:
+    """Whether there is room where the data base has its files, which for a server is a disk that is not seen from
+    here."""
+    name = "growth"
+    if backend.database.is_sqlite:
+        return Check(name, "ok", "the data base is on the disk of the data folder")
+    try:
+        with backend.database.write() as connection:
+            health.try_to_grow(connection)
+    except DATABASE_AWAY as error:
+        if not no_room(error):
+            raise
+        advice = "make room on the disk of its server: until then nothing is audited, and exports wait to be read"
+        return Check(name, "problem", f"the data base has no room: {_reason(error)}", advice)
+    except SQLAlchemyError as error:  # as where temporary tables are not allowed
+        return Check(name, "ok", f"cannot be tried: {_reason(error)}")
+    return Check(name, "ok", f"the data base takes {health.PROBED_MB} MB more")
 
 
 def tables(backend: Backend) -> Check:
@@ -358,6 +377,7 @@ def _doubtful_digests(backend: Backend) -> Iterator[Check]:
 OF_THE_DATABASE: tuple[tuple[str, Callable[[Backend], Check]], ...] = (
     ("tables", tables),
     ("integrity", journal),
+    ("growth", growth),
     ("clock", clock),
     ("workers", workers),
     ("open work", oldest_work),

@@ -1,0 +1,44 @@
+"""A task that finds no room says so in a line."""
+
+import errno
+import logging
+from collections.abc import Callable
+
+import pytest
+from psycopg.errors import DiskFull
+from sqlalchemy.exc import OperationalError
+
+from workers import tasks
+
+
+@pytest.mark.parametrize(
+    "error",
+    [OperationalError("INSERT", {}, DiskFull("could not extend file")), OSError(errno.ENOSPC, "could not extend file")],
+    ids=["data base", "data folder"],
+)
+def test_a_full_disk_ends_a_task_with_a_line(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, error: Exception
+) -> None:
+    monkeypatch.setattr(tasks, "backend", raising(error))
+    for task in (tasks.read_upload, tasks.audit_chunk):
+        assert task(1) is None
+    for task in (tasks.explain, tasks.deliver, tasks.sweep):
+        assert task() is None
+    told = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert len(told) == 5
+    assert all("make room" in record.getMessage() and "could not extend" in record.getMessage() for record in told)
+    assert not any(record.exc_info for record in told)
+
+
+@pytest.mark.parametrize("error", [OperationalError("SELECT", {}, Exception("gone")), OSError(errno.EIO, "broken")])
+def test_other_faults_stay_faults(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    monkeypatch.setattr(tasks, "backend", raising(error))
+    with pytest.raises(type(error)):
+        tasks.sweep()
+
+
+def raising(error: Exception) -> Callable[[], None]:
+    def fails() -> None:
+        raise error
+
+    return fails
