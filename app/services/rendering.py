@@ -44,6 +44,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "cause_words": cause_words,
     "figure": figure,
     "first_reasons": first_reasons,
+    "grouped": "{:,}".format,
     "headline": headline,
     "importance": importance,
     "health": health,
