@@ -17,6 +17,7 @@ log = logging.getLogger("loopaudit.queue")
 
 ANSWERS_IN_S = 2.0
 """A request waits no longer than this for a broker that takes the connection and says nothing."""
+PROBE = "loopaudit-probe"
 AWAY_S = 5.0
 """After a failure it is not asked again for so long, by whoever rings: each would wait as long as the one before."""
 
@@ -44,11 +45,15 @@ class Queue:
         return self._send(SWEEP)
 
     def reachable(self) -> bool:
-        """Whether the broker answers within a few seconds."""
+        """Whether the broker answers within a few seconds, and takes what is sent: a Redis without memory left, or
+        whose disk is full, refuses that alone."""
         try:
             with self._application.connection_for_write() as connection:
                 connection.ensure_connection(max_retries=1, interval_start=0, timeout=ANSWERS_IN_S)
-        except (OperationalError, OSError):
+                if not self._settings.embedded:
+                    connection.default_channel.client.set(PROBE, "", px=1000)
+        except self._refusals as error:
+            log.warning("broker away: %s", error)
             self._away_until = time.monotonic() + AWAY_S
             return False
         self._away_until = 0.0

@@ -296,8 +296,11 @@ def broker(backend: Backend) -> Check:
         return Check("broker", "problem", "it is in the data folder, which is not there", "see the data folder")
     if backend.queue.reachable():
         return Check("broker", "ok", "answers")
-    advice = "start it, or correct LOOPAUDIT_BROKER_URL; uploads are kept, and audits wait until then"
-    return Check("broker", "problem", "does not answer", advice)
+    advice = (
+        "start it, or correct LOOPAUDIT_BROKER_URL; one that is full says so in its log; uploads are kept, and audits "
+        "wait until then"
+    )
+    return Check("broker", "problem", "does not answer, or takes no message", advice)
 
 
 def exports(backend: Backend) -> Check:
