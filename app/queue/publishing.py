@@ -50,8 +50,9 @@ class Queue:
         try:
             with self._application.connection_for_write() as connection:
                 connection.ensure_connection(max_retries=1, interval_start=0, timeout=ANSWERS_IN_S)
-                if not self._settings.embedded:
-                    connection.default_channel.client.set(PROBE, "", px=1000)
+                client = getattr(connection.default_channel, "client", None)
+                if client is not None:  # of Redis alone
+                    client.set(PROBE, "", px=1000)
         except self._refusals as error:
             log.warning("broker away: %s", error)
             self._away_until = time.monotonic() + AWAY_S
