@@ -51,8 +51,8 @@ def no_room(error: Exception) -> bool:
         return error.errno in DISK_FULL
     if not isinstance(error, DATABASE_AWAY):
         return False
-    state = getattr(getattr(error, "orig", None), "sqlstate", None)
-    return state == FULL_IN_SQL or any(words in str(error) for words in DATABASE_FULL)
+    told = getattr(error, "orig", None)  # the whole text has the statement's parameters in it
+    return getattr(told, "sqlstate", None) == FULL_IN_SQL or any(words in str(told) for words in DATABASE_FULL)
 
 
 def megabytes(size: float) -> str:

@@ -94,7 +94,8 @@ def anything_new(connection: Connection, audit_id: int) -> bool:
 
 
 def _beyond(before: Select[tuple[int | None]]) -> ColumnElement[bool]:
-    """Whether a verdict was given samples after that time of its loop, or there is none."""
+    """Whether a verdict was given samples after that time of its loop, or there is no such time, which goes before a
+    verdict that was given none."""
     known = func.coalesce(before.correlate(verdicts).scalar_subquery(), -EVER_NS - 1)
     return known < func.coalesce(verdicts.c.input_end_ns, -EVER_NS)
 

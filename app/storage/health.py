@@ -49,8 +49,10 @@ PROBED_MB = 4
 
 
 def try_to_grow(connection: Connection) -> None:
-    """Has PostgreSQL write PROBED_MB more than its files hold; they are gone with the transaction. Raises what
-    SQLAlchemy raises where it cannot."""
-    connection.exec_driver_sql("CREATE TEMP TABLE room (filler text) ON COMMIT DROP")
-    rows = text("INSERT INTO room SELECT repeat('x', 1000) FROM generate_series(1, :rows)")  # too short to be packed
-    connection.execute(rows, {"rows": 1000 * PROBED_MB})
+    """Has PostgreSQL write PROBED_MB more than its files hold, in a table that is gone when this returns; what its log
+    of writes has room for is not tried. Raises what SQLAlchemy raises where it cannot."""
+    connection.exec_driver_sql("SET LOCAL temp_tablespaces = ''")  # where the data base has its own files
+    connection.exec_driver_sql("CREATE TABLE pg_temp.loopaudit_room (filler text)")
+    rows = "SELECT repeat('x', 1000) FROM generate_series(1, :rows)"  # too short to be packed
+    connection.execute(text(f"INSERT INTO pg_temp.loopaudit_room {rows}"), {"rows": 1000 * PROBED_MB})
+    connection.rollback()

@@ -1,6 +1,7 @@
 """What several questions ask alike: the newest verdict of a loop, and which loops come first, by what is missing to
 full health times importance."""
 
+from collections.abc import Callable
 from typing import Any
 
 from sqlalchemy import CTE, ColumnElement, Connection, FromClause, Select, and_, func, select
@@ -34,27 +35,25 @@ def worst_first(said: FromClause) -> tuple[ColumnElement[Any], ...]:
     return priority(said).desc().nulls_last(), loops.c.tag
 
 
-COUNTED = verdicts.alias("counted")
-"""Verdicts as `last_of` counts them."""
+Which = Callable[[FromClause, FromClause], tuple[ColumnElement[bool], ...]]
+"""Conditions on verdicts (the first) of loops (the second, which has their newest_audit_id)."""
 
 
-def last_of(each: int, asked: ColumnElement[bool], *counted: ColumnElement[bool]) -> CTE:
-    """Id, tag, newest_audit_id and `since` of the loops that are asked for: `since` is the run of the oldest of a
-    loop's newest `each` verdicts that are `counted`, a condition on COUNTED; 0 where there are not more.
+def last_of(each: int, asked: ColumnElement[bool], which: Which) -> tuple[CTE, ColumnElement[bool]]:
+    """Id and tag of the loops that are asked for, and on what to join `verdicts` to them so that a loop has its newest
+    `each` of those that are meant by `which`.
 
     To number a loop's verdicts takes all of them, of which there is one a night, for years.
     """
-    mine = (COUNTED.c.loop_id == loops.c.id, *counted)
-    oldest = select(COUNTED.c.audit_id).where(*mine).order_by(COUNTED.c.audit_id.desc()).offset(each - 1).limit(1)
+    counted = verdicts.alias("counted")
+    mine = (counted.c.loop_id == loops.c.id, *which(counted, loops))
+    oldest = select(counted.c.audit_id).where(*mine).order_by(counted.c.audit_id.desc()).offset(each - 1).limit(1)
     since = func.coalesce(oldest.correlate(loops).scalar_subquery(), 0).label("since")
     told = select(loops.c.id, loops.c.tag, loops.c.newest_audit_id, since).where(asked)
     # Once a loop: PostgreSQL may look for it anew at each verdict else.
-    return told.cte("lasts").prefix_with("MATERIALIZED", dialect="postgresql")
-
-
-def from_then_on(lasts: CTE) -> ColumnElement[bool]:
-    """Verdicts that are no older than `last_of` says."""
-    return and_(verdicts.c.loop_id == lasts.c.id, verdicts.c.audit_id >= lasts.c.since)
+    lasts = told.cte("lasts").prefix_with("MATERIALIZED", dialect="postgresql")
+    theirs = (verdicts.c.loop_id == lasts.c.id, verdicts.c.audit_id >= lasts.c.since)
+    return lasts, and_(*theirs, *which(verdicts, lasts))
 
 
 def heads_of_units(connection: Connection, listed: Select[Any], said: FromClause, each: int) -> list[Any]:

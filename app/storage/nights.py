@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
-from app.storage.newest import COUNTED, from_then_on, last_of
+from app.storage.newest import last_of
 from app.storage.tables import loops, verdicts
 
 
@@ -34,12 +34,10 @@ class StickingRow(NamedTuple):
 
 def recent(connection: Connection, tags: Sequence[str], each: int, until: int | None = None) -> list[NightRow]:
     """The newest verdicts of these loops, `each` at most, the oldest first. until: the last run that counts."""
-    counted = () if until is None else (COUNTED.c.audit_id <= until,)
-    lasts = last_of(each, loops.c.tag.in_(tags), *counted)
-    query = select(lasts.c.tag, *(verdicts.c[name] for name in NightRow._fields[1:])).join_from(
-        lasts, verdicts, from_then_on(lasts)
+    lasts, theirs = last_of(
+        each, loops.c.tag.in_(tags), lambda said, _: () if until is None else (said.c.audit_id <= until,)
     )
-    query = query if until is None else query.where(verdicts.c.audit_id <= until)
+    query = select(lasts.c.tag, *(verdicts.c[name] for name in NightRow._fields[1:])).join_from(lasts, verdicts, theirs)
     ordered = query.order_by(lasts.c.tag, verdicts.c.audit_id)
     return [NightRow._make(row) for row in connection.execute(ordered)]
 

@@ -3,12 +3,12 @@
 from collections.abc import Collection
 from typing import NamedTuple
 
-from sqlalchemy import Connection, and_, select
+from sqlalchemy import ColumnElement, Connection, FromClause, and_, select
 
 from app.engine.codes import UNANSWERED
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import COUNTED, NEWEST_ROWS, from_then_on, is_newest, last_of, worst_first
+from app.storage.newest import NEWEST_ROWS, is_newest, last_of, worst_first
 from app.storage.tables import loops, newest_rows, verdicts
 
 NIGHTS_BACK = 14
@@ -66,12 +66,14 @@ def unanswered_before(connection: Connection, loop_ids: Collection[int]) -> list
     """Of these loops the newest NIGHTS_BACK verdicts before their newest that said the same, the newest first."""
     if not loop_ids:
         return []
-    same = (COUNTED.c.likely_cause == UNANSWERED, COUNTED.c.audit_id < loops.c.newest_audit_id)
-    lasts = last_of(NIGHTS_BACK, among_many(connection, loops.c.id, loop_ids), *same)
-    told = select(*(verdicts.c[name] for name in SaidBefore._fields)).join_from(lasts, verdicts, from_then_on(lasts))
-    mine = (verdicts.c.likely_cause == UNANSWERED, verdicts.c.audit_id < lasts.c.newest_audit_id)
-    query = told.where(*mine).order_by(verdicts.c.loop_id, verdicts.c.audit_id.desc())
+    lasts, theirs = last_of(NIGHTS_BACK, among_many(connection, loops.c.id, loop_ids), _said_the_same_before)
+    query = select(*(verdicts.c[name] for name in SaidBefore._fields)).join_from(lasts, verdicts, theirs)
+    query = query.order_by(verdicts.c.loop_id, verdicts.c.audit_id.desc())
     return [SaidBefore._make(row) for row in connection.execute(query)]
+
+
+def _said_the_same_before(said: FromClause, of: FromClause) -> tuple[ColumnElement[bool], ...]:
+    return said.c.likely_cause == UNANSWERED, said.c.audit_id < of.c.newest_audit_id
 
 
 def stood_together(connection: Connection, reason: str, audit_id: int | None = None) -> list[StoodRow]:

@@ -6,6 +6,7 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import IngestOptions, LoopTags, TagMapping, group, read_export, unit_of, without_unit
+from app.ingest.tags.grouping import place
 
 from .conftest import Read
 
@@ -249,3 +250,11 @@ def test_a_tag_of_the_mapping_goes_before_one_that_is_named_so(read: Read, tags:
     (wide,) = group(tags, mapping)
     assert loop.op == wide.op == "X"
     assert loop.others == ("F1.OP",)
+
+
+@pytest.mark.parametrize(
+    ("tag", "loop", "signal"),
+    [("㎷", "stem", "OP"), ("ⓅⓋ", "stem", "PV"), ("-12.5 %", "-12.5 %", "OTHER"), ("4711.12", "4711.12", "OTHER")],
+)
+def test_signs_that_spell_letters_are_a_name_and_numbers_are_none(tag: str, loop: str, signal: str) -> None:
+    assert place(tag, "stem") == (tag, loop, signal)

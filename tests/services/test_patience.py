@@ -14,7 +14,7 @@ from sqlalchemy.exc import OperationalError
 from app.ingest.tables import spilling
 from app.services import patience
 from app.services.auditing import audits, chunks
-from app.services.backend import Backend
+from app.services.backend import Backend, no_room
 from app.services.explaining import explanations, working
 from app.services.intake import reading, uploads
 from app.services.patience import patiently
@@ -344,3 +344,9 @@ def rested(backend: Backend) -> None:
     with backend.database.write() as connection:
         long_ago = explanations_table.c.announced_s - explanations_table.c.pause_s - 1.0
         connection.execute(update(explanations_table).values(announced_s=long_ago))
+
+
+def test_words_in_what_was_sent_tell_nothing_of_the_disk() -> None:
+    lost = OperationalError("UPDATE", {"name": "No space left.csv"}, Exception("the server closed the connection"))
+    assert not no_room(lost)
+    assert all(map(no_room, NO_ROOM))

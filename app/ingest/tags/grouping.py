@@ -250,7 +250,7 @@ class Place(NamedTuple):
 
 def place(tag: str, stem: str) -> Place:
     """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
-    if len(tag) > LONGEST_NAME or not _ANY_LETTER.search(tag):
+    if len(tag) > LONGEST_NAME or not _ANY_LETTER.search(spelled_out(tag)):
         return Place(tag, tag, "OTHER")
     return _place(tag, stem)
 

@@ -1,5 +1,6 @@
 // A run while it goes on: progress from server-sent events; when it has ended, the page with what it came to.
 "use strict";
+const many = (count) => count.toLocaleString("en-US"); // as the page has them
 const AGAIN_MS = 5000;
 const run = document.getElementById("run");
 if (run && run.dataset.ended === "no") {
@@ -11,7 +12,7 @@ if (run && run.dataset.ended === "no") {
     const told = JSON.parse(event.data);
     progress.max = told.total || 1;
     progress.value = told.done + told.failed;
-    count.textContent = `${told.done} of ${told.total} done` + (told.failed - told.cancelled ? `, ${told.failed - told.cancelled} failed` : "");
+    count.textContent = `${many(told.done)} of ${many(told.total)} done` + (told.failed - told.cancelled ? `, ${many(told.failed - told.cancelled)} failed` : "");
     state.textContent = told.state;
   };
   events.addEventListener("progress", show);
