@@ -8,7 +8,7 @@ import pytest
 from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.compete.competition import Contender, Scanned, promising
 from app.engine.mismatch.compete.naming import believed
-from app.engine.mismatch.fit.fitting import Fit, fit_linear
+from app.engine.mismatch.fit.fitting import Fit, fit_linear, orthonormal
 from app.engine.mismatch.fit.given import behind_trace
 from app.engine.mismatch.fit.scan import at_given
 from app.engine.mismatch.fit.task import START_DEVIATION, Given, make_task, start_deviation
@@ -17,7 +17,9 @@ from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import Experiment, experiment
 from app.engine.mismatch.loop.plant import Plant, lag, run_process
-from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.physics import by_name, two_tanks
+from app.engine.mismatch.physics import vessel as vessels
+from app.engine.mismatch.physics.scales import LEAST_DEPTH
 from app.engine.mismatch.physics.vessel import balance_beside
 from app.engine.recording import FloatArray
 
@@ -193,3 +195,21 @@ def test_what_is_kept_out_is_a_share_of_what_can_be_compared() -> None:
     held = kept_out(fit_linear(RECORD, Given(PLANT)), usable)
     assert not np.any(held & ~usable)
     assert np.sum(held) == pytest.approx(0.3 * np.sum(usable), abs=1)
+
+
+def test_a_vessel_has_a_depth_where_pv_stays_above_the_working_point() -> None:
+    above = replace(RECORD, pv_deviation=RECORD.pv_deviation - np.min(RECORD.pv_deviation) + 1.0)
+    for record, least in ((RECORD, float(-np.min(RECORD.pv_deviation))), (above, LEAST_DEPTH * above.pv_span)):
+        context = Context(record, replace(PLANT, tau2=8.0))
+        for block in (*vessels.BLOCKS, *two_tanks.BLOCKS):
+            heads = [place for place, known in enumerate(block.parameters(context)) if "head" in known.name]
+            assert all(block.parameters(context)[place].low > 0.0 for place in heads)
+            if heads:
+                assert np.min(block.starts(context, record.pv_deviation)[:, heads]) >= 0.9 * least
+
+
+def test_the_directions_of_a_fit_leave_out_what_ran_away() -> None:
+    columns = np.random.default_rng(1).normal(size=(50, 3))
+    wild = np.column_stack((columns[:, 0], np.full(50, np.inf), columns[:, 1:], np.full(50, np.nan)))
+    np.testing.assert_allclose(np.abs(orthonormal(wild)), np.abs(orthonormal(columns)))
+    assert orthonormal(wild[:, [1, 4]]).shape == (50, 0)

@@ -74,6 +74,10 @@ def test_two_differences_are_scored_together(both: Fit) -> None:
     assert np.argmax(scores) == 1
     assert scores[0, 2] == pytest.approx(0.5 * under.count * np.log(2.0) - 2.0 * DEADBAND.penalty)
     assert np.all(np.isneginf(scores[np.tril_indices(3)]))
+    wild = np.vstack((rows, 1e100 * rows[:1], np.nan * rows[:1]))  # what a simulation that runs away moves
+    beside = joint_scores([Candidate(backlash(), row) for row in wild], under)
+    np.testing.assert_array_equal(beside[:3, :3], scores)
+    assert np.all(np.isneginf(beside[:, 3:]))
 
 
 def test_the_couple_that_was_put_in_is_looked_at_unless_one_of_it_is_to_be_taken(both: Fit) -> None:

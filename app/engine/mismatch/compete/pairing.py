@@ -19,6 +19,8 @@ from app.engine.recording import FloatArray
 
 LEAST_SHARE, MOST_SHARE = 0.0, 2.0
 FROM_EACH, PURSUED, WITHIN, AGAIN = (3, 6), 2, 25.0, 2
+WILDEST = 1e60
+"""A simulation that runs away moves the residual by so much and more: the products of its products have no number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +87,8 @@ def joint_scores(candidates: list[Candidate], under: Ground) -> FloatArray:
     on and below the diagonal.
     """
     rows = np.stack([candidate.row for candidate in candidates])
+    wild = ~(np.abs(rows).max(axis=1) < WILDEST)
+    rows[wild] = 0.0
     gram, slope = rows @ rows.T, rows @ under.rows
     own = np.diag(gram) + 1e-12 * np.trace(gram) + 1e-300
     det = np.maximum(own[:, None] * own[None, :] - gram**2, 1e-9 * own[:, None] * own[None, :])
@@ -95,6 +99,7 @@ def joint_scores(candidates: list[Candidate], under: Ground) -> FloatArray:
     left = np.maximum(under.energy + change, 1e-9 * under.energy)
     penalties = np.array([candidate.part.block.penalty for candidate in candidates])
     scores = 0.5 * under.count * np.log(under.energy / left) - penalties[:, None] - penalties[None, :]
+    scores[wild] = scores[:, wild] = -np.inf
     scores[np.tril_indices(len(candidates))] = -np.inf
     return scores
 

@@ -173,6 +173,9 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
 
 def orthonormal(columns: FloatArray) -> FloatArray:
     """An orthonormal basis (N, P) of the columns (N, P) through their Gram matrix: quick for long thin matrices."""
+    columns = columns[:, np.isfinite(columns).all(axis=0)]  # a simulation may run away
+    if not columns.shape[1]:
+        return columns
     columns = columns / (np.sqrt(np.sum(columns * columns, axis=0)) + 1e-300)
     weights, directions = np.linalg.eigh(columns.T @ columns)
     kept = weights > 1e-9 * weights[-1]

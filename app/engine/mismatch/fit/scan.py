@@ -170,8 +170,9 @@ def solved(points: FloatArray, linear: list[int], parameters: tuple[Parameter, .
 
 def gained(ground_: Ground, energies: FloatArray) -> FloatArray:
     """The gains in log-likelihood (nat) where these energies (M,) are left of the whitened residual."""
-    left = np.maximum(energies, 1e-300)
-    return 0.5 * ground_.count * np.asarray(np.log(max(ground_.energy, 1e-300) / left))
+    whole = max(ground_.energy, 1e-100)
+    left = np.maximum(energies, 1e-200 * whole)  # none is left where a simulation ran away
+    return 0.5 * ground_.count * np.asarray(np.log(whole / left))
 
 
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:

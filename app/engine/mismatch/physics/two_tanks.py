@@ -12,6 +12,7 @@ from numba import njit
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.loop.plant import Plant, delay
+from app.engine.mismatch.physics.scales import depth
 from app.engine.recording import FloatArray
 
 STEPS = 4
@@ -65,7 +66,7 @@ def two_lags(context: Context) -> bool:
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
     span = context.record.pv_span
-    lowest = float(-np.min(context.record.pv_deviation))
+    lowest = depth(context)
     return (
         Parameter("upper_head", "PV", 0.3 * lowest, 20.0 * span, span, log=True),
         Parameter("lower_head", "PV", 0.3 * lowest, 20.0 * span, span, log=True),
@@ -80,7 +81,7 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
     span = context.record.pv_span
-    lowest = float(-np.min(context.record.pv_deviation))
+    lowest = depth(context)
     heads, highest = lowest * np.array([1.1, 2.0]), float(np.max(context.record.pv_deviation))
     fixed = (np.array([0.2]), np.array([0.2]), np.zeros(1))
     return grid(heads, heads, *fixed, span * np.array([0.3, 0.6]), np.array([0.5]), np.array([highest]))

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.loop.plant import Plant, delay
+from app.engine.mismatch.physics.scales import depth
 from app.engine.recording import BoolArray, FloatArray
 
 CLEAR = 2.0
@@ -76,12 +77,12 @@ def _overflow(sign: float) -> Block:
 
 
 def head(context: Context) -> tuple[Parameter, ...]:
-    lowest = float(-np.min(context.record.pv_deviation))
+    lowest = depth(context)
     return (Parameter("head", "PV", 0.6 * lowest, 100.0 * context.record.pv_span, context.record.pv_span, log=True),)
 
 
 def heads(context: Context, _: FloatArray) -> FloatArray:
-    lowest = float(-np.min(context.record.pv_deviation))
+    lowest = depth(context)
     return np.geomspace(0.9 * lowest, 12.0 * lowest, 10)[:, None]
 
 
