@@ -1,5 +1,6 @@
 """What the forms of the library do to a signal, against their equations: loads, integrating plants, near names."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.compete.competition import Contender, Scanned, promising
 from app.engine.mismatch.compete.naming import believed
-from app.engine.mismatch.fit.fitting import Fit, fit_linear, orthonormal
+from app.engine.mismatch.fit.fitting import Fit, fit_linear, orthonormal, projected_cost
 from app.engine.mismatch.fit.given import behind_trace
 from app.engine.mismatch.fit.scan import at_given
 from app.engine.mismatch.fit.task import START_DEVIATION, Given, make_task, start_deviation
@@ -213,3 +214,10 @@ def test_the_directions_of_a_fit_leave_out_what_ran_away() -> None:
     wild = np.column_stack((columns[:, 0], np.full(50, np.inf), columns[:, 1:], np.full(50, np.nan)))
     np.testing.assert_allclose(np.abs(orthonormal(wild)), np.abs(orthonormal(columns)))
     assert orthonormal(wild[:, [1, 4]]).shape == (50, 0)
+
+
+def test_a_simulation_that_ran_away_costs_no_less_than_any_other() -> None:
+    rows = np.full(50, 1e200)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not projected_cost(rows, orthonormal(np.ones((50, 1)))) < np.finfo(float).max

@@ -187,7 +187,8 @@ def projected_cost(rows: FloatArray, basis: FloatArray) -> float:
     out.
     """
     along = basis.T.dot(rows)  # `@` takes longer over one row, for the same products
-    return float(rows.dot(rows) - along.dot(along))
+    with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that ran away: no cost is less than it
+        return float(rows.dot(rows) - along.dot(along))
 
 
 def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
