@@ -2,6 +2,7 @@
 
 import contextlib
 import http.client
+import io
 import random
 import signal
 import sys
@@ -9,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import psycopg
 import redis
@@ -180,6 +182,17 @@ def stop_redis(scene: Scene) -> None:
     pause(scene, "redis")
 
 
+def starve_redis(scene: Scene) -> None:
+    """It answers, and takes no message for some seconds."""
+    try:
+        scene.installation.redis().config_set("maxmemory", 1)
+    except redis.RedisError as away:
+        raise SkippedFault("Redis is away at the moment") from away
+    time.sleep(scene.dice.uniform(1.0, LONGEST_STOP_S))
+    with contextlib.suppress(redis.RedisError):  # one that ended meanwhile has its memory again
+        scene.installation.redis().config_set("maxmemory", 0)
+
+
 def stop_postgres(scene: Scene) -> None:
     pause(scene, "postgres")
 
@@ -256,16 +269,34 @@ def bad_loop(tag: str) -> Callable[[Scene], None]:
     return audit_it
 
 
-def fill_disk(scene: Scene) -> None:
-    """The data folder's own disk has no byte left for some seconds; uploads are sent all the while."""
-    if not scene.installation.own_disk:
+def fill_data_disk(scene: Scene) -> None:
+    """Uploads are sent all the while."""
+    fill_disk(scene, scene.installation.data_dir)
+
+
+def fill_database_disk(scene: Scene) -> None:
+    """A PostgreSQL that needs more room for its log ends itself, and cannot start before there is some."""
+    fill_disk(scene, scene.installation.database_dir)
+
+
+def fill_disk(scene: Scene, disk: Path) -> None:
+    """It has no byte left for some seconds."""
+    if disk not in scene.installation.own_disks:
         raise LeftOutFault("only root can mount a disk of its own")
-    filler = scene.installation.data_dir / "filler"
-    with filler.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+    filler = disk / f"filler-{len(scene.watch.faults)}"
+    with filler.open("wb", buffering=0) as file:
+        take_all_room(file)
+        until_freed = time.monotonic() + scene.dice.uniform(2.0, LONGEST_STOP_S)
+        while time.monotonic() < until_freed:
+            time.sleep(0.05)
+            take_all_room(file)  # that which others gave back meanwhile
+    filler.unlink()
+
+
+def take_all_room(file: io.FileIO) -> None:
+    with contextlib.suppress(OSError):
         while True:
             file.write(bytes(1 << 20))
-    time.sleep(scene.dice.uniform(2.0, LONGEST_STOP_S))
-    filler.unlink()
 
 
 def jump_clock(scene: Scene) -> None:
@@ -327,6 +358,7 @@ FAULTS = (
     Fault("kill -9 Redis, its memory lost", lose_redis, 1.2),
     Fault("Redis flushed", flush_redis, 1.2),
     Fault("Redis stopped", stop_redis, 0.7),
+    Fault("Redis without memory", starve_redis, 0.7),
     Fault("PostgreSQL stopped at once", crash_postgres, 1.2),
     Fault("PostgreSQL restarted", restart_postgres),
     Fault("PostgreSQL stopped", stop_postgres, 0.7),
@@ -336,7 +368,8 @@ FAULTS = (
     Fault("a loop that hangs its worker", bad_loop(spoiled_worker.HANG), 0.3),
     Fault("a loop beyond its time", bad_loop(spoiled_worker.SLOW), 0.5),
     Fault("a loop beyond its memory", bad_loop(spoiled_worker.MEMORY), 0.5),
-    Fault("the data folder's disk full", fill_disk, 0.7),
+    Fault("the data folder's disk full", fill_data_disk, 0.7),
+    Fault("the data base's disk full", fill_database_disk, 0.7),
     Fault("the service's clock jumps", jump_clock, 0.8),
     Fault("the data base's clock jumps", jump_database_clock, 0.8),
     Fault("migration meanwhile", migrate_meanwhile, 0.8),

@@ -24,6 +24,7 @@ from tests.chaos.processes import Managed, Supervisor
 
 WORKERS = 2
 DATA_DISK_MB = 512
+DATABASE_DISK_MB = 2048
 
 
 class MissingError(Exception):
@@ -79,7 +80,7 @@ class Installation:
     supervisor: Supervisor
     environment: dict[str, str]
     library: Path | None
-    own_disk: bool
+    own_disks: tuple[Path, ...]
     app_clock: Clock
     database_clock: Clock
     programs: Path
@@ -98,6 +99,10 @@ class Installation:
     @property
     def data_dir(self) -> Path:
         return self.folder / "data"
+
+    @property
+    def database_dir(self) -> Path:
+        return self.folder / "database"
 
     @property
     def workers(self) -> list[str]:
@@ -155,7 +160,7 @@ class Installation:
         self.supervisor.add(Managed(name, command, environment, self.folder / f"{name}.log", before=before))
 
     def _start_postgres(self) -> None:
-        cluster, user = self.folder / "postgres", server_user()
+        cluster, user = self.database_dir / "postgres", server_user()
         cluster.mkdir(mode=0o700)
         if user is not None:
             shutil.chown(cluster, user, user)
@@ -239,9 +244,10 @@ def installed(
     programs = postgres_programs()
     folder = Path(tempfile.mkdtemp(prefix="loopaudit-chaos-"))
     folder.chmod(0o755)  # the server's user passes through
-    data = folder / "data"
-    data.mkdir(mode=0o700)
-    own_disk = mounted(data)
+    data, database = folder / "data", folder / "database"
+    own_disks = tuple(
+        disk for disk, room_mb in ((data, DATA_DISK_MB), (database, DATABASE_DISK_MB)) if mounted(disk, room_mb)
+    )
     ports = free_ports(first_port)
     environment = {name: value for name, value in os.environ.items() if not name.startswith("LOOPAUDIT_")} | {
         "LOOPAUDIT_DATABASE_URL": f"postgresql+psycopg://loopaudit@127.0.0.1:{ports.postgres}/postgres",
@@ -256,7 +262,7 @@ def installed(
         Supervisor(share),
         environment,
         compiled(folder),
-        own_disk,
+        own_disks,
         Clock(folder / "clock-of-the-service"),
         Clock(folder / "clock-of-the-data-base"),
         programs,
@@ -272,14 +278,15 @@ def installed(
             keep.mkdir(parents=True, exist_ok=True)
             for log in folder.glob("*.log"):
                 shutil.copy(log, keep)
-        if own_disk:
-            subprocess.run(["umount", data], check=True, timeout=60)
+        for disk in own_disks:
+            subprocess.run(["umount", disk], check=True, timeout=60)
         shutil.rmtree(folder)
 
 
-def mounted(folder: Path) -> bool:
-    """A small disk of its own for the data folder, so that it can be filled; only root can, and not everywhere."""
+def mounted(folder: Path, room_mb: int) -> bool:
+    """Whether the new folder is a small disk of its own that can be filled: only root makes one, and not everywhere."""
+    folder.mkdir(mode=0o755)
     if os.geteuid() != 0 or shutil.which("mount") is None:
         return False
-    mounting = ["mount", "-t", "tmpfs", "-o", f"size={DATA_DISK_MB}m,mode=0700", "tmpfs", folder]
+    mounting = ["mount", "-t", "tmpfs", "-o", f"size={room_mb}m,mode=0755", "tmpfs", folder]
     return subprocess.run(mounting, capture_output=True, timeout=30).returncode == 0
