@@ -21,6 +21,7 @@ SWEEP_EXPIRES_S = 3600.0
 """By the clocks of two machines, which may differ: an hour's sweeps that nobody took are soon done."""
 
 TRANSPORT_ALIASES["folder"] = "app.queue.folder:Transport"
+TRANSPORT_ALIASES["redis"] = TRANSPORT_ALIASES["rediss"] = "app.queue.acknowledging:Transport"
 
 
 def celery_application(settings: Settings, *, works: bool = False, answers_in_s: float = SOCKET_TIMEOUT_S) -> Celery:

@@ -1,0 +1,41 @@
+"""Redis as Celery's broker, with a worker that goes on where its acknowledgement was lost.
+
+A task that ends while Redis is away cannot be acknowledged. kombu's own channel counts it as unfinished from then on,
+asks for no other as long as a worker may hold one, and so never hears that Redis has come back: the worker stands still
+for good. Here it is finished for the worker, whatever Redis was told: what Redis still holds of it is given out again
+after the visibility timeout, to somebody who finds nothing to do.
+"""
+
+from typing import Any
+
+from kombu.transport import redis, virtual
+
+
+class QoS(redis.QoS):
+    """Which messages this worker holds."""
+
+    def ack(self, delivery_tag: str) -> None:
+        try:
+            super().ack(delivery_tag)
+        except Exception:
+            virtual.QoS.ack(self, delivery_tag)
+            raise
+
+    def reject(self, delivery_tag: str, requeue: bool = False) -> None:
+        try:
+            super().reject(delivery_tag, requeue=requeue)
+        except Exception:
+            virtual.QoS.ack(self, delivery_tag)
+            raise
+
+
+class Channel(redis.Channel):
+    """A channel of such messages."""
+
+    QoS = QoS
+
+
+class Transport(redis.Transport):
+    """What `redis://` stands for here."""
+
+    Channel: Any = Channel
