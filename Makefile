@@ -82,9 +82,9 @@ audit-deps: install
 
 RECORDINGS ?= ../shared/recordings
 
-# WRITE=--write puts the fitted parameters into the engine.
+# WRITE=--write puts the fitted parameters into the engine; MORE=--stored judges the recordings as other historians would have stored them.
 evaluate: install
-	$(BIN)/python -m app.lab.evaluation $(RECORDINGS) --reference $(WRITE)
+	$(BIN)/python -m app.lab.evaluation $(RECORDINGS) --reference $(WRITE) $(MORE)
 
 testbench: install
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m app.lab.testbench --jobs $(or $(JOBS),1) --write docs

@@ -2,8 +2,9 @@
 
 --write puts the model fitted on all of them into app/engine/verdict/parameters.py; --verdicts FILE writes the
 leave-one-valve-out verdicts as JSON lines for the scorer; --pairs fits a model for each pair of a sticky and a healthy
-valve as well (minutes); --strangers N asks the engine of PV and OP of different valves. Simulated loops and networks
-have fixed seeds: the same recordings give the same numbers.
+valve as well (minutes); --strangers N asks the engine of PV and OP of different valves; --stored judges the recordings
+as other historians would have stored them. Simulated loops and networks have fixed seeds: the same recordings give the
+same numbers.
 """
 
 import argparse
@@ -29,6 +30,7 @@ from app.lab.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt
 from app.lab.evaluation.leave_one_out import Table, by_valve, simulated_samples
 from app.lab.evaluation.leave_pair_out import area_by_pairs
 from app.lab.evaluation.recordings import Labelled, labelled
+from app.lab.evaluation.stored import WAYS
 from app.lab.evaluation.strangers import judged as judged_strangers
 from app.lab.evaluation.strangers import strangers
 
@@ -58,6 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
         _print_pairs(loops, table, raw, against, simulated)
     if options.strangers:
         _print_strangers(usable, options.strangers, options.seed)
+    if options.stored:
+        _print_stored(loops, {valve: replace(model, calibration=calibration) for valve, model in models.items()})
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
     whole = replace(_fit(table.samples(), np.full(len(table.valves), True), simulated, config), calibration=calibration)
@@ -77,6 +81,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--write", action="store_true", help="write the fitted parameters into the engine")
     parser.add_argument("--pairs", action="store_true", help="AUC from models that miss two valves each (minutes)")
     parser.add_argument("--strangers", type=int, default=0, help="pairs of PV and OP of different valves to draw")
+    parser.add_argument("--stored", action="store_true", help="judge them as other historians would have stored them")
     parser.add_argument("--reference", action="store_true", help="run the published rule beside it (minutes)")
     return parser
 
@@ -175,6 +180,15 @@ def _print_strangers(loops: list[Labelled], count: int, seed: int) -> None:
     sure = [j.verdict for j in said if j.reliability == "reliable"]
     called, cleared = sure.count("stiction"), sure.count("no_stiction")
     _say(f"\nOf {len(said)} pairs of strangers {called} are called sticky and {cleared} cleared, reliably")
+
+
+def _print_stored(loops: list[Labelled], models: dict[str, ShapeModel]) -> None:
+    found = (
+        (way, [_judged(replace(loop, recording=stored(loop.recording)), models) for loop in loops])
+        for way, stored in WAYS.items()
+    )
+    figures = ((way, scoring.figures(*_labels(loops), judged)) for way, judged in found)
+    _say("\nAs other historians would have stored them\n\n" + report.by_way(figures))
 
 
 def _stated(loops: list[Labelled], model: ShapeModel) -> float:

@@ -77,6 +77,20 @@ def by_tier(valves: TextArray, sticky: IntArray, tiers: TextArray, probability: 
     return _table(("label", "valves", "sticky", "AUC", "forced balanced accuracy"), rows)
 
 
+def by_way(found: Iterable[tuple[str, Figures]]) -> str:
+    """The figures of each way in which the recordings were stored."""
+    rows = (
+        (
+            *(way, f"{figures.auc:.3f}", f"{figures.forced:.3f}", f"{100 * figures.coverage:.1f} %"),
+            *(f"{100 * figures.reliable_share:.1f} %", f"{100 * figures.reliable_right:.1f} %"),
+            f"{100 * figures.false_alarms:.1f} %",
+        )
+        for way, figures in found
+    )
+    heads = ("stored", "AUC", "forced balanced accuracy", "decided", "reliable", "right of these", "healthy accused")
+    return _table(heads, rows)
+
+
 def components(valves: TextArray, sticky: IntArray, scores: Iterable[tuple[str, FloatArray]]) -> str:
     """AUC of each component alone, and its balanced accuracy at the threshold that suits these recordings best."""
     rows = []
