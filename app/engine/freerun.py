@@ -21,6 +21,8 @@ _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
 _DEAD_TIMES = (0.0, 0.03, 0.07, 0.13, 0.22)
 _BANDS = (0.06, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 _SLIPS = (0.0, 0.4, 1.0)
+# An OP on few values moves by just a band, and the rounding of its unit would say whether the stem slips.
+_BESIDE = 1.0 + 1e-9
 # A misfit below this share of the variance of PV is as good as none: noise decides there.
 _MISFIT_FLOOR = 0.02
 _WORST_MISFIT = 2.0
@@ -78,8 +80,8 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     inverse of its controller pass for the process, which is why the causal fits ask for the sign of the feedback.
     """
     op = (op - op.mean()) / (cycle_range(op, per_cycle) or 1.0)
-    S = np.array([0.0] + [s for s in _BANDS for _ in _SLIPS])
-    J = np.array([0.0] + [s * j for s in _BANDS for j in _SLIPS])
+    S = _BESIDE * np.array([0.0] + [s for s in _BANDS for _ in _SLIPS])
+    J = _BESIDE * np.array([0.0] + [s * j for s in _BANDS for j in _SLIPS])
     drift = int(1.5 * per_cycle)
     y = without_drift(pv, drift)
     action, integral_share = controller_action(y, without_drift(op, drift))

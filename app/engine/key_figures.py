@@ -9,7 +9,7 @@ from numba import njit
 from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
 from app.engine.fitness.repeated import once_a_scan
-from app.engine.fitness.resample import typical_interval
+from app.engine.fitness.resample import lasting
 from app.engine.fitness.signals import at_extremes, at_limits, quantisation_step, resolution, usable_values
 from app.engine.oscillation import autocorrelation
 from app.engine.recording import BoolArray, FloatArray, IntArray, Recording, Span, known_span
@@ -246,7 +246,7 @@ def _turning(op: FloatArray, band: float) -> tuple[float, int]:
 
 def _hole_s(time_s: FloatArray) -> float:
     """What is longer between two samples of a record of times (N,), in s, is a hole."""
-    return _AS_CHECKED.max_gap_intervals * typical_interval(time_s)
+    return lasting(_AS_CHECKED.max_gap_intervals, time_s)
 
 
 def _runs(controlled: IntArray, time_s: FloatArray) -> IntArray:

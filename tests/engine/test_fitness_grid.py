@@ -171,3 +171,13 @@ def test_the_newest_long_stretch_between_two_holes_is_taken():
     assert (found.samples, found.holes) == (slice(8, 12), 2)
     whole = newest_without_hole(time_s[:8], config)
     assert (whole.samples, whole.holes) == (slice(0, 8), 0)
+
+
+@pytest.mark.parametrize("interval_s", [1.0, 0.1, 1 / 60, 0.3, 60.0])
+@pytest.mark.parametrize("starts_s", [0.0, 12345.6, 1.7e9])
+def test_the_unit_of_time_makes_no_hole(interval_s: float, starts_s: float):
+    if interval_s < 1.0 and starts_s > 1e9:  # a stamp has seven digits behind the point then
+        starts_s = 1e6
+    ticks = np.delete(np.arange(N), slice(200, 209))  # ten intervals, as many as are filled
+    fitness = assess(cycling(len(ticks), time_s=starts_s + interval_s * ticks))
+    assert (fitness.gaps, fitness.record.samples, int(np.sum(fitness.record.filled))) == (0, N, 9)

@@ -78,3 +78,12 @@ def test_the_sign_of_the_controller_is_seen(Kc):
     sign, share = controller_action(pv - pv.mean(), op - op.mean())
     assert sign == -np.sign(Kc)
     assert 0.0 < share < 1.0
+
+
+def test_steps_of_op_that_are_just_a_band_slip_in_no_unit():
+    """Of which rounding would make some more and some less."""
+    sticky = loop(2.0, 2.0, upset=Signal(value=3.0))
+    op = np.round(sticky.op)
+    found = free_run(sticky.pv, op, 75)
+    for scale, offset in ((0.01, 0.0), (1.8, 32.0), (3.7, -50.1)):
+        assert vars(free_run(sticky.pv, scale * op + offset, 75)) == pytest.approx(vars(found), abs=1e-6)

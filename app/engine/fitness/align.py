@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.resample import typical_interval
+from app.engine.fitness.resample import lasting
 from app.engine.fitness.signals import usable_values, wild
 from app.engine.recording import BoolArray, FloatArray, Recording
 
@@ -69,5 +69,5 @@ def _reachable(time_s: FloatArray, known: BoolArray, config: FitnessConfig) -> B
     after = np.searchsorted(stamps, time_s)
     inside = (after > 0) & (after < len(stamps))
     after = np.clip(after, 1, len(stamps) - 1)
-    narrow = stamps[after] - stamps[after - 1] <= config.max_gap_intervals * typical_interval(stamps)
+    narrow = stamps[after] - stamps[after - 1] <= lasting(config.max_gap_intervals, stamps)
     return known | (inside & narrow)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness.config import FitnessConfig
-from app.engine.fitness.resample import most_filled, to_uniform, typical_interval
+from app.engine.fitness.resample import lasting, most_filled, to_uniform
 from app.engine.fitness.signals import newest_long
 from app.engine.recording import FloatArray, UniformRecord
 
@@ -24,7 +24,7 @@ class Unbroken:
 def newest_without_hole(time_s: FloatArray, config: FitnessConfig) -> Unbroken:
     """Of samples at `time_s` (N,), N > 1, in s: a hole is longer than what is filled."""
     most = most_filled(len(time_s), config)
-    holes = np.flatnonzero(np.diff(time_s) > most * typical_interval(time_s))
+    holes = np.flatnonzero(np.diff(time_s) > lasting(most, time_s))
     edges = np.concatenate(([0], holes + 1, [len(time_s)]))
     return Unbroken(newest_long(edges[:-1], edges[1:], config.newest_share, config.min_samples), len(holes), most)
 

@@ -8,8 +8,10 @@ from app.engine.fitness.config import FitnessConfig
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 from app.engine.signals.sampled import held
 
-# Of an interval: by so much a grid may miss the stamp that it was laid on.
+# Of an interval: by so much a grid may miss the stamp that it was laid on, and a hole what is just filled.
 _ROUNDING = 1e-6
+# By so much its last point may lie beyond the last stamp: what rounding makes of one interval adds up over all.
+_BEYOND = 1e-3
 
 MOST_POINTS = 16
 """Times as many points as samples that a grid has: most of a finer one would be filled, however much may be."""
@@ -18,6 +20,12 @@ MOST_POINTS = 16
 def typical_interval(time_s: FloatArray) -> float:
     """The median sampling interval of `time_s` (N,), N > 1, in seconds."""
     return _typical(np.diff(time_s))
+
+
+def lasting(intervals: float, time_s: FloatArray) -> float:
+    """The longest time in s that so many sampling intervals of `time_s` (N,), N > 1, take, whatever their unit rounded
+    them to."""
+    return intervals * typical_interval(time_s) * (1.0 + _ROUNDING)
 
 
 def _typical(intervals: FloatArray) -> float:
@@ -127,7 +135,7 @@ def _grid(time_s: FloatArray, config: FitnessConfig) -> _Grid:
 
 
 def _points(time_s: FloatArray, interval_s: float) -> int:
-    return int(np.floor((time_s[-1] - time_s[0]) / interval_s * (1.0 + 1e-12))) + 1
+    return int(np.floor((time_s[-1] - time_s[0]) / interval_s + _BEYOND)) + 1
 
 
 def _grid_of(time_s: FloatArray, interval_s: float) -> _Grid:

@@ -7,7 +7,7 @@ from numba import njit
 from scipy.ndimage import median_filter
 
 from app.engine.fitness.config import LIMIT_BAND, FitnessConfig
-from app.engine.fitness.resample import typical_interval
+from app.engine.fitness.resample import lasting
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
 from app.engine.signals.sampled import at_ends
 
@@ -80,7 +80,7 @@ def _beyond(signal: FloatArray, low: float, high: float, reach: float) -> BoolAr
 
 def _brief(far: BoolArray, time_s: FloatArray, config: FitnessConfig) -> BoolArray:
     """The runs of `far` (N,) that are short enough to be filled; none of them where they are too many."""
-    n, longest_s = len(far), config.max_gap_intervals * typical_interval(time_s)
+    n, longest_s = len(far), lasting(config.max_gap_intervals, time_s)
     found = np.zeros(n, dtype=bool)
     for first, behind in zip(*runs_of(far), strict=True):
         around_s = time_s[min(behind, n - 1)] - time_s[max(first - 1, 0)]

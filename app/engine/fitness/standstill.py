@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.engine.fitness.config import FEWEST_VALUES, LEAST_MOVE, LEAST_STILL, LIMIT_BAND, FitnessConfig
-from app.engine.fitness.resample import typical_interval
+from app.engine.fitness.resample import lasting
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import at_extremes, at_limits, resolution
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
@@ -198,7 +198,7 @@ def _wound_up_throughout(samples: Samples, stands: list[slice], op_range: Span |
 def _recorded_s(time_s: FloatArray, first: int) -> float:
     """Of the time from a sample on, without holes, s; time_s: (N,) s, N > 1."""
     intervals = np.diff(time_s)
-    filled = intervals <= FitnessConfig.max_gap_intervals * typical_interval(time_s)
+    filled = intervals <= lasting(FitnessConfig.max_gap_intervals, time_s)
     return float(np.sum(intervals[first:], where=filled[first:]))
 
 
