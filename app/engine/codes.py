@@ -22,8 +22,8 @@ NO_ANSWER_VERDICTS = ("inconclusive", "not_auditable")
 CheckCode = Literal[
     "too_short", "missing_values", "wild_samples", "not_in_automatic", "gaps", "filled", "op_flat", "pv_flat",
     "op_two_values", "op_at_limits", "samples_per_cycle", "few_cycles", "irregular_sampling", "pv_quantised",
-    "op_quantised", "pv_interpolated", "op_interpolated", "stored_points", "size_regularity", "size_cycles",
-    "size_samples_per_cycle", "size_evidence", "size_as_sampled", "size_width",
+    "op_quantised", "pv_interpolated", "op_interpolated", "time_skew", "stored_points", "size_regularity",
+    "size_cycles", "size_samples_per_cycle", "size_evidence", "size_as_sampled", "size_width",
 ]  # fmt: skip
 """What a record is checked for before it is audited, and before a size of stiction is told."""
 

@@ -11,7 +11,7 @@ from app.engine.fitness.align import Aligned, align
 from app.engine.fitness.config import FitnessConfig
 from app.engine.fitness.holes import newest_without_hole
 from app.engine.fitness.repeated import once_a_scan
-from app.engine.fitness.resample import is_regular, most_filled, to_uniform, typical_interval
+from app.engine.fitness.resample import is_regular, lasting, most_filled, to_uniform
 from app.engine.fitness.samples import Samples
 from app.engine.fitness.signals import (
     at_extremes,
@@ -21,6 +21,7 @@ from app.engine.fitness.signals import (
     still_at_its_end,
     usable_values,
 )
+from app.engine.fitness.skew import skew_of, without_skew
 from app.engine.fitness.standstill import Standstill, as_far_as_ever, standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
@@ -28,7 +29,7 @@ from app.errors import DataError
 
 LATER_CHECKS: tuple[CheckCode, ...] = (
     "not_in_automatic", "gaps", "op_flat", "pv_flat", "op_two_values", "op_at_limits", "irregular_sampling",
-    "filled", "pv_quantised", "op_quantised", "pv_interpolated", "op_interpolated",
+    "filled", "pv_quantised", "op_quantised", "pv_interpolated", "op_interpolated", "time_skew",
 )  # fmt: skip
 
 
@@ -124,7 +125,8 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     and far from all others, then the newest long stretch in automatic is kept, of it the newest long one without a
     hole, then the newest long one beside dead PV or OP, and that stretch is put on a uniform time base. A recording is
     refused where a step leaves fewer than `config.min_samples`, where OP is switched between two values or stands at a
-    limit, or where too much had to be filled.
+    limit, or where too much had to be filled. Where OP and the PV that it answers were stamped apart, both are put
+    beside each other.
     No answer depends on the unit, scale, offset or sign of PV or OP, nor on where time starts; but whether PV stands
     at its set point, and on which side of one that moves it is, is asked in one unit of both.
     """
@@ -212,7 +214,7 @@ def _assess_stretches(recording: Recording, samples: Samples, fitness: Fitness, 
 def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, config: FitnessConfig) -> Fitness:
     origin_s = float(recording.time_s[0]) if np.isfinite(recording.time_s[0]) else float(samples.time_s[0])
     record = to_uniform(samples.time_s, samples.pv, samples.op, samples.sp, origin_s, config)
-    two_values = checks.check_two_values(samples.op, config)
+    two_values, skew = checks.check_two_values(samples.op, config), skew_of(record)
     found = (
         *fitness.findings,
         two_values,
@@ -223,7 +225,10 @@ def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, con
         checks.check_levels("op", samples.op, config),
         checks.check_on_line("pv", samples.pv, config),
         checks.check_on_line("op", samples.op, config),
+        checks.check_skew(skew, record),
     )
+    if skew is not None:
+        record = without_skew(record, skew.samples)
     return replace(fitness, findings=found, record=record, filled_share=float(np.mean(record.filled)))
 
 
@@ -240,7 +245,7 @@ def _bridged(samples: Samples, config: FitnessConfig) -> BoolArray:
     automatic = np.asarray(samples.automatic)
     at = np.flatnonzero(automatic)
     time_s = samples.time_s[at]
-    longest_s = most_filled(len(samples), config) * typical_interval(samples.time_s)
+    longest_s = lasting(most_filled(len(samples), config), samples.time_s)
     brief = (np.diff(at) > 1) & (np.diff(time_s) <= longest_s)
     bridged = automatic.copy()
     for k in np.flatnonzero(brief):

@@ -17,6 +17,7 @@ from app.engine.fitness.signals import (
     stored_points,
     two_levels,
 )
+from app.engine.fitness.skew import Skew
 from app.engine.fitness.standstill import Standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Span, UniformRecord
@@ -172,6 +173,20 @@ def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Findi
         text += ": compressed or interpolated by the historian"
     code = _of(name, "interpolated")
     return _finding(code, share <= config.max_on_line_share, text, share, config.max_on_line_share, "share", "<=")
+
+
+def check_skew(skew: Skew | None, record: UniformRecord) -> Finding:
+    """A skew refuses nothing: it is set right."""
+    if skew is None:
+        return not_evaluated("time_skew", "OP does not show at once what is new in PV")
+    apart = f"{abs(skew.samples)} samples ({abs(skew.samples) * record.sampling_interval_s:.4g} s)"
+    if skew.samples == 0:
+        text = "PV and OP were stamped at one time"
+    elif skew.samples < 0:
+        text = f"OP answers what PV shows {apart} later: PV is stamped late, or OP early, and was set back by that"
+    else:
+        text = f"OP answers what PV showed {apart} before: OP is stamped late, or PV early, and was set back by that"
+    return _finding("time_skew", skew.samples == 0, text, skew.samples, None, "samples")
 
 
 def check_samples_per_cycle(oscillation: Oscillation, config: FitnessConfig) -> Finding:

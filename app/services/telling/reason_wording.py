@@ -21,6 +21,7 @@ _DATA = {
     "op_quantised": "OP has few levels over its range.",
     "pv_interpolated": "PV mostly lies on straight lines: the historian compressed it.",
     "op_interpolated": "OP mostly lies on straight lines: the historian compressed it, or it integrates a standing PV.",
+    "time_skew": "OP and the PV that it answers are stamped some samples apart; they were put beside each other.",
     "stored_points": "The historian stored too few points of PV a cycle: the shape is its own.",
     "filled_share": "So many samples were interpolated that the verdict is not reliable.",
     "mode_share": "The loop was in automatic for too small a part of the recording for the verdict to be reliable.",
