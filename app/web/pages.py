@@ -8,6 +8,7 @@ from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
+from app.engine.codes import UNANSWERED
 from app.engine.plant_wide.groups import IN_STEP
 from app.http.backend import Services
 from app.services.auditing.audits import get_audit
@@ -96,6 +97,7 @@ def plant(backend: Services) -> HTMLResponse:
         backend.clock,
         **sheet,
         today=today,
+        unanswered_cause=UNANSWERED,
         worst=worst,
         old=old,
         last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),

@@ -1,5 +1,7 @@
 """The page of the plant: its counts, how old its records are, and the last nights behind a verdict."""
 
+from dataclasses import replace
+
 import pytest
 
 from app.services.auditing.audits import cancel_audit, start_audit
@@ -7,11 +9,12 @@ from app.services.plant import groups
 from app.services.plant.changes import Changes
 from app.services.plant.judged import Judged, ToManual
 from app.services.plant.nights import Night
+from app.services.plant.overview import overview
 from app.services.results import ChangeView, NightOfUnit
 from app.services.results import Night as Course
 from app.web import loop as loop_page
 from app.web import pages
-from tests.web.conftest import HOSTILE, seen
+from tests.web.conftest import HOSTILE, Seen, seen
 
 
 def test_the_plant_counts_its_loops(client):
@@ -118,3 +121,21 @@ def test_groups_that_are_not_known_yet_are_said_to_be(client, monkeypatch):
         monkeypatch.setattr(shown, lambda backend: groups.Shown(None))
     for path in ("/", "/loops/FIC101"):
         assert 'id="groups-awaited"' in client.get(path).text
+
+
+def test_what_could_not_be_audited_is_told_apart_by_what_is_known_of_it(client, monkeypatch, web_backend):
+    def told(verdicts: dict[str, int], refused: dict[str, int]) -> str:
+        found = replace(overview(web_backend), verdicts=verdicts, refused=refused)
+        monkeypatch.setattr("app.services.plant.plant_sheet.overview", lambda _: found)
+        html = client.get("/").text
+        start = html.index('<p id="not-audited">')
+        return " ".join("".join(Seen(html[start : html.index("</p>", start)]).texts).split())
+
+    of_eight = {"stuck_valve_or_dead_transmitter": 3, "not_in_automatic": 4, "data": 1}
+    assert told({"not_auditable": 8}, of_eight) == (
+        "8 loops could not be audited and are not in this list. In 3 of them PV does not answer OP: the valve is "
+        "stuck, or the transmitter is dead. Of the valves of the other 5 nothing is known, good or bad."
+    )
+    assert told({"not_auditable": 1}, {"data": 1}) == (
+        "1 loop could not be audited and is not in this list. Nothing is known of its valve, good or bad."
+    )
