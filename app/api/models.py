@@ -310,7 +310,10 @@ class NightOut(Read):
     audited: int = Field(description="Loops with a verdict.")
     sticking: int = Field(description="Valves that stick, to be relied on.")
     health: float | None = Field(description="Mean health, weighted by importance; null: no loop has one.")
-    in_manual: int = Field(description="Loops that could not be judged because they were not in automatic.")
+    in_manual: int = Field(
+        description="Loops that could not be judged because they were not in automatic; one that was judged on what it "
+        "did before it went to manual is none of them."
+    )
     units: list[NightOfUnitOut] = Field(description="The same of each unit, as far as it is told.")
 
 

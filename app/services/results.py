@@ -327,7 +327,8 @@ class NightOfUnit:
 @dataclass(frozen=True)
 class Night:
     """What the last whole run of a date said. sticking: valves that stick, to be relied on; health: mean, weighted by
-    importance, None where no loop has one; in_manual: loops not judged because they are not in automatic."""
+    importance, None where no loop has one; in_manual: loops not judged because they are not in automatic,
+    without those that were judged on what they did before."""
 
     date: str
     run: str

@@ -29,4 +29,6 @@ def test_each_date_has_what_its_last_run_of_the_plant_said(backend: Backend, add
     assert (before.audited, before.sticking, before.health, before.in_manual) == (3, 1, 70.0, 1)
     assert {of.unit: of.sticking for of in before.units} == {"U1": 1, None: 0}
     assert (now.sticking, now.health, now.in_manual) == (0, 80.0, 0)
-    assert f'<td class="tag">{before.date}</td>' in plant_report(backend)
+    report = plant_report(backend)
+    assert f'<td class="tag">{before.date}</td>' in report
+    assert '<th class="number">Not judged: not in automatic</th>' in report
