@@ -19,7 +19,7 @@ from app.services.plant import groups as grouped
 from app.services.plant import overview as plants
 from app.services.plant import reliability
 from app.services.plant.arrivals import arrivals
-from app.services.plant.course import course
+from app.services.plant.course import course, unit_columns
 from app.services.plant.glossary import FIGURES
 from app.services.plant.judged import judged
 from app.services.plant.nights import nights
@@ -167,7 +167,8 @@ def groups(backend: Services) -> HTMLResponse:
 @router.get("/nights")
 def by_night(backend: Services) -> HTMLResponse:
     """A page of its own: it reads the verdicts of a fortnight."""
-    return page("nights.html", backend.clock, course=course(backend), units=plants.unit_names(backend)[:UNITS])
+    nights_of_plant = course(backend)
+    return page("nights.html", backend.clock, course=nights_of_plant, units=unit_columns(nights_of_plant, UNITS))
 
 
 @router.get("/glossary")

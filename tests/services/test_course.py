@@ -5,8 +5,9 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import update
 
 from app.services.backend import Backend
-from app.services.plant.course import course
+from app.services.plant.course import course, unit_columns
 from app.services.reports.documents import plant_report
+from app.services.results import Night, NightOfUnit
 from app.storage.tables import audits
 from tests.services.audited_plant import AddLoops, audited, rewrite
 
@@ -32,3 +33,19 @@ def test_each_date_has_what_its_last_run_of_the_plant_said(backend: Backend, add
     report = plant_report(backend)
     assert f'<td class="tag">{before.date}</td>' in report
     assert '<th class="number">Not judged: not in automatic</th>' in report
+
+
+def test_the_columns_of_the_units_add_up_to_the_plant() -> None:
+    stuck = {"D": 1, "A": 2, "C": 3, "B": 5, None: 4}
+    nights = [
+        Night("2026-03-01", "1", 90, 0, None, 0, (NightOfUnit("A", 0),)),
+        Night("2026-03-02", "2", 90, 15, None, 0, tuple(NightOfUnit(*of) for of in stuck.items())),
+    ]
+
+    def told(most: int) -> list[tuple[str, int, int]]:
+        columns = unit_columns(nights, most)
+        return [(column.label, *(column.sticking(night) for night in nights)) for column in columns]
+
+    assert told(4) == [("A", 0, 2), ("B", 0, 5), ("C", 0, 3), ("D", 0, 1), ("no unit", 0, 4)]
+    assert told(3) == [("B", 0, 5), ("C", 0, 3), ("2 other units", 0, 3), ("no unit", 0, 4)]
+    assert unit_columns([], 3) == []

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from app.engine.codes import Cause
@@ -14,6 +15,30 @@ NOT_IN_AUTOMATIC: Cause = "not_in_automatic"
 NIGHTS = 14
 RUNS = 2 * NIGHTS
 """Of several runs of one date the last counts; so many are looked through for the dates."""
+
+
+@dataclass(frozen=True)
+class UnitColumn:
+    """Valves that stick of one unit, night by night, or of several that have no column of their own."""
+
+    label: str
+    units: frozenset[str | None]
+
+    def sticking(self, night: Night) -> int:
+        return sum(night.of_units.get(unit, 0) for unit in self.units)
+
+
+def unit_columns(nights: Sequence[Night], most: int) -> list[UnitColumn]:
+    """Columns that add up to the whole: of `most` units, in which most valves stuck where there are more, of all others
+    together, and of the loops that name none."""
+    stuck = Counter[str | None]()
+    for night in nights:
+        stuck.update(night.of_units)
+    named = sorted((unit for unit in stuck if unit is not None), key=lambda unit: (-stuck[unit], unit))
+    shown, others = (named, []) if len(named) <= most else (named[: most - 1], named[most - 1 :])
+    columns = [UnitColumn(unit, frozenset((unit,))) for unit in sorted(shown)]
+    columns += [UnitColumn(f"{len(others)} other units", frozenset(others))] if others else []
+    return [*columns, *([UnitColumn("no unit", frozenset((None,)))] if None in stuck else [])]
 
 
 def course(backend: Backend) -> list[Night]:

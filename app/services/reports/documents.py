@@ -15,7 +15,7 @@ from app.services.explaining.wording import in_words
 from app.services.moments import PlantClock, iso_utc, seconds_of
 from app.services.plant.arrivals import arrivals
 from app.services.plant.charts import charts
-from app.services.plant.course import course
+from app.services.plant.course import course, unit_columns
 from app.services.plant.groups import plant_groups, told_apart
 from app.services.plant.judged import judged
 from app.services.plant.loop_sheet import loop_head, loop_sheet
@@ -38,6 +38,7 @@ MOST_TOGETHER = 50
 """Reports in one file: some ten megabytes, which a browser can still lay out and print."""
 WORST_OF_UNIT = 5
 REFUSED = 200
+UNITS_BY_NIGHT = 8
 COMPLAINTS = ("stiction", "inconclusive")
 PV, OP, SP, VALVE, GOOD = "#0b5394", "#b3261e", "#8a5a00", "#7a3fa0", "#1a6b3c"
 COLOURS = {"stiction": "#b3261e", "inconclusive": "#c98a1b", "not_auditable": "#8794a3", "no_stiction": "#2f8f57"}
@@ -110,6 +111,7 @@ def plant_report(backend: Backend) -> str:
     together = sheet["together"]
     worst = complaints_of_units(backend, since_ns, shelved, WORST_OF_UNIT, together)
     old = complaints_of_old(backend, since_ns, shelved, together=together)
+    nights = course(backend)
     listed = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
     return document(
         "plant_report.html",
@@ -117,7 +119,8 @@ def plant_report(backend: Backend) -> str:
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
         work=work_list(backend, shelved, since_ns=since_ns),
         sticking=sticking(backend, shelved, seen.reliable.get("stiction", 0)),
-        course=course(backend),
+        course=nights,
+        course_units=unit_columns(nights, UNITS_BY_NIGHT),
         worst=worst,
         more_of={unit: _more_of(seen, unit, rows) for unit, rows in worst},
         nothing_worst=nothing_worst(seen.verdicts.get("stiction", 0), bool(old)),
