@@ -305,7 +305,7 @@ class NightOfUnitOut(Read):
 class NightOut(Read):
     """What the last run of the whole plant of a date said, of the loops that are in service."""
 
-    date: str = Field(description="By the plant's clock.")
+    date: str = Field(description="Of the night; of a run that is no night's, of its begin by the plant's clock.")
     run: str = Field(description="Identifier of the run.")
     audited: int = Field(description="Loops with a verdict.")
     sticking: int = Field(description="Valves that stick, to be relied on.")

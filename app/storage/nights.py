@@ -7,11 +7,12 @@ from typing import NamedTuple
 from sqlalchemy import Connection, and_, func, select
 
 from app.storage.newest import last_of
-from app.storage.tables import loops, verdicts
+from app.storage.tables import audits, loops, verdicts
 
 
 class NightRow(NamedTuple):
-    """A verdict of a loop; input_end_ns: the last sample that it was made of; window_end: of what was judged."""
+    """A verdict of a loop; input_end_ns: the last sample that it was made of; window_end: of what was judged;
+    nightly_for: the date whose night its run is, None: no night's."""
 
     tag: str
     audited_at: datetime
@@ -19,6 +20,7 @@ class NightRow(NamedTuple):
     reliability: str
     input_end_ns: int | None
     window_end: datetime | None
+    nightly_for: str | None
 
 
 class StickingRow(NamedTuple):
@@ -37,7 +39,10 @@ def recent(connection: Connection, tags: Sequence[str], each: int, until: int | 
     lasts, theirs = last_of(
         each, loops.c.tag.in_(tags), lambda said, _: () if until is None else (said.c.audit_id <= until,)
     )
-    query = select(lasts.c.tag, *(verdicts.c[name] for name in NightRow._fields[1:])).join_from(lasts, verdicts, theirs)
+    told = (*(verdicts.c[name] for name in NightRow._fields[1:-1]), audits.c.nightly_for)
+    query = (
+        select(lasts.c.tag, *told).join_from(lasts, verdicts, theirs).join(audits, audits.c.id == verdicts.c.audit_id)
+    )
     ordered = query.order_by(lasts.c.tag, verdicts.c.audit_id)
     return [NightRow._make(row) for row in connection.execute(ordered)]
 

@@ -95,6 +95,14 @@ class TileRow(NamedTuple):
     health: float | None
 
 
+class RunOfNight(NamedTuple):
+    """nightly_for: the date whose night the run is, which may begin after midnight; None: no night's."""
+
+    id: int
+    created_at: datetime
+    nightly_for: str | None
+
+
 class WholeRun(NamedTuple):
     """A run of the plant that has ended."""
 
@@ -132,11 +140,12 @@ def _counted(said: FromClause) -> Select[Any]:
     return select(*by, *figures).group_by(*by)
 
 
-def whole_runs(connection: Connection, most: int) -> list[tuple[int, datetime]]:
-    """The newest ended runs of the whole plant, the newest first: id and when each began."""
+def whole_runs(connection: Connection, most: int) -> list[RunOfNight]:
+    """The newest ended runs of the whole plant, the newest first."""
     ended = audits.c.state.in_(WITH_RESULTS)
-    query = select(audits.c.id, audits.c.created_at).where(ended, of_the_whole_plant(), audits.c.total > 0)
-    return [(row.id, row.created_at) for row in connection.execute(query.order_by(audits.c.id.desc()).limit(most))]
+    told = (audits.c[name] for name in RunOfNight._fields)
+    query = select(*told).where(ended, of_the_whole_plant(), audits.c.total > 0)
+    return [RunOfNight._make(row) for row in connection.execute(query.order_by(audits.c.id.desc()).limit(most))]
 
 
 def worst_of_units(

@@ -6,9 +6,10 @@ from sqlalchemy import update
 
 from app.services.backend import Backend
 from app.services.plant.course import course, unit_columns
+from app.services.plant.nights import nights
 from app.services.reports.documents import plant_report
 from app.services.results import Night, NightOfUnit
-from app.storage.tables import audits
+from app.storage.tables import audits, verdicts
 from tests.services.audited_plant import AddLoops, audited, rewrite
 
 
@@ -35,16 +36,33 @@ def test_each_date_has_what_its_last_run_of_the_plant_said(backend: Backend, add
     assert '<th class="number">Not judged: not in automatic</th>' in report
 
 
+def test_a_night_that_was_caught_up_after_midnight_has_its_own_date(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", n=600)
+    by_day, caught_up = audited(backend), audited(backend)
+    morning = datetime(2026, 11, 25, 8, tzinfo=UTC)
+    with backend.database.write() as connection:
+        for run, at, night in ((by_day, morning, None), (caught_up, morning + timedelta(hours=12), "2026-11-24")):
+            of_run = {"created_at": at, "nightly_for": night}
+            connection.execute(update(audits).where(audits.c.id == run).values(**of_run))
+            connection.execute(update(verdicts).where(verdicts.c.audit_id == run).values(audited_at=at))
+    assert [(night.date, night.run) for night in course(backend)] == [
+        ("2026-11-24", str(caught_up)),
+        ("2026-11-25", str(by_day)),
+    ]
+    marks = nights(backend, ["A"])["A"]
+    assert [night.date for night in marks[-2:]] == ["2026-11-25", "2026-11-24"]  # the verdict now is the last
+
+
 def test_the_columns_of_the_units_add_up_to_the_plant() -> None:
     stuck = {"D": 1, "A": 2, "C": 3, "B": 5, None: 4}
-    nights = [
+    both = [
         Night("2026-03-01", "1", 90, 0, None, 0, (NightOfUnit("A", 0),)),
         Night("2026-03-02", "2", 90, 15, None, 0, tuple(NightOfUnit(*of) for of in stuck.items())),
     ]
 
     def told(most: int) -> list[tuple[str, int, int]]:
-        columns = unit_columns(nights, most)
-        return [(column.label, *(column.sticking(night) for night in nights)) for column in columns]
+        columns = unit_columns(both, most)
+        return [(column.label, *(column.sticking(night) for night in both)) for column in columns]
 
     assert told(4) == [("A", 0, 2), ("B", 0, 5), ("C", 0, 3), ("D", 0, 1), ("no unit", 0, 4)]
     assert told(3) == [("B", 0, 5), ("C", 0, 3), ("2 other units", 0, 3), ("no unit", 0, 4)]

@@ -14,7 +14,8 @@ from app.storage import plant
 NOT_IN_AUTOMATIC: Cause = "not_in_automatic"
 NIGHTS = 14
 RUNS = 2 * NIGHTS
-"""Of several runs of one date the last counts; so many are looked through for the dates."""
+"""Of several runs of one date the last counts; so many are looked through for the dates. A night
+that was caught up after midnight has its own date."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,9 @@ def unit_columns(nights: Sequence[Night], most: int) -> list[UnitColumn]:
 def course(backend: Backend) -> list[Night]:
     """The oldest first; a query a night."""
     with backend.database.read() as connection:
-        dated = {backend.clock.date(began): run for run, began in reversed(plant.whole_runs(connection, RUNS))}
-        newest = list(dated.items())[-NIGHTS:]
+        runs = reversed(plant.whole_runs(connection, RUNS))
+        dated = {run.nightly_for or backend.clock.date(run.created_at): run.id for run in runs}
+        newest = sorted(dated.items())[-NIGHTS:]
         return [_night(date, run, plant.counts_of_run(connection, run)) for date, run in newest]
 
 

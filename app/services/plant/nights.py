@@ -22,7 +22,8 @@ NOTHING_NEW = "="
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date, by the plant's clock. again: why it is the same as before; empty: it is not."""
+    """The last verdict of one date, by the plant's clock, or of its night. again: why it is the same as before; empty:
+    it is not."""
 
     date: str
     verdict: str
@@ -49,16 +50,17 @@ def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
         rows = stored.recent(connection, [*tags, *before], AUDITS, until)
     by_tag: dict[str, dict[str, NightRow]] = {}
     for row in rows:
-        by_tag.setdefault(row.tag, {})[backend.clock.date(row.audited_at)] = row
+        by_tag.setdefault(row.tag, {})[row.nightly_for or backend.clock.date(row.audited_at)] = row
     found = {tag: _together([by_tag.get(one, {}) for one in (*chains.get(tag, ())[::-1], tag)]) for tag in tags}
     found = {tag: dated for tag, dated in found.items() if dated}
     return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
 
 
 def _together(parts: Sequence[Mapping[str, NightRow]]) -> dict[str, NightRow]:
-    """By date, in its order; where a loop had two tags on one date, what was said under the later one."""
+    """By date, what was said last at the end, though it be of a night that was caught up; where a loop had two tags on
+    one date, what was said under the later one."""
     whole = {date: row for part in parts for date, row in part.items()}
-    return dict(sorted(whole.items()))
+    return dict(sorted(whole.items(), key=lambda item: item[1].audited_at))
 
 
 def _nights(dated: Mapping[str, NightRow]) -> tuple[Night, ...]:
