@@ -63,6 +63,7 @@ class RowFilters(BaseModel):
     reliability: ReliabilityName | None = Field(None, description="Only verdicts of this reliability.")
     table2_reading: ReadingName | None = Field(None, description="Only this reading of table 2.")
     unit: str | None = Field(None, max_length=200, description="Only loops of this plant unit.")
+    no_unit: bool | None = Field(None, description="true: loops that name no unit; false: those that name one.")
     type: str | None = Field(None, max_length=200, description="Only loops of this type.")
     owner: str | None = Field(None, max_length=200, description="Only loops that this owner looks after.")
     likely_cause: str | None = Field(None, max_length=100, description="Only this likely cause.")
@@ -82,6 +83,7 @@ class RowFilters(BaseModel):
         names = (
             "reliability",
             "unit",
+            "no_unit",
             "type",
             "owner",
             "likely_cause",

@@ -57,7 +57,8 @@ LONGEST_DETAIL = 64 << 20
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
     of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
-    open_order: whether a work order is written that no repair was stated since; tags: of these alone."""
+    open_order: whether a work order is written that no repair was stated since; tags: of these alone; no_unit: whether
+    they name no unit."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -75,6 +76,7 @@ class RowFilter:
     left_out: tuple[int, ...] = ()
     open_order: bool | None = None
     tags: tuple[str, ...] | None = None
+    no_unit: bool | None = None
 
 
 class SaidRow(NamedTuple):
@@ -441,9 +443,15 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
             conditions.append(columns[name] == value)
     if wanted.min_probability is not None:
         conditions.append(columns["stiction_probability"] >= wanted.min_probability)
-    conditions += _by_newest_sample(wanted)
+    return [*conditions, *_by_newest_sample(wanted), *_of_loops(wanted)]
+
+
+def _of_loops(wanted: RowFilter) -> list[ColumnElement[bool]]:
+    conditions: list[ColumnElement[bool]] = []
     if wanted.left_out:
         conditions.append(loops.c.id.not_in(wanted.left_out))
+    if wanted.no_unit is not None:
+        conditions.append(loops.c.unit.is_(None) if wanted.no_unit else loops.c.unit.is_not(None))
     if wanted.open_order is not None:
         conditions.append(has_open_order() if wanted.open_order else ~has_open_order())
     if wanted.tags is not None:

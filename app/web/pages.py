@@ -37,6 +37,7 @@ from app.web.rendering import CHARTS, STATIC, page
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
 ROWS_A_PAGE = 100
 CHANGES, GROUPS, UNITS = 10, 5, 12
+YES_NO = {"true": True, "false": False}
 
 router = APIRouter(include_in_schema=False)
 for module in (loop, loop_list, runs, uploads):
@@ -51,6 +52,7 @@ class TableForm(BaseModel):
 
     search: str = Field("", max_length=200)
     unit: str = Field("", max_length=200)
+    no_unit: Literal["", "true", "false"] = ""
     owner: str = Field("", max_length=200)
     verdict: str = Field("", max_length=40)
     reliability: str = Field("", max_length=40)
@@ -66,7 +68,7 @@ class TableForm(BaseModel):
     def narrows(self) -> bool:
         """Whether a loop that has a verdict may be left out, but for one that is retired."""
         words = (self.search, self.unit, self.owner, self.verdict, self.reliability, self.likely_cause)
-        return any((*words, self.open_order, self.audit_id, self.cursor)) or self.retired == "true"
+        return any((*words, self.no_unit, self.open_order, self.audit_id, self.cursor)) or self.retired == "true"
 
     def filters(self) -> RowFilter:
         return RowFilter(
@@ -77,7 +79,8 @@ class TableForm(BaseModel):
             likely_cause=self.likely_cause or None,
             search=self.search or None,
             retired=RETIRED[self.retired or "false"],
-            open_order={"true": True, "false": False}.get(self.open_order),
+            open_order=YES_NO.get(self.open_order),
+            no_unit=YES_NO.get(self.no_unit),
             audit_id=identifier(self.audit_id) if self.audit_id else None,
         )
 

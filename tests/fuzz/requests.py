@@ -15,6 +15,7 @@ from tests.fuzz.seeds import seeds
 PAGES_QUERY = (
     "search",
     "unit",
+    "no_unit",
     "owner",
     "verdict",
     "reliability",

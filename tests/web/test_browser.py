@@ -163,6 +163,7 @@ def test_of_a_large_unit_the_worst_are_drawn_and_the_others_lead_to_the_table(op
     opened.locator("#treemap .slice", has_text="no unit named").first.click(position={"x": 5, "y": 5})
     opened.locator("#treemap .slice", has_text="others").last.click()
     expect(opened.get_by_role("heading", level=1)).to_contain_text("Reliability")
+    expect(opened.locator("#counted")).to_contain_text("that name no unit")
 
 
 @pytest.mark.parametrize("path", PAGES)

@@ -133,10 +133,13 @@ def plant_report(backend: Backend) -> str:
     )
 
 
-def _more_of(seen: Overview, unit: str | None, listed: Sequence[Mapping[str, Any]]) -> int:
-    """How many more loops of a unit stick or may, than are listed of it."""
+def _more_of(seen: Overview, unit: str | None, listed: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """How many loops of a unit stick or may, by verdict, whatever keeps them from being listed; empty where all
+    of them are."""
     counted = next((one.verdicts for one in seen.units if one.unit == unit), {})
-    return sum(max(0, counted.get(code, 0) - sum(row["verdict"] == code for row in listed)) for code in COMPLAINTS)
+    complaints = {code: counted[code] for code in COMPLAINTS if counted.get(code)}
+    shown = sum(row["verdict"] in COMPLAINTS for row in listed)
+    return complaints if sum(complaints.values()) > shown else {}
 
 
 def _made(backend: Backend) -> dict[str, Any]:

@@ -28,6 +28,8 @@ def _of_loops(asked: RowFilter) -> Iterator[str]:
     for words, value in (("of unit", asked.unit), ("of type", asked.type), ("looked after by", asked.owner)):
         if value:
             yield f"{words} {value}"
+    if asked.no_unit is not None:
+        yield "that name no unit" if asked.no_unit else "that name a unit"
     if asked.search:
         yield f"with \u201c{asked.search}\u201d in tag, description or owner"
     if asked.open_order is not None:

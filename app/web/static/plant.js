@@ -68,7 +68,7 @@ async function drawTreemap() {
   treemap.on("plotly_treemapclick", ({ points: [point] }) => {
     const [kind, name] = [point.id.slice(0, 2), point.id.slice(2)];
     if (kind === "l:") location.assign(`/loops/${encodeURIComponent(name)}`);
-    else if (kind === "o:") location.assign(name ? `/table?unit=${encodeURIComponent(name)}` : "/table");
+    else if (kind === "o:") location.assign(name ? `/table?unit=${encodeURIComponent(name)}` : "/table?no_unit=true");
     else if (kind === "u:" && !whole.has(name)) open(name, told).catch(failed);
     else return true;
     return false;

@@ -84,6 +84,22 @@ def test_loops_with_and_without_an_open_work_order(client, plant):
     assert client.get("/v1/reliability?open_order=perhaps").status_code == 422
 
 
+def test_loops_that_name_no_unit(client, plant):
+    def found(path: str, asked: str) -> list[str]:
+        answer = client.get(f"{path}?no_unit={asked}&format=csv&columns=loop")
+        return answer.text.splitlines()[1:]
+
+    client.patch("/v1/loops/LIC7", json={"unit": "U1"}).raise_for_status()
+    try:
+        assert (len(found("/v1/reliability", "true")), found("/v1/reliability", "false")) == (2, ["LIC7"])
+        page = client.get("/table?no_unit=true").text
+        assert "<b>2</b> loops: that name no unit" in page
+        assert "/v1/reliability?no_unit=true&amp;sort=" in page
+        assert '<option value="true" selected>none</option>' in page
+    finally:
+        client.patch("/v1/loops/LIC7", json={"unit": None}).raise_for_status()
+
+
 def test_filters(client, plant):
     rows = client.get("/v1/reliability").json()["rows"]
     verdicts = {row["verdict"] for row in rows}
