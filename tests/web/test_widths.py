@@ -8,7 +8,10 @@ from playwright.sync_api import Page, expect
 from app.services.auditing.audits import list_audits
 from app.services.digests.digest import digest_of
 from app.services.digests.telling import as_html
-from app.services.results import Night
+from app.services.plant.judged import Judged
+from app.services.plant.nights import Night as Mark
+from app.services.reports import documents
+from app.services.results import Night, NightOfUnit
 from app.services.stating.notes import add_note
 from app.web import pages
 from tests.web.conftest import NARROW
@@ -22,6 +25,21 @@ COLUMNS = (
     "unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text", "next_step",
     "work_order", "repaired_at",
 )  # fmt: skip
+
+UNITS = (
+    "HYDROCRACKER-2",
+    "REGENERATOR",
+    "CRUDE_UNIT_1",
+    "ALKYLATION",
+    "PLATFORMER",
+    "VACUUM_DIST",
+    "SULPHUR_REC",
+    None,
+)
+OF_UNITS = [
+    Night(f"2026-03-0{day}", str(day), 14_000, 1_234, 80.0, 1_234, tuple(NightOfUnit(unit, 1_234) for unit in UNITS))
+    for day in range(1, 8)
+]
 
 
 def test_what_to_do_has_room_and_the_last_column_is_seen(opened: Page):
@@ -131,6 +149,33 @@ def test_a_printed_table_has_no_form(opened: Page):
     opened.emulate_media(media="print")
     expect(opened.locator("form.tools")).to_be_hidden()
     expect(opened.locator("#loops")).to_be_visible()
+
+
+A4_ACROSS, A4_UPRIGHT = 1047, 680
+"""What the margins leave of the paper, in px."""
+
+
+@pytest.mark.parametrize("path", ["/", "/table?" + "&".join(f"column={name}" for name in COLUMNS), "/nights"])
+def test_what_is_printed_fits_the_paper(opened: Page, monkeypatch: pytest.MonkeyPatch, path: str):
+    weeks = tuple(Mark(f"2026-03-0{day}", "stiction", "not_reliable") for day in range(1, 8))
+    span = Judged("2026-03-07T22:00:00Z", "2026-03-07T23:59:00Z", True)
+    monkeypatch.setattr(pages, "nights", lambda _, tags, until=None: dict.fromkeys(tags, weeks))
+    monkeypatch.setattr(pages, "judged", lambda _, tags, until=None: dict.fromkeys(tags, span))
+    monkeypatch.setattr(pages, "course", lambda _: OF_UNITS)
+    opened.set_viewport_size({"width": A4_ACROSS, "height": 740})
+    settled(opened, path)
+    opened.emulate_media(media="print")
+    assert width(opened) <= A4_ACROSS
+    assert "landscape" in opened.request.get("/static/loopaudit.css").text()
+
+
+def test_a_printed_report_fits_the_paper(opened: Page, client, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(documents, "course", lambda _: OF_UNITS)
+    opened.set_viewport_size({"width": A4_UPRIGHT, "height": 1000})
+    opened.emulate_media(media="print")
+    opened.set_content(client.get("/v1/report").text)
+    expect(opened.locator("#course th")).to_have_count(13)
+    assert width(opened) <= A4_UPRIGHT
 
 
 def test_a_long_verdict_of_an_explanation_does_not_widen_a_narrow_screen(narrow: Page):
