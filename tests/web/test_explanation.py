@@ -79,7 +79,7 @@ def part(explanation: dict | None) -> str:
             "Since 2026-01-01 01:00 there is no room on the disk to keep its answer",
         ),
         (ASKED | {"state": "failed", "error_code": "time_limit", "error_text": "too long"}, "too long (time_limit)"),
-        (DONE, "01:00 UTC, against a given model; asked for by audit 3"),
+        (DONE, "01:00 UTC, against a given model; asked for by run 3"),
         (DONE | {"as_judged": True}, "01:00 UTC, of a long record what its audit judges, against a given model"),
         (DONE | {"remarks": ["This is of before the repair."]}, "<b>This is of before the repair.</b>"),
     ],
