@@ -234,3 +234,13 @@ def test_the_command_writes_one(two_nights, web_backend, tmp_path, monkeypatch):
     assert "<h1>FIC101" in Path(file).read_text(encoding="utf-8")
     assert CliRunner().invoke(cli, ["report", "--plant"]).output.startswith("<!doctype html>")
     assert isinstance(CliRunner().invoke(cli, ["report"]).exception, RequestError)
+
+
+def test_a_pv_that_stood_has_no_picture_over_op():
+    moving = {"op": [40.0, 41.0, 42.0], "pv": [1.0, 1.0, 2.0], "samples": 3, "shown": 3}
+    assert reports._path({"pv_op": moving}) is not None
+    for stood in (moving | {"pv": [3.5e-44] * 3}, {**moving, "op": [], "pv": []}, None):
+        assert reports._path({"pv_op": stood}) is None
+    judged_none = {"pv_op": moving, "judged": None, "window": None}
+    assert reports._path_of(judged_none) == "All 3 samples of what was given to the audit."
+    assert reports._path_of(judged_none | {"window": ["a", "b"]}) == "All 3 samples of the audited window."

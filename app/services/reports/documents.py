@@ -166,7 +166,7 @@ def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:
 
 def _path(drawn: Mapping[str, Any]) -> Markup | None:
     path = drawn["pv_op"]
-    if path is None or len(path["op"]) < 2:
+    if path is None or len(set(path["pv"])) < 2:  # a PV that stands draws none
         return None
     low, high = min(path["op"]), max(path["op"])
     ends = Ends(low, high, f"{low:.4g}", f"{high:.4g}", "OP")
@@ -177,7 +177,8 @@ def _path(drawn: Mapping[str, Any]) -> Markup | None:
 
 def _path_of(drawn: Mapping[str, Any]) -> str:
     path = drawn["pv_op"] or {"samples": 0, "shown": 0}
-    of = "the stretch that speaks for the record" if drawn["judged"] else "the audited window"
+    window = "the audited window" if drawn["window"] else "what was given to the audit"
+    of = "the stretch that speaks for the record" if drawn["judged"] else window
     whole = path["shown"] == path["samples"]
     count = f"All {path['samples']}" if whole else f"The newest {path['shown']} of the {path['samples']}"
     return f"{count} samples of {of}."

@@ -113,13 +113,13 @@ function drawSpectra({ spectra }) {
   ], { height: 340, xaxis: axis("frequency, Hz", { type: "log", exponentformat: "power" }), yaxis: axis("amplitude, scaled") });
 }
 
-const pathNote = ({ samples, shown, standing }, judged) => {
-  const of = judged ? "the stretch that speaks for the record" : "the audited window";
+const pathNote = ({ samples, shown, standing }, judged, window) => {
+  const of = judged ? "the stretch that speaks for the record" : window ? "the audited window" : "what was given to the audit";
   return `${shown < samples ? `The newest ${shown} of the ${samples}` : `All ${samples}`} samples of ${of}${standing.includes(1) ? "; where OP travels and PV stands is marked" : ""}.`;
 };
 
-function drawRest({ pv_op: path, errors, judged, size }) {
-  if (path) document.getElementById("pv-op-note").textContent = pathNote(path, judged);
+function drawRest({ pv_op: path, errors, judged, size, window }) {
+  if (path) document.getElementById("pv-op-note").textContent = pathNote(path, judged, window);
   const stood = path && !path.pv.some((value) => value !== path.pv[0]);
   const middle = path && path.op.length ? (Math.min(...path.op) + Math.max(...path.op)) / 2 : 0;
   const wide = size && path ? [{ type: "rect", xref: "x", yref: "paper", x0: middle - size.S / 2, x1: middle + size.S / 2, y0: 0, y1: 1, layer: "below", fillcolor: paint("--valve"), opacity: 0.12, line: { width: 0 } }] : [];
