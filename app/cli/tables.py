@@ -9,11 +9,13 @@ from rich.text import Text
 
 from app.cli.messages import console_for
 from app.services.telling.wording import (
+    POSSIBLY,
     VERDICT_RANK,
     VERDICT_WORDS,
     measured_probability,
     probability,
     rely,
+    weakly,
     worst_first,
 )
 
@@ -46,7 +48,7 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
     verdict = line["verdict"]
     return [
         Text(line["recording"]),
-        Text(VERDICT_WORDS[verdict], style=VERDICT_STYLE[verdict]),
+        Text(VERDICT_WORDS[verdict] + (POSSIBLY if weakly(line) else ""), style=VERDICT_STYLE[verdict]),
         Text(chance(line)),
         Text(rely(line)),
         Text(size(line["stiction_size"])),

@@ -285,7 +285,8 @@ Kind = Literal["new", "cured", "flipped", "wavers"]
 @dataclass(frozen=True)
 class ChangeView:
     """A loop whose verdict is another one than before. `why`: what changed, `because` the same in words. "wavers": a
-    change that is no news, because neither verdict nor evidence is sure."""
+    change that is no news, because neither verdict nor evidence is sure. weakly: whether it could as well have been the
+    other verdict."""
 
     loop: str
     unit: str | None
@@ -298,6 +299,7 @@ class ChangeView:
     health: float | None
     reliability: str
     likely_cause: str | None
+    weakly: bool = False
 
     @property
     def said(self) -> dict[str, str | None]:

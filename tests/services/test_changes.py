@@ -51,6 +51,27 @@ def test_a_changed_verdict_says_why(
     (change,) = changes.changes(backend).rows
     assert (change.loop, change.before, change.now, change.why, change.because) == ("B", other, now, why, because)
     assert change.kind == ("new" if now == "stiction" else "cured" if now == "no_stiction" else "flipped")
+    assert not change.weakly
+
+
+@pytest.mark.parametrize(
+    ("reliability", "probability", "weakly"),
+    [
+        ("not_reliable", 0.55, True),
+        ("not_reliable", 0.9, False),
+        ("reliable", 0.55, False),
+    ],
+)
+def test_what_could_as_well_be_the_other_verdict_says_so_where_it_changed(
+    backend: Backend, two_runs: tuple[dict[str, int], int], reliability: str, probability: float, weakly: bool
+) -> None:
+    ids, first = two_runs
+    rewrite(backend, first, ids["B"], verdict="no_stiction")
+    said = {"verdict": "stiction", "reliability": reliability, "stiction_probability": probability}
+    rewrite(backend, first + 1, ids["B"], **said)
+    rewrite_newest(backend, ids["B"], **said)
+    (change,) = changes.changes(backend).rows
+    assert (change.now, change.weakly) == ("stiction", weakly)
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,9 @@ def test_while_a_run_goes_on_its_link_stands_in_place_of_the_button(client, web_
 def test_what_changed_leaves_nothing_out(client, monkeypatch):
     def change(number: int) -> ChangeView:
         of_now = ("", 50.0, "reliable", "stiction")
-        return ChangeView(f"C{number}", None, "new", "no_stiction", "stiction", "loop", "because", *of_now)
+        return ChangeView(
+            f"C{number}", None, "new", "no_stiction", "stiction", "loop", "because", *of_now, weakly=number == 3
+        )
 
     judged = Judged("2026-01-01T00:00:00Z", "2026-01-01T01:00:00Z", True)
     manual = [ToManual(f"M{number}", None, "stiction", "reliable", judged) for number in range(12)]
@@ -101,6 +103,7 @@ def test_what_changed_leaves_nothing_out(client, monkeypatch):
     monkeypatch.setattr("app.services.plant.plant_sheet.changes", lambda *_, **__: found)
     texts = seen(client, "/").texts
     assert "5 or more verdicts that changed, 2 more loops that went to manual" in texts
+    assert '<span class="badge stiction weakly">valve sticks, possibly</span>' in client.get("/").text
     assert {f"C{number}" for number in range(15)} | {f"M{number}" for number in range(12)} <= set(texts)
 
 

@@ -13,7 +13,7 @@ from app.services.results import ChangedBy, ChangeView, Kind
 from app.services.telling.reasons import extra_in
 from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.telling.stored_evidence import began_at
-from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words, codes_in
+from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words, codes_in, weakly
 from app.storage import plant
 from app.storage.plant import ChangedRow, SecondNight
 
@@ -103,7 +103,8 @@ def change_of(row: ChangedRow, clock: PlantClock) -> ChangeView:
     why = _why(row)
     verdicts_told = (row.verdict_before, row.verdict, why, _because(why, row, clock))
     of_now = (row.reasons_text, row.health, row.reliability, row.likely_cause)
-    return ChangeView(row.tag, row.unit, kind_of(row), *verdicts_told, *of_now)
+    said = row._asdict() | {"stiction_probability": row.probability}
+    return ChangeView(row.tag, row.unit, kind_of(row), *verdicts_told, *of_now, weakly=weakly(said))
 
 
 def _wavers(row: ChangedRow, why: ChangedBy) -> bool:
