@@ -222,7 +222,8 @@ class TrailView:
 
 @dataclass(frozen=True)
 class GroupMember:
-    """A loop of a group. `score`: log-odds of being the source; `lag_s`: after the likeliest source, None: not told."""
+    """A loop of a group. `score`: log-odds of being the source; `lag_s`: after the likeliest source, None: not told;
+    `measured`: whether the probability is more than a prior."""
 
     loop: str
     unit: str | None
@@ -231,6 +232,7 @@ class GroupMember:
     coherence: float
     lag_s: float | None
     onset: str | None
+    measured: bool = True
 
 
 EVEN = 0.5

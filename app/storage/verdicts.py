@@ -24,7 +24,7 @@ from sqlalchemy import (
 from app.storage.bulk import among, among_many
 from app.storage.json_texts import short_json
 from app.storage.loops import IN_SERVICE, found_by, retired
-from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority
+from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority, unanswered
 from app.storage.notes import has_open_order
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 
@@ -101,10 +101,13 @@ class NewestSaid(NamedTuple):
 
 
 class SwingRow(NamedTuple):
+    """unanswered: PV does not answer OP, so that the probability is none that was measured."""
+
     tag: str
     unit: str | None
     stiction_probability: float | None
     swing_json: str
+    unanswered: bool | None
 
 
 class ExcerptsRow(NamedTuple):
@@ -362,7 +365,7 @@ def input_of(connection: Connection, loop_id: int, audit_id: int) -> InputRow | 
 
 def swings(connection: Connection) -> list[SwingRow]:
     """What is kept of the oscillations of all loops in service whose newest verdict saw one."""
-    told = (newest_rows.c.stiction_probability, newest_rows.c.swing_json)
+    told = (newest_rows.c.stiction_probability, newest_rows.c.swing_json, unanswered(newest_rows))
     query = select(loops.c.tag, loops.c.unit, *told).select_from(NEWEST_ROWS)
     seen = newest_rows.c.swing_json.is_not(None)
     return [SwingRow._make(row) for row in connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag))]

@@ -3,10 +3,13 @@
 from dataclasses import replace
 
 import pytest
+from sqlalchemy import select, update
 
+from app.engine.codes import UNANSWERED
 from app.services.plant import groups, loop_sheet
 from app.services.plant.groups import plant_groups
 from app.services.results import GroupView
+from app.storage.tables import loops, newest_rows
 from app.web import loop as loop_page
 from tests.web.conftest import HOSTILE, seen
 
@@ -104,3 +107,26 @@ def test_groups_that_are_not_shown_are_counted_and_links_to_them_lead_there(clie
     assert '3 more: <a href="/v1/groups">' in found
     assert '2 more: <a href="/v1/groups">' in found
     assert all(f'id="group-{number}"' in found for number in (1, 103, 104, 205))
+
+
+def test_a_prior_is_no_probability_that_was_measured(client, web_backend, monkeypatch):
+    first, *others = plant_groups(web_backend)[0].members
+    members = [replace(first, stiction_probability=0.6, measured=False), *others]
+    monkeypatch.setattr(groups, "soon", lambda backend: (GroupView("1", 300.0, True, False, 0.001, None, members),))
+    html = client.get("/groups").text
+    assert '<td class="number">–</td>' in html[: html.index(others[0].loop[:6])]
+
+
+def test_loops_that_do_not_answer_have_a_prior(web_backend):
+    said = select(newest_rows.c.verdict, newest_rows.c.likely_cause).where(newest_rows.c.loop_id == 1)
+    now = update(newest_rows).where(newest_rows.c.loop_id == 1)
+    with web_backend.database.write() as connection:
+        before = connection.execute(said).one()._asdict()
+        tag = connection.scalar(select(loops.c.tag).where(loops.c.id == 1))
+        connection.execute(now.values(verdict="inconclusive", likely_cause=UNANSWERED))
+    try:
+        (group,) = groups._worked_out(web_backend)
+        assert [member.loop for member in group.members if not member.measured] == [tag]
+    finally:
+        with web_backend.database.write() as connection:
+            connection.execute(now.values(**before))

@@ -11,7 +11,7 @@ from app.services.moments import PlantClock, iso_utc
 from app.services.plant.loop_verdicts import verdict_detail
 from app.services.rendering import figure
 from app.services.telling.size_wording import equal_digits
-from app.services.telling.wording import VERDICT_WORDS, health, probability, rely
+from app.services.telling.wording import VERDICT_WORDS, health, measured_probability, probability, rely
 from app.storage import notes, verdicts
 from app.storage.repaired import sides
 
@@ -75,7 +75,7 @@ def _told(row: Told | None, clock: PlantClock, pv_unit: str) -> dict[str, str]:
         "Verdict": VERDICT_WORDS[row["verdict"]],
         "Rely on it?": rely(row),
         "Audited window": _window(row, clock),
-        "Probability of stiction": probability(row["stiction_probability"]),
+        "Probability of stiction": probability(measured_probability(row)),
         "Size of stiction S, units of OP (95 % interval)": _size(row),
         "Health, of 100": health(row["health"]),
         f"Control error SP - PV, standard deviation, {pv_unit}": _three(row.get("error_std")),

@@ -14,6 +14,7 @@ from app.services.moments import iso_utc, moment_of
 from app.services.plant.set_points import set_points_together
 from app.services.results import EVEN, GroupMember, GroupView
 from app.storage import verdicts
+from app.storage.verdicts import SwingRow
 
 PATIENCE_S = 0.1
 LOOKED_INTO = 20
@@ -63,8 +64,8 @@ def _begun(backend: Backend, state: State) -> Future[Groups]:
 def _worked_out(backend: Backend) -> Groups:
     with backend.database.read() as connection:
         rows = verdicts.swings(connection)
-    units = {row.tag: row.unit for row in rows}
-    found = [_view(number, group, units) for number, group in enumerate(groups(candidates(rows)), 1)]
+    by_tag = {row.tag: row for row in rows}
+    found = [_view(number, group, by_tag) for number, group in enumerate(groups(candidates(rows)), 1)]
     return tuple(_asked_of_set_points(backend, found))
 
 
@@ -115,10 +116,17 @@ def unnamed(group: GroupView) -> bool:
     return group.chance_probability > UNNAMED
 
 
-def _view(number: int, group: Group, units: dict[str, str | None]) -> GroupView:
+def _view(number: int, group: Group, rows: Mapping[str, SwingRow]) -> GroupView:
     members = [
         GroupMember(
-            s.tag, units[s.tag], s.stiction_probability, round(s.score, 3), s.coherence, s.lag_s, _moment(s.onset_s)
+            s.tag,
+            rows[s.tag].unit,
+            s.stiction_probability,
+            round(s.score, 3),
+            s.coherence,
+            s.lag_s,
+            _moment(s.onset_s),
+            measured=not rows[s.tag].unanswered,
         )
         for s in group.suspects
     ]
