@@ -31,10 +31,12 @@ from app.services.stating.loop_list import BYTE_ORDER_MARK
 COLUMNS = tuple(TableRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
 ALL = "all"
-ELSEWHERE = tuple(name for name in service.sortable() if name not in COLUMNS)
+ELSEWHERE = tuple(name for name in service.sortable() if name in service.OF_LOOP and name not in COLUMNS)
+BY_WORDS = tuple(name for name in service.sortable() if name not in CHOOSABLE)
 SORTING = (
     f"One of {', '.join(service.sortable())}; `-` before it turns the order around. Of these {', '.join(ELSEWHERE)} "
-    "are the loop's and stand in no row unless `columns` names them."
+    f"are the loop's and stand in no row unless `columns` names them; {', '.join(BY_WORDS)} are orders by the words "
+    "that people are told in place of codes."
 )
 
 PARTS_AT_ONCE = 2  # of whole tables, each of some 10 MB while it is made

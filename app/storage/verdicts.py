@@ -27,6 +27,7 @@ from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority, unanswered
 from app.storage.notes import has_open_order
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
+from app.storage.word_order import by_words
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
 ROW = [verdicts.c[column.name] for column in verdicts.columns if column.name not in KEPT_FROM_USERS]
@@ -38,6 +39,7 @@ SORTABLE = {column.name: column for column in ROW if column.name != "reasons_tex
     "importance": loops.c.importance,
     "recorded_to": loops.c.newest_ns,
     "priority": priority(verdicts).label("priority"),
+    **by_words(verdicts),
 }
 """What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
 OF_LOOPS = ("loop", "unit", "type", "owner", "importance", "recorded_to")
@@ -45,7 +47,7 @@ KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_pr
 QUICK = (
     {name: SORTABLE[name] for name in OF_LOOPS}
     | {name: newest_rows.c[name] for name in KEPT}
-    | {"priority": priority(newest_rows).label("priority")}
+    | {"priority": priority(newest_rows).label("priority"), **by_words(newest_rows)}
 )
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
 _OF_LOOPS = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)

@@ -25,7 +25,7 @@ COLUMNS: Mapping[str, Column] = {
     "type": Column("Type", "text"),
     "description": Column("Description", "text", 1, None),
     "owner": Column("Owner", "text"),
-    "verdict": Column("Verdict", "verdict"),
+    "verdict": Column("Verdict", "verdict", 1, "verdict_words"),
     "reliability": Column("Rely on it?", "reliability"),
     "health": Column("Health", "health"),
     "importance": Column("Importance", "number", 1, "-importance"),
@@ -36,7 +36,7 @@ COLUMNS: Mapping[str, Column] = {
     ),
     "stiction_S": Column("Size S, units of OP", "number", 2, None),
     "stiction_S_pct_of_span": Column("Size S, % of OP span", "number", 1, None),
-    "likely_cause": Column("Likely cause", "cause"),
+    "likely_cause": Column("Likely cause", "cause", 1, "likely_cause_words"),
     "oscillation_period_s": Column("Period, s", "number", 0),
     "oscillation_strength": Column("Oscillation strength", "number", 2, "-oscillation_strength"),
     "oscillation_regularity": Column("Regularity", "number", 1, "-oscillation_regularity"),
@@ -57,6 +57,13 @@ COLUMNS: Mapping[str, Column] = {
 }
 
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")
+
+
+def sorted_column(sort: str) -> str:
+    """The name of the column whose head turns this order around; that of the order itself where there is none."""
+    asked = sort.removeprefix("-")
+    heads = {(column.sort or name).removeprefix("-"): name for name, column in COLUMNS.items()}
+    return heads.get(asked, asked)
 
 
 def query_without(told: Mapping[str, Any], *left_out: str, **changed: Any) -> str:

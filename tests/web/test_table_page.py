@@ -8,10 +8,14 @@ from sqlalchemy import select, update
 from app.main import create_app
 from app.services.cursors import LONGEST
 from app.services.telling.asked_wording import asked_words
+from app.services.telling.wording import CAUSE_WORDS, VERDICT_WORDS
 from app.storage.tables import loops as stored_loops
+from app.storage.tables import newest_rows, verdicts
 from app.storage.verdicts import RowFilter
+from app.storage.word_order import BY_CAUSE_WORDS, BY_VERDICT_WORDS
 from app.web import pages
 from app.web.columns import COLUMNS
+from app.web.rendering import TEMPLATES
 from tests.web.conftest import seen
 
 
@@ -91,6 +95,50 @@ def test_columns_without_an_order_have_no_link(client):
     assert '<th scope="col" class="number">Size S, units of OP</th>' in html
     assert "sort=stiction_S" not in html
     assert "sort=health" in html
+
+
+@pytest.mark.parametrize(
+    ("ordered", "words"), [(BY_VERDICT_WORDS, VERDICT_WORDS), (BY_CAUSE_WORDS, CAUSE_WORDS)], ids=["verdict", "cause"]
+)
+def test_codes_are_in_the_order_of_their_words(ordered, words):
+    told = [{words[code].casefold() for code in codes} for codes in ordered]
+    assert all(len(alike) == 1 for alike in told)
+    assert [alike.pop() for alike in told] == sorted({one.casefold() for one in words.values()})
+    assert sorted(code for codes in ordered for code in codes) == sorted(words)
+
+
+@pytest.mark.parametrize("name", ["verdict", "likely_cause"])
+@pytest.mark.parametrize("of_run", ["", "&audit_id=1"])
+def test_verdicts_and_causes_are_sorted_by_the_words_that_are_shown(client, web_backend, name, of_run):
+    said = {"verdict": ("stiction", "no_stiction", "inconclusive"), "likely_cause": ("stiction", "backlash", None)}
+    kept = []
+    with web_backend.database.write() as connection:
+        for table in (verdicts, newest_rows):
+            rows = connection.execute(select(table.c.loop_id, table.c[name])).all()
+            kept += [(table, loop_id, value) for loop_id, value in rows]
+            for (loop_id, _), code in zip(sorted(rows), said[name], strict=True):
+                connection.execute(update(table).where(table.c.loop_id == loop_id).values({name: code}))
+    try:
+        page = seen(client, f"/table?sort={name}_words&column={name}{of_run}")
+        words = ["cannot tell", "no stiction", "valve sticks"] if name == "verdict" else ["backlash", "the valve"]
+        cells = [text for text in page.texts if text.startswith(tuple(words)) and not text.startswith(", ")]
+        shown = [text for text in cells[-len(words) :]]
+        assert all(text.startswith(word) for text, word in zip(shown, words, strict=True)), cells
+        html = client.get(f"/table?sort=-{name}_words&column={name}").text
+        assert f'aria-sort="descending"><a href="/table?sort={name}_words&amp;' in html
+        assert f"selected>{COLUMNS[name].label}, greatest first<" in html
+    finally:
+        with web_backend.database.write() as connection:
+            for table, loop_id, value in kept:
+                connection.execute(update(table).where(table.c.loop_id == loop_id).values({name: value}))
+
+
+def test_the_health_of_an_old_record_is_of_then():
+    macros = TEMPLATES.get_template("_macros.html").module
+    row = {"of_old_record": True, "health": 78.2}
+    assert str(macros.cell(row, "health", COLUMNS["health"])) == '<span class="weak">78 then</span>'
+    assert "<meter" in macros.cell(row | {"of_old_record": False}, "health", COLUMNS["health"])
+    assert "not evaluated" in macros.cell(row | {"health": None}, "health", COLUMNS["health"])
 
 
 def test_what_is_seen_of_the_table_can_be_exported(client):
