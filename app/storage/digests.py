@@ -28,6 +28,7 @@ class ComplaintRow(NamedTuple):
     reasons_text: str
     window_start: datetime | None
     window_end: datetime | None
+    audited_at: datetime
     input_end_ns: int | None
 
 
@@ -83,7 +84,7 @@ def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
     shown = (
         *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
         *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
-        *(this.c.window_start, this.c.window_end, this.c.input_end_ns),
+        *(this.c.window_start, this.c.window_end, this.c.audited_at, this.c.input_end_ns),
     )
     complaints = select(*shown).select_from(_OF_RUN).where(this.c.audit_id == audit_id, complains(this))
     return complaints.where(loops.c.id.not_in(left_out))

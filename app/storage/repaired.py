@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, func, literal, select
+from sqlalchemy import ColumnElement, Connection, FromClause, ScalarSelect, and_, case, func, literal, select
 
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
 from app.storage.notes import stands
 from app.storage.tables import loops, notes, verdicts
-from app.storage.types import UtcDateTime, whole_ms
+from app.storage.types import UtcDateTime, whole_ms, whole_ms_ns
 
 
 @dataclass(frozen=True)
@@ -23,17 +23,18 @@ class Sides:
 
 
 class RepairRow(NamedTuple):
-    """A repair of a loop, the verdict before it, and that of the run, or the newest one, which the others are of."""
+    """A repair of a loop, the verdict before it with its likely cause, and that of the run, or the newest one, which
+    the others are of. side: of the repair on which that one lies, as `repair_sides.side_of` tells it."""
 
     tag: str
     unit: str | None
     repaired_at: datetime
     verdict_before: str | None
+    cause_before: str | None
     verdict: str | None
     reliability: str | None
     likely_cause: str | None
-    window_start: datetime | None
-    window_end: datetime | None
+    side: str | None
 
 
 def sides(connection: Connection, loop_id: int, repaired_at: datetime) -> Sides:
@@ -49,13 +50,20 @@ def _last_run(loop_id: int, such: ColumnElement[bool]) -> ScalarSelect[int]:
 
 
 def _before(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
-    """Judged by what was recorded before the repair, to the millisecond, as `repair_sides.side_of` tells of one; where
-    there is no window, made before it."""
-    return func.coalesce(said.c.window_end, said.c.audited_at) < whole_ms(repaired_at)
+    """Judged by what was recorded before the repair, to the millisecond, as `repair_sides.side_of` tells of the same
+    span."""
+    looked_at = case(
+        (said.c.input_end_ns.is_not(None), said.c.input_end_ns < whole_ms_ns(repaired_at)),
+        else_=said.c.audited_at < whole_ms(repaired_at),
+    )
+    judged = said.c.window_end < whole_ms(repaired_at)
+    return case((said.c.window_end.is_not(None), judged), else_=looked_at)
 
 
 def _after(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
-    return said.c.window_start >= whole_ms(repaired_at)
+    judged = said.c.window_start >= whole_ms(repaired_at)
+    looked_at = said.c.input_start_ns >= whole_ms_ns(repaired_at)
+    return case((said.c.window_start.is_not(None), judged), else_=looked_at)
 
 
 SIDES = {"before": _before, "after": _after}
@@ -78,8 +86,8 @@ def between(
     standing = and_(notes.c.repaired_at.is_not(None), stands(notes, until))
     last = select(func.max(notes.c.id).label("id")).where(standing).group_by(notes.c.loop_id).subquery()
     earlier = verdicts.alias("earlier")
-    before = (
-        select(earlier.c.verdict)
+    last_before = (
+        select(earlier.c.audit_id)
         .where(earlier.c.loop_id == notes.c.loop_id, earlier.c.audit_id <= run)
         .where(_before(earlier, notes.c.repaired_at))
         .order_by(earlier.c.audit_id.desc())
@@ -87,23 +95,27 @@ def between(
         .correlate(notes, loops)
         .scalar_subquery()
     )
+    before = verdicts.alias("before")
+    mine = and_(before.c.loop_id == notes.c.loop_id, before.c.audit_id == last_before)
+    sides = [(of_side(verdicts, notes.c.repaired_at), name) for name, of_side in SIDES.items()]
     said = and_(verdicts.c.loop_id == notes.c.loop_id, verdicts.c.audit_id == run)
     query = (
         select(
             loops.c.tag,
             loops.c.unit,
             notes.c.repaired_at,
-            before.label("verdict_before"),
+            before.c.verdict.label("verdict_before"),
+            before.c.likely_cause.label("cause_before"),
             verdicts.c.verdict,
             verdicts.c.reliability,
             verdicts.c.likely_cause,
-            verdicts.c.window_start,
-            verdicts.c.window_end,
+            case(*sides).label("side"),
         )
         .select_from(notes)
         .join(last, last.c.id == notes.c.id)
         .join(loops, loops.c.id == notes.c.loop_id)
         .join(verdicts, said, isouter=audit_id is None)
+        .join(before, mine, isouter=True)
         .where(notes.c.repaired_at > since, notes.c.repaired_at <= until, IN_SERVICE)
         .order_by(loops.c.importance.desc(), notes.c.repaired_at.desc(), loops.c.tag)
         .limit(limit)

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, DateTime, Float, case, or_
+from sqlalchemy import BigInteger, ColumnElement, DateTime, Float, case, or_
 from sqlalchemy.engine import Dialect
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.expression import FunctionElement
@@ -71,6 +71,27 @@ def _postgresql_whole_ms(element: whole_ms, compiler: Any, **options: Any) -> st
 def _sqlite_whole_ms(element: whole_ms, compiler: Any, **options: Any) -> str:
     # Kept as text, which sorts as the instants do: 2026-01-31 03:00:00.250000.
     return f"substr({compiler.process(element.clauses, **options)}, 1, 23)"
+
+
+class whole_ms_ns(FunctionElement[int]):
+    """The same in nanoseconds since 1970, as samples have their times."""
+
+    type = BigInteger()
+    inherit_cache = True
+
+
+@compiles(whole_ms_ns, "postgresql")
+def _postgresql_whole_ms_ns(element: whole_ms_ns, compiler: Any, **options: Any) -> str:
+    moment = compiler.process(element.clauses, **options)
+    return f"((extract(epoch FROM date_trunc('milliseconds', {moment})) * 1000)::bigint * 1000000)"
+
+
+@compiles(whole_ms_ns, "sqlite")
+def _sqlite_whole_ms_ns(element: whole_ms_ns, compiler: Any, **options: Any) -> str:
+    # SQLite rounds what is below a second, so that it is told apart from it.
+    text, again = (compiler.process(element.clauses, **options) for _ in range(2))
+    seconds = f"CAST(strftime('%s', substr({text}, 1, 19)) AS INTEGER)"
+    return f"(({seconds} * 1000 + CAST(substr({again}, 21, 3) AS INTEGER)) * 1000000)"
 
 
 def run_out(until_s: ColumnElement[float], longest_s: float) -> ColumnElement[bool]:

@@ -426,9 +426,8 @@ def _rows_of(wanted: RowFilter) -> Any:
 def _select() -> Select[Any]:
     of_loop = [SORTABLE[name] for name in ("unit", "type", "owner", "importance", "recorded_to", "priority")]
     of_run = (audits.c.created_at.label("run_begun"), audits.c.newest_ns.label("run_newest_ns"))
-    return select(
-        loops.c.tag, loops.c.description, *of_loop, *of_run, verdicts.c.input_end_ns, verdicts.c.extra_json, *ROW
-    )
+    of_input = (verdicts.c.input_start_ns, verdicts.c.input_end_ns)
+    return select(loops.c.tag, loops.c.description, *of_loop, *of_run, *of_input, verdicts.c.extra_json, *ROW)
 
 
 def _with_run(said: FromClause, *, outer: bool = False) -> FromClause:

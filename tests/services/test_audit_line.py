@@ -116,7 +116,7 @@ def test_row_is_flat(which, request):
     assert {f"hammerstein_{name}" for name in HAMMERSTEIN} <= set(row)
     assert set(CONTRACT) - {"hammerstein"} <= set(row)
     assert row["hammerstein_d"] == line["hammerstein"]["d"]
-    assert [row[name] for name in KNOWN_TO_A_SERVICE] == [None] * 8
+    assert [row[name] for name in KNOWN_TO_A_SERVICE] == [None] * 10
     assert row["reasons"].split(";") == [reason["code"] for reason in line["reasons"]]
     assert reasons_of(row) == [reason["text"] for reason in line["reasons"]]
 

@@ -5,11 +5,13 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import Connection, insert
 
+from app.services.audit_json.rows import as_row
 from app.services.backend import Backend
+from app.services.moments import ns_of
 from app.services.plant import before_after
 from app.services.stating import notes
-from app.services.telling.repair_sides import side_of
-from app.storage import loops, repaired, tables
+from app.services.telling.repair_sides import side_of, span_of
+from app.storage import loops, repaired, tables, verdicts
 from app.storage import notes as stored_notes
 
 REPAIRED = datetime(2026, 1, 2, 12, 0, 0, 250_700, tzinfo=UTC)
@@ -46,9 +48,31 @@ def test_both_cut_what_is_below_a_millisecond(backend: Backend, loop_id: int, st
         sides = repaired.sides(connection, loop_id, REPAIRED)
         stored_notes.add(connection, loop_id, "", "packing renewed", "", REPAIRED)
         (listed,) = repaired.between(connection, REPAIRED - timedelta(days=1), datetime.now(UTC), None, 10)
-    side = side_of(start, end, REPAIRED)
+    side = side_of((start, end), REPAIRED)
     assert sides == repaired.Sides(run if side == "before" else None, run if side == "after" else None)
     assert listed.verdict_before == (f"of {run}" if side == "before" else None)
+    assert listed.side == side
+
+
+@pytest.mark.parametrize("start_us", [-3_000_000, -701, -700, 0, 2_000])
+@pytest.mark.parametrize("end_us", [-1_000, -701, -700, 0, 2_000])
+@pytest.mark.parametrize("at", [REPAIRED, REPAIRED.replace(microsecond=999_700), REPAIRED.replace(microsecond=0)])
+def test_without_a_window_all_that_was_looked_at_tells_the_side(
+    backend: Backend, loop_id: int, at: datetime, start_us: int, end_us: int
+) -> None:
+    given = [ns_of(at) + us * 1000 for us in (start_us, max(start_us, end_us))]
+    with backend.database.write() as connection:
+        (run,) = said(connection, loop_id, [(None, None)])
+        made = {"audited_at": at + timedelta(days=1), "input_start_ns": given[0], "input_end_ns": given[1]}
+        connection.execute(tables.verdicts.update().values(**made))
+        sides = repaired.sides(connection, loop_id, at)
+        stored_notes.add(connection, loop_id, "", "transmitter changed", "", at)
+        (listed,) = repaired.between(connection, at - timedelta(days=1), datetime.now(UTC), None, 10)
+        row = as_row(verdicts.of_runs(connection, loop_id, [run])[run])
+    side = side_of(span_of(row), at)
+    assert (side == "before") == (given[1] // 10**6 < ns_of(at) // 10**6)
+    assert sides == repaired.Sides(run if side == "before" else None, run if side == "after" else None)
+    assert listed.side == side
 
 
 def test_a_verdict_without_a_window_is_of_before_where_it_was_made_before(backend: Backend, loop_id: int) -> None:

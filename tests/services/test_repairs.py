@@ -1,12 +1,14 @@
 """A repair parts what a loop is judged on, as soon as there are samples enough since then."""
 
+import json
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import true, update
 
+from app.engine.judgement import PV_STANDS
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
@@ -274,6 +276,7 @@ def test_what_may_not_have_helped_is_looked_at_first() -> None:
 @pytest.mark.parametrize(
     ("before", "now", "reliable", "outcome"),
     [
+        ("inconclusive", "inconclusive", False, "open"),
         ("stiction", "stiction", True, "sticks"),
         ("no_stiction", "stiction", False, "new"),
         ("stiction", "stiction", False, "doubtful"),
@@ -288,7 +291,44 @@ def test_what_may_not_have_helped_is_looked_at_first() -> None:
     ],
 )
 def test_what_a_repair_came_to(before: str | None, now: str | None, reliable: bool, outcome: str) -> None:
-    assert repaired._outcome(before, now, reliable) == outcome
+    assert repaired._outcome(repaired.Said(before), repaired.Said(now), reliable=reliable) == outcome
+
+
+def unanswered(backend: Backend, run: str | None = None) -> None:
+    """As PV does not answer OP, and nothing was judged of the record."""
+    dead = {"verdict": "inconclusive", "reliability": "not_reliable", "likely_cause": UNANSWERED}
+    of_run = true() if run is None else verdicts.c.audit_id == int(run)
+    with backend.database.write() as connection:
+        gone = {"window_start": None, "window_end": None}
+        connection.execute(update(verdicts).where(of_run).values(**dead, **gone, reasons=PV_STANDS))
+        connection.execute(update(newest_rows).values(**dead, form="of the columns"))
+
+
+def test_a_pv_that_answers_as_little_since_its_repair_was_not_helped(
+    backend: Backend, arrives, night: Night, monkeypatch
+) -> None:
+    arrives(1440)
+    unanswered(backend, night()["audit_id"])
+    assert fortnight(backend, monkeypatch) == []
+    notes.add_note(backend, "FIC1", "transmitter changed", "WO-7", repaired_at=REPAIRED)
+    assert fortnight(backend, monkeypatch) == [("FIC1", "waiting", "inconclusive", None, False)]
+    for row in (loop_verdicts.loop_health(backend, "FIC1"), _sent(backend), reliability.table(backend, 1).rows[0]):
+        assert (row["of_before_repair"], row["next_step"]) == (True, Ask.WAIT)
+        assert headline(row) == "judged from before the repair; wait for newer records"
+    arrives(2880)
+    unanswered(backend, night()["audit_id"])
+    assert fortnight(backend, monkeypatch) == [("FIC1", "unanswered", "inconclusive", "inconclusive", True)]
+    (row,) = repaired.repairs(backend).listed
+    assert row.words == "did not help: PV does not answer OP"
+    sides = before_after.newest_repair(backend, "FIC1")
+    assert (sides.before["audit_id"], sides.after["audit_id"]) == ("1", "2")
+    for row in (loop_verdicts.loop_health(backend, "FIC1"), _sent(backend), reliability.table(backend, 1).rows[0]):
+        assert not row["of_before_repair"]
+        assert row["next_step"] == f"Repaired 2026-03-01 (WO-7), did not help. {Ask.LOOK_TODAY}"
+
+
+def _sent(backend: Backend) -> dict:
+    return json.loads(reliability.reliability_json(backend).write())["rows"][0]
 
 
 def test_a_repair_longer_ago_is_no_news(backend: Backend, arrives, night: Night) -> None:

@@ -33,6 +33,7 @@ LINE_ORDER = (
 KNOWN_TO_A_SERVICE = (
     *("unit", "audit_id"),
     *("window_start", "window_end", "audited_at", "window_start_ms", "window_end_ms", "audited_at_ms"),
+    *("input_start", "input_end"),
 )
 """What a row has of its loop and its run, beside what its line tells."""
 NOT_OF_FILES = (*KNOWN_TO_A_SERVICE, "of_old_record")

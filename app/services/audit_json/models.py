@@ -201,6 +201,10 @@ class ReliabilityRow(FlatSize, AuditFields):
     unit: str | None = Field(description="Plant unit that the loop belongs to.")
     window_start: str | None = Field(description="First audited sample, ISO 8601, UTC.")
     window_end: str | None = Field(description="Last audited sample, ISO 8601, UTC.")
+    input_start: str | None = Field(
+        None, description="First sample that the audit was given, ISO 8601, UTC; null: not kept."
+    )
+    input_end: str | None = Field(None, description="Last sample that the audit was given, ISO 8601, UTC.")
     audited_at: str | None = Field(description="When the audit was made, ISO 8601, UTC.")
     window_start_ms: int | None = Field(None, description="window_start in milliseconds since 1970, UTC.")
     window_end_ms: int | None = Field(None, description="window_end in milliseconds since 1970, UTC.")

@@ -28,9 +28,10 @@ from app.storage.verdicts import pack_detail
 FIELDS = tuple(ReliabilityRow.model_fields)
 TIMES = ("window_start", "window_end", "audited_at")
 TIMES_MS = tuple(f"{name}_ms" for name in TIMES)
+OF_SAMPLES = ("input_start", "input_end")
 OF_LOOP = ("recording", "loop", "unit")
 OLD = "of_old_record"
-NOT_KEPT = (*OF_LOOP, *TIMES_MS, OLD)
+NOT_KEPT = (*OF_LOOP, *TIMES_MS, *OF_SAMPLES, OLD)
 """What a row has of its loop, or of other columns and its run."""
 KEY_FIGURES = "key_figures"
 HELD_SINCE = "held_since"
@@ -130,5 +131,11 @@ def as_row(stored: dict[str, Any]) -> dict[str, Any]:
     for name in TIMES:
         row[name] = iso_utc(stored[name])
         row[f"{name}_ms"] = epoch_ms(stored[name])
+    row |= {name: sampled(stored[f"{name}_ns"]) for name in OF_SAMPLES}
     row[OLD] = of_old_record(stored["input_end_ns"], stored["run_newest_ns"], stored["run_begun"])
     return row
+
+
+def sampled(time_ns: int | None) -> str | None:
+    """When a sample was recorded, ISO 8601, UTC."""
+    return None if time_ns is None else iso_utc(moment_of(time_ns))

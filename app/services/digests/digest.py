@@ -10,6 +10,7 @@ from sqlalchemy import Connection
 
 from app.errors import RequestError
 from app.services.addresses import loop_address
+from app.services.audit_json.rows import TIMES, sampled
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
@@ -342,8 +343,8 @@ def _made(read: _Read, clock: PlantClock) -> Digest:
     def loop_of(row: ComplaintRow) -> DigestLoop:
         found = (read.of_time.get(row.tag), all_the_same.get(row.tag))
         words = [one.words(clock) if one else "" for one in found]
-        window = {name: iso_utc(getattr(row, name)) for name in ("window_start", "window_end")}
-        before = of_before({**row._asdict(), **window}, read.repaired_at.get(row.tag))
+        times = {name: iso_utc(getattr(row, name)) for name in TIMES} | {"input_end": sampled(row.input_end_ns)}
+        before = of_before({**row._asdict(), **times}, read.repaired_at.get(row.tag))
         return replace(_loop(row, read.url, *words), of_before_repair=before)
 
     return Digest(
@@ -387,8 +388,7 @@ def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop
 
 
 def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
-    recorded_to = None if newest_ns is None else iso_utc(moment_of(newest_ns))
-    return replace(loop, recorded_to=recorded_to, of_old_record=True)
+    return replace(loop, recorded_to=sampled(newest_ns), of_old_record=True)
 
 
 def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:

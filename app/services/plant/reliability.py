@@ -8,10 +8,10 @@ from datetime import datetime
 from typing import Any
 
 from app.errors import RequestError
-from app.services.audit_json.rows import FORM, OLD, as_row, compact
+from app.services.audit_json.rows import FORM, OLD, as_row, compact, sampled
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of, refused
-from app.services.moments import PlantClock, iso_utc, moment_of
+from app.services.moments import PlantClock
 from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.services.stating.shelving import Shelf, shelf
@@ -98,9 +98,8 @@ def _stored(
 
 def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
     """A stored verdict as a row, with what its loop is now."""
-    newest_ns = stored["newest_ns"]
-    recorded_to = None if newest_ns is None else iso_utc(moment_of(newest_ns))
-    return as_row(stored) | {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": recorded_to}
+    of_loop = {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": sampled(stored["newest_ns"])}
+    return as_row(stored) | of_loop
 
 
 @dataclass(frozen=True)

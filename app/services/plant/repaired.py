@@ -3,24 +3,25 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from sqlalchemy import Connection
 
 from app.services.backend import Backend
 from app.services.moments import iso_utc
-from app.services.telling.repair_sides import side_of
-from app.services.telling.wording import VERDICT_WORDS, brief
+from app.services.telling.repair_sides import side_of, span_of
+from app.services.telling.wording import VERDICT_WORDS, brief, looked_at_today
 from app.storage import repaired as stored
 from app.storage.repaired import RepairRow
 
 LOOKED_BACK = timedelta(days=14)
 LISTED, LOOKED_AT = 30, 1000
 
-Outcome = Literal["sticks", "doubtful", "new", "unsure", "open", "helped", "clean", "unmoved", "waiting"]
+Outcome = Literal["sticks", "doubtful", "unanswered", "new", "unsure", "open", "helped", "clean", "unmoved", "waiting"]
 OUTCOME_WORDS: dict[Outcome, str] = {
     "sticks": "did not help: the valve sticks",
     "doubtful": "may not have helped: look first",
+    "unanswered": "did not help: PV does not answer OP",
     "new": "the valve sticks, and was not said to before",
     "unsure": "seems to have helped",
     "open": "cannot tell whether it helped",
@@ -30,7 +31,22 @@ OUTCOME_WORDS: dict[Outcome, str] = {
     "waiting": "not judged since",
 }
 """In the order in which they are listed."""
-IN_VAIN: tuple[Outcome, ...] = ("sticks", "doubtful")
+IN_VAIN: tuple[Outcome, ...] = ("sticks", "doubtful", "unanswered")
+SURELY_IN_VAIN: tuple[Outcome, ...] = ("sticks", "unanswered")
+
+
+class Said(NamedTuple):
+    """What a verdict said; None: there is none."""
+
+    verdict: str | None = None
+    likely_cause: str | None = None
+
+    @property
+    def unanswered(self) -> bool:
+        return self.verdict is not None and looked_at_today(self._asdict())
+
+
+UNSAID = Said()
 
 
 @dataclass(frozen=True)
@@ -92,7 +108,7 @@ def in_vain(
     connection: Connection, rows: Sequence[Mapping[str, Any]], tags: Collection[str], at: datetime | None = None
 ) -> dict[str, Outcome]:
     """By tag of those rows of the reliability table whose loop was repaired in the fortnight up to now, or `at`, and
-    sticks on: "sticks" or "doubtful". tags: the loops of which a repair is known."""
+    sticks on, or answers as little as before: one of `IN_VAIN`. tags: the loops of which a repair is known."""
     at = at or datetime.now(UTC)
     known = stored.between(connection, at - LOOKED_BACK, at, None, len(tags), tags) if tags else []
     found = {row.tag: row for row in known}
@@ -101,25 +117,29 @@ def in_vain(
 
 
 def _of_row(row: Mapping[str, Any], repair: RepairRow) -> Outcome:
-    start, end = (row[name] and datetime.fromisoformat(row[name]) for name in ("window_start", "window_end"))
-    told = side_of(start, end, repair.repaired_at) == "after"
-    return _outcome(repair.verdict_before, row["verdict"] if told else None, row["reliability"] == "reliable")
+    told = side_of(span_of(row), repair.repaired_at) == "after"
+    now = Said(row["verdict"], row["likely_cause"]) if told else UNSAID
+    return _outcome(_before(repair), now, reliable=row["reliability"] == "reliable")
+
+
+def _before(repair: RepairRow) -> Said:
+    return Said(repair.verdict_before, repair.cause_before)
 
 
 def _view(row: RepairRow) -> RepairView:
-    told = row.verdict is not None and side_of(row.window_start, row.window_end, row.repaired_at) == "after"
+    told = row.side == "after"
     now, *of_now = (row.verdict, row.reliability, row.likely_cause) if told else (None, None, None)
-    outcome = _outcome(row.verdict_before, now, of_now[0] == "reliable")
+    outcome = _outcome(_before(row), Said(now, of_now[1]), reliable=of_now[0] == "reliable")
     return RepairView(row.tag, row.unit, iso_utc(row.repaired_at) or "", outcome, row.verdict_before, now, *of_now)
 
 
-def _outcome(before: str | None, now: str | None, reliable: bool) -> Outcome:
-    if now is None:
+def _outcome(before: Said, now: Said, *, reliable: bool) -> Outcome:
+    if now.verdict is None:
         return "waiting"
-    if now == "stiction":
-        return "new" if before == "no_stiction" else "sticks" if reliable else "doubtful"
-    if now != "no_stiction":
-        return "open"
-    if before != "stiction":
-        return "unmoved" if before == "no_stiction" else "clean"
+    if now.verdict == "stiction":
+        return "new" if before.verdict == "no_stiction" else "sticks" if reliable else "doubtful"
+    if now.verdict != "no_stiction":
+        return "unanswered" if before.unanswered and now.unanswered else "open"
+    if before.verdict != "stiction":
+        return "unmoved" if before.verdict == "no_stiction" else "clean"
     return "helped" if reliable else "unsure"

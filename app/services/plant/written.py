@@ -9,7 +9,7 @@ from typing import Any
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant.contradicted import contradicted
-from app.services.plant.repaired import Outcome, asked_after, in_vain
+from app.services.plant.repaired import SURELY_IN_VAIN, Outcome, asked_after, in_vain
 from app.services.stating.shelving import Shelf, Shelved, shelf
 from app.services.telling.naming import one_line
 from app.services.telling.next_steps import Ask, Step, after_repair, step_for, step_of
@@ -58,7 +58,7 @@ class Written:
         if outcome is None or standing.repaired_at is None:
             return step
         order = one_line(standing.repair_order or "")
-        return after_repair(step, self.clock.date(standing.repaired_at), order, sure=outcome == "sticks")
+        return after_repair(step, self.clock.date(standing.repaired_at), order, sure=outcome in SURELY_IN_VAIN)
 
     def shelved_words(self, row: Mapping[str, Any]) -> str | None:
         shelved = self.shelved.get(row["loop"])

@@ -348,6 +348,10 @@ OF_ANY = (
         "repaired in the last fortnight, and the valve sticks since, rely on it",
         "The page says that the repair of that day (with its work order) did not help. Reopen the work order.",
     ),
+    (
+        "PV did not answer OP before a repair of the last fortnight, and does not since",
+        "The page says that the repair of that day (with its work order) did not help. Look today, as above.",
+    ),
     ("shelved, and nothing got worse in kind since", Ask.WAIT_ON_SHELF),
     ("of an old record", Ask.NOTHING_NEWER),
     (

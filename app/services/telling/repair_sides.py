@@ -1,4 +1,4 @@
-"""On which side of a repair a judged window lies: whatever is said of a repair rests on this."""
+"""On which side of a repair a verdict lies: whatever is said of a repair rests on this."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -12,10 +12,25 @@ SINCE_REPAIR: ReasonCode = "since_repair"
 BEFORE_REPAIR: ReasonCode = "before_repair"
 
 
-def side_of(window_start: datetime | None, window_end: datetime | None, repaired_at: datetime) -> str | None:
-    """On which side of a repair a judged window lies, "before" or "after", to the millisecond; None: on both, or there
-    is none."""
-    start, end, at = epoch_ms(window_start), epoch_ms(window_end), epoch_ms(repaired_at) or 0
+Span = tuple[datetime | None, datetime | None]
+
+
+def span_of(row: Mapping[str, Any]) -> Span:
+    """From when to when a row of the reliability table tells of its loop: the window that was judged, or, without one,
+    all that was looked at, or, where that was not kept, up to when it was made."""
+    names = ("window_start", "window_end") if row.get("window_end") else ("input_start", "input_end")
+    start, end = (_moment(row.get(name)) for name in names)
+    return start, end or _moment(row.get("audited_at"))
+
+
+def _moment(iso: str | None) -> datetime | None:
+    return datetime.fromisoformat(iso) if iso else None
+
+
+def side_of(span: Span, repaired_at: datetime) -> str | None:
+    """On which side of a repair a span lies, "before" or "after", to the millisecond; None: on both, or there is
+    none."""
+    start, end, at = *map(epoch_ms, span), epoch_ms(repaired_at) or 0
     if start is not None and start >= at:
         return "after"
     return "before" if end is not None and end < at else None
@@ -25,5 +40,4 @@ def of_before(row: Mapping[str, Any], repaired_at: str | None) -> bool:
     """Whether what a row of the reliability table says is of before the loop's repair (ISO 8601)."""
     if BEFORE_REPAIR in codes_of(row):
         return True
-    start, end = (row.get(name) and datetime.fromisoformat(row[name]) for name in ("window_start", "window_end"))
-    return repaired_at is not None and side_of(start, end, datetime.fromisoformat(repaired_at)) == "before"
+    return repaired_at is not None and side_of(span_of(row), datetime.fromisoformat(repaired_at)) == "before"
