@@ -23,6 +23,7 @@ from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import Repairs, RepairView, repairs
 from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
+from app.services.plant.told_until import notes_until, run_to_work_by
 from app.services.plant.work_list import Work, work_list
 from app.services.recency import LATE
 from app.services.results import AuditView, ChangeView
@@ -38,7 +39,6 @@ from app.services.telling.wording import (
     probability,
 )
 from app.storage import digests, notes, plant
-from app.storage.audits import newest_night
 from app.storage.digests import ComplaintRow, CountRow, RefusedRow, ToBeDone
 
 TOP = 5
@@ -133,14 +133,14 @@ NOTHING_CHANGED = Changed([], [], 0)
 
 @dataclass(frozen=True)
 class Digest:
-    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long
-    as it is the newest run, for notes that were written since. `refused`: how many loops were not auditable, by
-    likely cause; `refused_loops`: the most important of each. `to_manual`: loops that went to manual, and what is
-    still said of them. `old`: the worst of those without a newer sample, `why_old` what that is, and why they stand
-    apart. `work`: what to do first in the plant. `shelf`: the loops that were shelved when the run began, which
-    `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the valves that stick can be
-    relied on. `unlisted`: how many loops there is something to do about that `work` has no room for. `retired`: how
-    many of the run's loops are retired and left out."""
+    """What one run came to; the same whenever it is asked for, but for loops that were retired since and, as long as it
+    is the newest run, for notes that were written since: orders, repairs and shelvings. `refused`: how many loops were
+    not auditable, by likely cause; `refused_loops`: the most important of each. `to_manual`: loops that went to manual,
+    and what is still said of them. `old`: the worst of those without a newer sample, `why_old` what that is, and why
+    they stand apart. `work`: what to do first in the plant. `shelf`: the loops that are shelved, of an older run those
+    that were when it ended, which `work`, `areas`, `old` and `refused_loops` leave out. `reliable`: how many of the
+    valves that stick can be relied on. `unlisted`: how many loops there is something to do about that `work` has no
+    room for. `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
     run: AuditView
@@ -212,27 +212,12 @@ class Digest:
 
 
 def run_to_tell(backend: Backend) -> str:
-    """The newest night that has ended, though it was the second of its date, or a run of the plant that was asked for
-    where no night began within the day before it. Raises RequestError("no_run")."""
+    """As `run_to_work_by`. Raises RequestError("no_run")."""
     with backend.database.read() as connection:
-        number = _newest(connection)
+        number = run_to_work_by(connection)
     if number is None:
         raise RequestError("no_run", "no audit has ended yet; `loopaudit nightly` runs one")
     return str(number)
-
-
-def _newest(connection: Connection) -> int | None:
-    found = plant.last_whole_run(connection)
-    return None if found is None else max(found.id, newest_night(connection, passes_by=True) or 0)
-
-
-def _notes_until(connection: Connection, run: AuditView) -> datetime | None:
-    """Of the plant's newest run a digest knows the notes of now (None), as whoever works by it writes them; of an older
-    one those that its own morning knew."""
-    newest = _newest(connection)
-    if newest is None or int(run.id) >= newest or run.ended_at is None:
-        return None
-    return datetime.fromisoformat(run.ended_at)
 
 
 def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> Changed:
@@ -294,7 +279,9 @@ def _read(backend: Backend, run: AuditView) -> _Read:
     number, began = identifier(run.id), datetime.fromisoformat(run.created_at)
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
-    shelved = shelf(backend, number, began)
+    with backend.database.read() as connection:
+        until = notes_until(connection, number)
+    shelved = shelf(backend, number, until)
     together = as_one(backend, shelved, number, since_ns)
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
@@ -306,10 +293,9 @@ def _read(backend: Backend, run: AuditView) -> _Read:
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = _changed(connection, number, backend.clock, together) if compared else NOTHING_CHANGED
-        notes_until = _notes_until(connection, run)
         to_be_done = digests.to_be_done(connection, number, since_ns, left_out)
         tags = [row.tag for row in [*worst, *old]]
-        written = notes.standing(connection, tags, notes_until)
+        written = notes.standing(connection, tags, until)
     besides = sorted(changed.new)
     return _Read(
         plant=backend.settings.plant,
@@ -328,9 +314,9 @@ def _read(backend: Backend, run: AuditView) -> _Read:
         not_auditable=not_auditable,
         to_be_done=to_be_done,
         retired=retired,
-        work=work_list(backend, shelved, number, since_ns, ALL_WORK, notes_until, besides),
+        work=work_list(backend, shelved, number, since_ns, ALL_WORK, until, besides),
         to_manual=to_manual(backend, number) if compared else [],
-        repairs=repairs(backend, number, began),
+        repairs=repairs(backend, number, until),
     )
 
 

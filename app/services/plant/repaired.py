@@ -89,8 +89,8 @@ class Repairs:
 
 
 def repairs(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Repairs:
-    """Of the repairs of the fortnight up to now, by the newest verdicts, or up to a run that began `at`, by its own;
-    those that did not help come first."""
+    """Of the repairs of the fortnight up to now, by the newest verdicts, or those of a run, or up to a time; those that
+    did not help come first."""
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
         rows = stored.between(connection, at - LOOKED_BACK, at, audit_id, LOOKED_AT)
