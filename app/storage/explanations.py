@@ -129,10 +129,12 @@ def page(connection: Connection, loop_id: int, limit: int, before_id: int | None
     return [ExplanationRow(*row) for row in connection.execute(query)]
 
 
-def newest_naming(connection: Connection, tags: Iterable[str], code: str) -> dict[str, bytes]:
+def newest_naming(
+    connection: Connection, tags: Iterable[str], code: str, until: datetime | None = None
+) -> dict[str, bytes]:
     """The answers, as they were stored, of those loops whose newest explanation is done and has an effect of this code;
-    by tag."""
-    found = connection.execute(_naming(connection, tags, code, explanations.c.packed))
+    by tag. until: the newest of those that had ended then (None: of all)."""
+    found = connection.execute(_naming(connection, tags, code, explanations.c.packed, until))
     return {row.tag: row.packed for row in found}
 
 
@@ -141,9 +143,12 @@ def naming_ids(connection: Connection, tags: Iterable[str], code: str) -> dict[s
     return {row.tag: row.id for row in connection.execute(_naming(connection, tags, code, explanations.c.id))}
 
 
-def _naming(connection: Connection, tags: Iterable[str], code: str, wanted: ColumnElement[Any]) -> Select[Any]:
+def _naming(
+    connection: Connection, tags: Iterable[str], code: str, wanted: ColumnElement[Any], until: datetime | None = None
+) -> Select[Any]:
     of_loops = select(loops.c.id).where(among_many(connection, loops.c.tag, tags))
     newest = select(func.max(explanations.c.id)).where(explanations.c.loop_id.in_(of_loops))
+    newest = newest if until is None else newest.where(explanations.c.ended_at <= until)
     query = select(loops.c.tag, wanted).join(loops, loops.c.id == explanations.c.loop_id)
     query = query.where(explanations.c.id.in_(newest.group_by(explanations.c.loop_id)))
     named = explanations.c.effects.contains(code, autoescape=True)

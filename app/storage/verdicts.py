@@ -42,6 +42,8 @@ SORTABLE = {column.name: column for column in ROW if column.name != "reasons_tex
     **by_words(verdicts),
 }
 """What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
+OF_RUN = SORTABLE | {"recorded_to": verdicts.c.input_end_ns}
+"""The same of a run, which answers the same once newer samples have come."""
 OF_LOOPS = ("loop", "unit", "type", "owner", "importance", "recorded_to")
 KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
 QUICK = (
@@ -190,7 +192,7 @@ def table(
     `sorted_by` of a row is the value that it was sorted by, which a newer verdict may have replaced in the row itself.
     """
     quick = wanted.audit_id is None and sort in QUICK
-    columns, key_table = (QUICK, newest_rows) if quick else (SORTABLE, verdicts)
+    columns, key_table = (QUICK, newest_rows) if quick else (_of_verdicts(wanted), verdicts)
     # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
     keys = select(key_table.c.loop_id, key_table.c.audit_id, columns[sort].label("sorted_by"))
     keys = keys.where(*_conditions(wanted, columns))
@@ -202,6 +204,10 @@ def table(
     query = _select().add_columns(page.c.sorted_by).select_from(_with_run(page.join(_OF_LOOPS, mine)))
     query = query.order_by(*_order(page.c.sorted_by, descending))
     return [_dict(row) for row in connection.execute(query).mappings()]
+
+
+def _of_verdicts(wanted: RowFilter) -> Mapping[str, ColumnElement[Any]]:
+    return SORTABLE if wanted.audit_id is None else OF_RUN
 
 
 def count(connection: Connection, wanted: RowFilter) -> int:
@@ -252,7 +258,7 @@ def told_rows(
 def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After | None) -> Select[Any]:
     """Of the newest verdicts only where the order asks for a column that is not kept beside their rows."""
     of_run = wanted.audit_id is not None
-    known, keys = (SORTABLE, verdicts) if of_run else (QUICK, newest_rows)
+    known, keys = (OF_RUN, verdicts) if of_run else (QUICK, newest_rows)
     source = _rows_of(wanted) if of_run else NEWEST_ROWS
     if sort not in known:
         source = source.join(verdicts, is_newest(verdicts))

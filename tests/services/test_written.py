@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import Engine, event
+from sqlalchemy import Engine, event, select, update
 
 from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
@@ -19,7 +19,7 @@ from app.services.stating import notes
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import rely
 from app.storage import loops as stored_loops
-from app.storage import series
+from app.storage import series, tables
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 
@@ -147,6 +147,51 @@ def test_samples_ahead_of_the_clock_make_no_record_old(backend: Backend, warm_ke
     recorded(backend, FIC0=0.1, FIC1=-4000)
     judge(backend)
     assert not old_of(sent(backend))
+
+
+def test_a_run_that_a_newer_one_has_followed_tells_what_was_known_by_its_end(plant: Backend) -> None:
+    """Its rows told the repairs, shelvings and newest samples of now."""
+    of_then = _of_run(plant)
+    before = {row["loop"]: row["recorded_to"] for row in reliability.table(plant, 10).rows}
+    long_ago = datetime.now(UTC) - timedelta(days=3)
+    with plant.database.write() as connection:
+        connection.execute(update(tables.audits).values(created_at=long_ago, ended_at=long_ago))
+        connection.execute(update(tables.loops).values(newest_ns=tables.loops.c.newest_ns + 60 * 10**9))
+    write(plant)
+    asked = RowFilter(audit_id=1)
+    assert _of_run(plant) != of_then, "nothing newer has been said of the loops: what is written now is of it"
+    judge(plant)
+    version = reliability.in_parts(plant, filters=asked).version
+    assert _of_run(plant) == of_then
+    rows = reliability.table(plant, 10, filters=asked).rows
+    assert {row["loop"]: row["recorded_to"] for row in rows} == before
+    assert [row["shelved"] for row in rows] == [None] * len(TAGS)
+    assert {row["next_step"] for row in rows} == {row["next_step"] for row in of_then}
+    page = reliability.reliability_page(plant, filters=asked, of_loop=True).rows
+    assert [(row["loop"], row["recorded_to"], row["repaired_at"]) for row in page] == [
+        (tag, before[tag], None) for tag in TAGS
+    ]
+    (parts,) = reliability.in_parts(plant, filters=asked).parts()
+    assert {row["loop"]: row["recorded_to"] for row in parts} == before
+    newest = {row["loop"]: row for row in reliability.table(plant, 10, filters=RowFilter(audit_id=2)).rows}
+    assert (newest["FIC1"]["work_order"], newest["FIC2"]["of_before_repair"]) == ("WO-17", True)
+    assert newest["FIC3"]["shelved"].startswith("shelved until")
+    assert reliability.in_parts(plant, filters=asked).version == version
+
+
+def test_a_run_is_sorted_by_the_newest_samples_that_it_shows(plant: Backend) -> None:
+    with plant.database.write() as connection:
+        for at, tag in enumerate(TAGS):
+            mine = tables.loops.c.tag == tag
+            connection.execute(update(tables.loops).where(mine).values(newest_ns=tables.loops.c.newest_ns + at))
+            theirs = tables.verdicts.c.loop_id.in_(select(tables.loops.c.id).where(mine))
+            earlier = {"input_end_ns": tables.verdicts.c.input_end_ns - at * 60 * 10**9}
+            connection.execute(update(tables.verdicts).where(theirs).values(**earlier))
+    page = reliability.table(plant, 2, sort="recorded_to", filters=RowFilter(audit_id=1))
+    rest = reliability.table(plant, 2, page.next_cursor, sort="recorded_to", filters=RowFilter(audit_id=1))
+    assert [row["loop"] for row in (*page.rows, *rest.rows)] == list(TAGS[::-1])
+    told = reliability.in_parts(plant, sort="-recorded_to", filters=RowFilter(audit_id=1))
+    assert [row["loop"] for part in told.parts() for row in part] == list(TAGS)
 
 
 def test_more_rows_take_no_more_questions(plant: Backend) -> None:

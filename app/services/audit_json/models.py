@@ -237,7 +237,8 @@ class ReliabilityRow(FlatSize, AuditFields):
 
 
 class WrittenFields(BaseModel):
-    """What is to be done about a loop, and what is written of it: of now, whenever its verdict was made."""
+    """What is to be done about a loop, and what is written of it: of now, or, in the table of a run that a newer one
+    has taken the place of, of when that run ended."""
 
     next_step: str | None = Field(None, description="What to do next about the loop, in words, as its page says.")
     work_order: str | None = Field(None, description="The work order that was written of the loop last; null: none.")

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import Connection
@@ -15,10 +16,13 @@ from app.storage.samples import DAMAGED
 log = logging.getLogger("loopaudit.contradicted")
 
 
-def contradicted(connection: Connection, rows: Sequence[Mapping[str, Any]]) -> frozenset[str]:
-    """The tags of those rows of the reliability table whose verdict is not what `contradiction` lets stand."""
+def contradicted(
+    connection: Connection, rows: Sequence[Mapping[str, Any]], until: datetime | None = None
+) -> frozenset[str]:
+    """The tags of those rows of the reliability table whose verdict is not what `contradiction` lets stand, by the
+    explanations that had ended until then (None: by now)."""
     tags = [row["loop"] for row in rows if row["verdict"] == "no_stiction"]
-    packed = explanations.newest_naming(connection, tags, STICKS) if tags else {}
+    packed = explanations.newest_naming(connection, tags, STICKS, until) if tags else {}
     told = {tag: {"state": "done", "effects": _effects(tag, answer)} for tag, answer in packed.items()}
     return frozenset(row["loop"] for row in rows if contradiction(row, told.get(row["loop"])))
 

@@ -11,7 +11,8 @@ from app.errors import RequestError
 from app.services.audit_json.rows import FORM, OLD, as_row, compact, sampled
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of, refused
-from app.services.moments import PlantClock
+from app.services.moments import PlantClock, iso_utc
+from app.services.plant.told_until import notes_until
 from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.services.stating.shelving import Shelf, shelf
@@ -45,8 +46,8 @@ def reliability_page(
     of_loop: with the loop's type, importance and priority, and its newest sample.
     """
     found = _stored(backend, limit, cursor, sort, filters)
-    shown = [(with_loop if of_loop else as_row)(row) for row in found.rows]
-    written = written_of(backend, shown)
+    shown = [with_loop(row, filters) if of_loop else as_row(row) for row in found.rows]
+    written = written_of(backend, shown, *_written_by(backend, filters))
     return Page([written.beside(row) for row in shown], found.next_cursor)
 
 
@@ -60,11 +61,14 @@ def table(
     notes_until: datetime | None = None,
 ) -> Page[dict[str, Any]]:
     """The same for a page, with what it shows besides: importance and priority, what to do as a `Step`, and what is
-    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: of now). Rows that are
+    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: both as the API tells
+    them). Rows that are
     asked for because their records end before a time are of old ones by now, whatever their runs knew. Whoever chose
     another order with a cursor in the address begins at its head."""
     found = _stored(backend, limit, cursor, sort, filters, any_order=True)
-    shown = [with_loop(row) for row in found.rows]
+    shown = [with_loop(row, filters) for row in found.rows]
+    if shelved is None:
+        shelved, notes_until = _written_by(backend, filters)
     if filters is not None and filters.recorded_before_ns is not None:
         shown = [row | {OLD: row[OLD] or PlantClock.dated(row["recorded_to"])} for row in shown]
     written = written_of(backend, shown, shelved, notes_until)
@@ -96,10 +100,25 @@ def _stored(
     return page_of(rows, limit, lambda row: row, lambda row: (sort, row["sorted_by"], row["tag"]))
 
 
-def with_loop(stored: dict[str, Any]) -> dict[str, Any]:
-    """A stored verdict as a row, with what its loop is now."""
-    of_loop = {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": sampled(stored["newest_ns"])}
-    return as_row(stored) | of_loop
+def _written_by(backend: Backend, filters: RowFilter | None) -> tuple[Shelf, datetime | None]:
+    """What is shelved, and up to when notes count, for the rows that are asked for."""
+    until = _until(backend, filters)
+    return shelf(backend) if filters is None or until is None else shelf(backend, filters.audit_id, until), until
+
+
+def _until(backend: Backend, filters: RowFilter | None) -> datetime | None:
+    """Up to when notes count: of the newest verdicts up to now (None)."""
+    if filters is None or filters.audit_id is None:
+        return None
+    with backend.database.read() as connection:
+        return notes_until(connection, filters.audit_id)
+
+
+def with_loop(stored: dict[str, Any], filters: RowFilter | None = None) -> dict[str, Any]:
+    """A stored verdict as a row, with what its loop is now. recorded_to: of a run that is asked for what it was given,
+    as `RowFilter` goes by."""
+    newest = "newest_ns" if filters is None or filters.audit_id is None else "input_end_ns"
+    return as_row(stored) | {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": sampled(stored[newest])}
 
 
 @dataclass(frozen=True)
@@ -129,21 +148,24 @@ def in_parts(
     page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
     shown, marks = page.rows, marks_of(backend, [row.tag for row in page.rows])
     of_loops = [tuple(row._replace(value=None)) for row in shown]
-    said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told]
-    return TableParts(_digest(compact(said).encode()), len(shown), page.next_cursor, lambda: _parts(backend, shown))
+    said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told, iso_utc(_until(backend, filters))]
+
+    def parts() -> Iterator[list[dict[str, Any]]]:
+        """Nothing of a part is held here once it is given."""
+        known, until = _written_by(backend, filters)
+        some = (shown[at : at + PART_ROWS] for at in range(0, len(shown), PART_ROWS))
+        return (_part(backend, rows, filters, known, until) for rows in some)
+
+    return TableParts(_digest(compact(said).encode()), len(shown), page.next_cursor, parts)
 
 
-def _parts(backend: Backend, rows: Sequence[ToldRow]) -> Iterator[list[dict[str, Any]]]:
-    """Nothing of a part is held here once it is given."""
-    known = shelf(backend)
-    return (_part(backend, rows[at : at + PART_ROWS], known) for at in range(0, len(rows), PART_ROWS))
-
-
-def _part(backend: Backend, rows: Sequence[ToldRow], known: Shelf) -> list[dict[str, Any]]:
+def _part(
+    backend: Backend, rows: Sequence[ToldRow], filters: RowFilter | None, known: Shelf, until: datetime | None
+) -> list[dict[str, Any]]:
     with backend.database.read() as connection:
         stored = verdicts.of_keys(connection, [row.key for row in rows])
-    told = [with_loop(stored[row.key]) for row in rows if row.key in stored]
-    written = written_of(backend, told, known)
+    told = [with_loop(stored[row.key], filters) for row in rows if row.key in stored]
+    written = written_of(backend, told, known, until)
     return [written.beside(row) for row in told]
 
 

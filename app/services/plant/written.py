@@ -72,14 +72,15 @@ def written_of(
     notes_until: datetime | None = None,
 ) -> Written:
     """What stands of the loops of these rows of the reliability table: as many questions of the data base for a plant
-    as for one loop. shelved: None: as of now; notes_until: orders and repairs as they were written then (None: by
-    now)."""
+    as for one loop. shelved: None: as of now; notes_until: orders, repairs and explanations as they were then (None:
+    by now)."""
     known = shelf(backend) if shelved is None else shelved
     with backend.database.read() as connection:
         standing = notes.standing(connection, [row["loop"] for row in rows], notes_until)
         repaired = [tag for tag, one in standing.items() if one.repaired_at is not None]
         failed = in_vain(connection, rows, repaired, notes_until)
-        return Written(standing, known.by_tag(), contradicted(connection, rows), failed, backend.clock)
+        disagree = contradicted(connection, rows, notes_until)
+        return Written(standing, known.by_tag(), disagree, failed, backend.clock)
 
 
 @dataclass(frozen=True)
