@@ -299,7 +299,7 @@ class AuditPage(Read):
 
 class NightOfUnitOut(Read):
     unit: str | None = Field(description="Plant unit as it is now; null: none is named.")
-    sticking: int = Field(description="Valves that stick, to be relied on.")
+    sticking: int = Field(description="Valves that stick, to be relied on; none of old records or before repairs.")
 
 
 class NightOut(Read):
@@ -308,7 +308,7 @@ class NightOut(Read):
     date: str = Field(description="Of the night; of a run that is no night's, of its begin by the plant's clock.")
     run: str = Field(description="Identifier of the run.")
     audited: int = Field(description="Loops with a verdict.")
-    sticking: int = Field(description="Valves that stick, to be relied on.")
+    sticking: int = Field(description="Valves that stick, to be relied on; none of old records or before repairs.")
     health: float | None = Field(description="Mean health, weighted by importance; null: no loop has one.")
     in_manual: int = Field(
         description="Loops that could not be judged because they were not in automatic; one that was judged on what it "

@@ -3,6 +3,7 @@
 from datetime import datetime, timedelta
 
 from app.services.moments import FIRST_DATED, ns_of, span_ns
+from app.storage.set_apart import OldFrom
 
 LATE = timedelta(days=2)
 """Exports come once a day: what has not come for two days is missing."""
@@ -11,6 +12,7 @@ OF_THE_PAST = timedelta(days=30)
 """A plant whose newest sample is as old is a collection of records, not a plant at work."""
 
 DATED_NS = ns_of(FIRST_DATED)
+OLD_FROM = OldFrom(span_ns(LATE), span_ns(OF_THE_PAST), DATED_NS)
 
 
 def of_old_record(end_ns: int | None, newest_ns: int | None, begun: datetime) -> bool:

@@ -331,8 +331,9 @@ class NightOfUnit:
 @dataclass(frozen=True)
 class Night:
     """What the last whole run of a date said. sticking: valves that stick, to be relied on; health: mean, weighted by
-    importance, None where no loop has one; in_manual: loops not judged because they are not in automatic,
-    without those that were judged on what they did before."""
+    importance, None where no loop has one; in_manual: loops not judged because they are not in automatic, without those
+    that were judged on what they did before. apart: valves that stick of which that could be relied on when it was
+    said, and not by then: of old records, or from before a repair."""
 
     date: str
     run: str
@@ -341,6 +342,7 @@ class Night:
     health: float | None
     in_manual: int
     units: tuple[NightOfUnit, ...]
+    apart: int = 0
 
     @property
     def of_units(self) -> dict[str | None, int]:

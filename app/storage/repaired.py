@@ -49,7 +49,7 @@ def _last_run(loop_id: int, such: ColumnElement[bool]) -> ScalarSelect[int]:
     return mine.order_by(verdicts.c.audit_id.desc()).limit(1).scalar_subquery()
 
 
-def _before(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
+def judged_before(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
     """Judged by what was recorded before the repair, to the millisecond, as `repair_sides.side_of` tells of the same
     span."""
     looked_at = case(
@@ -60,13 +60,13 @@ def _before(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnEle
     return case((said.c.window_end.is_not(None), judged), else_=looked_at)
 
 
-def _after(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
+def _judged_after(said: FromClause, repaired_at: ColumnElement[datetime]) -> ColumnElement[bool]:
     judged = said.c.window_start >= whole_ms(repaired_at)
     looked_at = said.c.input_start_ns >= whole_ms_ns(repaired_at)
     return case((said.c.window_start.is_not(None), judged), else_=looked_at)
 
 
-SIDES = {"before": _before, "after": _after}
+SIDES = {"before": judged_before, "after": _judged_after}
 
 
 def between(
@@ -89,7 +89,7 @@ def between(
     last_before = (
         select(earlier.c.audit_id)
         .where(earlier.c.loop_id == notes.c.loop_id, earlier.c.audit_id <= run)
-        .where(_before(earlier, notes.c.repaired_at))
+        .where(judged_before(earlier, notes.c.repaired_at))
         .order_by(earlier.c.audit_id.desc())
         .limit(1)
         .correlate(notes, loops)

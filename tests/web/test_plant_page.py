@@ -48,14 +48,14 @@ def test_the_course_of_the_plant_comes_apart_from_its_page(client, monkeypatch):
     assert 'data-url="/plant/course"' in client.get("/").text
     assert "One night so far" in client.get("/plant/course").text
     nights = [
-        Course(f"2026-03-0{day}", str(day), 300, sticking, 81.2, 4, (NightOfUnit("U1", sticking),))
-        for day, sticking in ((1, 0), (2, 12), (3, 1))
+        Course(f"2026-03-0{day}", str(day), 300, sticking, 81.2, 4, (NightOfUnit("U1", sticking),), apart)
+        for day, sticking, apart in ((1, 0, 0), (2, 12, 0), (3, 1, 1))
     ]
     monkeypatch.setattr(pages, "course", lambda _: nights)
     html = client.get("/plant/course").text
     assert html.count("<li>") == 3
     assert 'aria-label="2026-03-02: 12 valves stick, of 300 loops audited; health 81"' in html
-    assert 'aria-label="2026-03-03: 1 valve sticks, of' in html
+    assert 'aria-label="2026-03-03: 1 valve sticks, and 1 more of old records or from before a repair, of' in html
     assert '<rect width="10" y="0.0" height="100.0"/>' in html
     monkeypatch.setattr(pages, "course", lambda _: [])
     assert "No night so far" in client.get("/plant/course").text

@@ -87,7 +87,7 @@ def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
     assert counted("sort=loop") == '<b>3</b> loops <span class="weak">(2 on this page)</span>'
     asked = RowFilter(("stiction",), "reliable", "U1", owner="crew", min_probability=0.5)
     of_these = "probability of 0.5 or more; of unit U1; looked after by crew"
-    assert asked_words(asked) == f"valve sticks; rely on it; {of_these}"
+    assert asked_words(asked) == f"valve sticks; reliable when judged; {of_these}"
 
 
 def test_columns_without_an_order_have_no_link(client):

@@ -25,7 +25,7 @@ from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.told_until import notes_until, run_to_work_by
 from app.services.plant.work_list import Work, work_list
-from app.services.recency import LATE
+from app.services.recency import LATE, OLD_FROM
 from app.services.results import AuditView, ChangeView
 from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.naming import one_line
@@ -38,8 +38,9 @@ from app.services.telling.wording import (
     codes_in,
     probability,
 )
-from app.storage import digests, notes, plant
+from app.storage import digests, notes, plant, set_apart
 from app.storage.digests import ComplaintRow, CountRow, RefusedRow, ToBeDone
+from app.storage.set_apart import SetApart
 
 TOP = 5
 CHANGES = 30
@@ -263,6 +264,7 @@ class _Read:
     compared: bool
     changed: Changed
     counted: list[CountRow]
+    apart: list[SetApart]
     worst: list[ComplaintRow]
     old: list[ComplaintRow]
     of_time: dict[str, Judged]
@@ -286,6 +288,7 @@ def _read(backend: Backend, run: AuditView) -> _Read:
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
+        apart = set_apart.of_run(connection, number, OLD_FROM, until)
         worst = digests.worst_of_units(connection, number, TOP, since_ns, left_out)
         old = digests.worst_of_old(connection, number, TOP, since_ns, left_out)
         retired = digests.retired_since(connection, number)
@@ -307,6 +310,7 @@ def _read(backend: Backend, run: AuditView) -> _Read:
         compared=compared,
         changed=changed,
         counted=counted,
+        apart=apart,
         worst=worst,
         old=old,
         of_time=judged(backend, tags, number),
@@ -321,7 +325,7 @@ def _read(backend: Backend, run: AuditView) -> _Read:
 
 
 def _made(read: _Read, clock: PlantClock) -> Digest:
-    told, all_the_same = tally(read.counted), read.shelf.by_tag()
+    told, all_the_same = tally(read.counted, read.apart), read.shelf.by_tag()
     refused_loops: dict[str, list[str]] = {}
     for row in read.not_auditable:
         refused_loops.setdefault(cause_of_refusal(row.likely_cause), []).append(row.tag)

@@ -3,13 +3,17 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from datetime import datetime
+
+from sqlalchemy import Connection
 
 from app.engine.codes import Cause
 from app.services.backend import Backend
 from app.services.plant.overview import mean_health, tally
+from app.services.plant.told_until import ended_before, run_to_work_by
+from app.services.recency import OLD_FROM
 from app.services.results import Night, NightOfUnit
-from app.storage import plant
+from app.storage import plant, set_apart
 
 NOT_IN_AUTOMATIC: Cause = "not_in_automatic"
 NIGHTS = 14
@@ -43,23 +47,28 @@ def unit_columns(nights: Sequence[Night], most: int) -> list[UnitColumn]:
 
 
 def course(backend: Backend) -> list[Night]:
-    """The oldest first; a query a night."""
+    """The oldest first; some queries a night."""
     with backend.database.read() as connection:
         runs = reversed(plant.whole_runs(connection, RUNS))
         dated = {run.nightly_for or backend.clock.date(run.created_at): run.id for run in runs}
-        newest = sorted(dated.items())[-NIGHTS:]
-        return [_night(date, run, plant.counts_of_run(connection, run)) for date, run in newest]
+        newest, last = sorted(dated.items())[-NIGHTS:], run_to_work_by(connection)
+        return [_night(connection, date, run, ended_before(connection, run, last)) for date, run in newest]
 
 
-def _night(date: str, run: int, counted: Sequence[Any]) -> Night:
-    told, of_units = tally(counted), Counter[str | None]()
+def _night(connection: Connection, date: str, run: int, until: datetime | None) -> Night:
+    counted = plant.counts_of_run(connection, run)
+    apart = set_apart.of_run(connection, run, OLD_FROM, until)
+    told, of_units = tally(counted, apart), Counter[str | None]()
     for row in counted:
         of_units[row.unit] += row.loops * (row.verdict == "stiction" and row.reliability == "reliable")
+    for one in apart:
+        of_units[one.unit] -= one.loops * (one.verdict == "stiction")
     return Night(
         date=date,
         run=str(run),
         audited=sum(told.verdicts.values()),
         sticking=told.reliable.get("stiction", 0),
+        apart=sum(told.apart.get("stiction", {}).values()),
         health=mean_health(counted),
         in_manual=told.refused.get(NOT_IN_AUTOMATIC, 0),
         units=tuple(

@@ -2,16 +2,19 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from app.services.backend import Backend
+from app.services.recency import OLD_FROM
 from app.services.results import UnitView
-from app.storage import plant
+from app.services.telling.wording import relied_words
+from app.storage import plant, set_apart
 from app.storage.digests import CountRow
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired, owners
 from app.storage.plant import UnitCount
+from app.storage.set_apart import SetApart
 
 MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
@@ -20,7 +23,7 @@ LEAST_TILES = 3
 @dataclass(frozen=True)
 class Overview:
     """Counts over the newest verdict of each loop in service; `refused` is why loops are not auditable, by likely
-    cause; `retired`: how many loops are left out."""
+    cause; `retired`: how many loops are left out. `reliable`, `apart`: as of `Tally`."""
 
     loops: int
     audited: int
@@ -30,26 +33,38 @@ class Overview:
     units: list[UnitView]
     health: float | None
     retired: int = 0
+    apart: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def relied(self, verdict: str) -> str:
+        """How many of the loops with that verdict are to be relied on, and how many are not any longer."""
+        return relied_words(self.reliable.get(verdict, 0), self.apart.get(verdict, {}))
 
 
 @dataclass(frozen=True)
 class Tally:
     """Loops by verdict, of these the ones to rely on, and those that are not auditable by likely cause, the most
-    frequent first."""
+    frequent first. apart: by verdict and why, those that could be relied on when they were judged, and whose rows say
+    something else."""
 
     verdicts: dict[str, int]
     reliable: dict[str, int]
     refused: dict[str, int]
+    apart: dict[str, dict[str, int]]
 
 
-def tally(counted: Iterable[UnitCount | CountRow]) -> Tally:
+def tally(counted: Iterable[UnitCount | CountRow], not_now: Iterable[SetApart]) -> Tally:
     verdicts, reliable, refused = Counter[str](), Counter[str](), Counter[str]()
+    apart: dict[str, Counter[str]] = {}
     for row in counted:
         verdicts[row.verdict] += row.loops
         reliable[row.verdict] += row.loops * (row.reliability == "reliable")
         if row.verdict == "not_auditable":
             refused[cause_of_refusal(row.likely_cause)] += row.loops
-    return Tally(dict(verdicts), dict(reliable), dict(refused.most_common()))
+    for one in not_now:
+        reliable[one.verdict] -= one.loops
+        apart.setdefault(one.verdict, Counter())[one.why] += one.loops
+    why = {verdict: dict(counts) for verdict, counts in apart.items()}
+    return Tally(dict(verdicts), dict(reliable), dict(refused.most_common()), why)
 
 
 def cause_of_refusal(likely_cause: str | None) -> str:
@@ -59,8 +74,8 @@ def cause_of_refusal(likely_cause: str | None) -> str:
 def overview(backend: Backend) -> Overview:
     with backend.database.read() as connection:
         known, counted = count_loops(connection), plant.counts(connection)
-        retired = count_retired(connection)
-    told = tally(counted)
+        retired, apart = count_retired(connection), set_apart.of_newest(connection, OLD_FROM)
+    told = tally(counted, apart)
     return Overview(
         loops=known,
         audited=sum(told.verdicts.values()),
@@ -70,6 +85,7 @@ def overview(backend: Backend) -> Overview:
         units=_units(counted),
         health=mean_health(counted),
         retired=retired,
+        apart=told.apart,
     )
 
 

@@ -1,10 +1,11 @@
 """All valves that stick reliably, unit by unit: the list that a turnaround is planned from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
+from app.services.audit_json.rows import OLD
 from app.services.backend import Backend
 from app.services.plant.reliability import table
 from app.services.stating.shelving import Shelf
@@ -28,21 +29,29 @@ class StickingValve:
 @dataclass(frozen=True)
 class Sticking:
     """The valves of each unit, those first that lack most to full health, times their importance. more: how many the
-    list has no room for."""
+    list has no room for. apart: rows of those that are listed in none, for what is said of them is of an old record, or
+    of before a repair."""
 
     units: list[tuple[str | None, list[StickingValve]]]
     more: int
+    apart: Sequence[Mapping[str, Any]]
 
 
 def sticking(backend: Backend, shelved: Shelf, counted: int, most: int = MOST) -> Sticking:
-    """counted: how many there are in the plant. Shelved ones are among them, and say so."""
+    """counted: how many there are in the plant, without those apart. Shelved ones are among them, and say so."""
     asked = RowFilter(verdict=("stiction",), reliability="reliable")
-    rows = table(backend, most, filters=asked, shelved=shelved).rows
+    found = table(backend, most, filters=asked, shelved=shelved).rows
+    apart = [row for row in found if _of_then(row)]
+    rows = [row for row in found if not _of_then(row)]
     valves = [StickingValve(row["loop"], row["unit"], size_with_interval(row), row) for row in rows]
     # A sort keeps the order within a unit; loops that name none stand last.
     by_unit = sorted(valves, key=lambda valve: (valve.unit is None, valve.unit or ""))
     units = [(unit, list(some)) for unit, some in groupby(by_unit, lambda valve: valve.unit)]
-    return Sticking(units, max(0, counted - len(rows)))
+    return Sticking(units, max(0, counted - len(rows)), apart)
+
+
+def _of_then(row: Mapping[str, Any]) -> bool:
+    return bool(row["of_before_repair"] or row[OLD])
 
 
 def size_with_interval(row: Mapping[str, Any]) -> str:

@@ -5,6 +5,9 @@ from collections.abc import Iterator
 from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS, cause_words
 from app.storage.verdicts import RowFilter
 
+WHEN_JUDGED = {**RELIABILITY_BRIEF, "reliable": "reliable when judged"}
+"""By which rows are filtered: those of old records, and from before a repair, are among them, and say so."""
+
 
 def asked_words(asked: RowFilter) -> str:
     """ "valve sticks; rely on it; of unit CRUDE"; empty where all loops in service are meant."""
@@ -15,7 +18,7 @@ def _of_verdicts(asked: RowFilter) -> Iterator[str]:
     if asked.verdict:
         yield " or ".join(VERDICT_WORDS.get(one, one) for one in asked.verdict)
     if asked.reliability:
-        yield RELIABILITY_BRIEF.get(asked.reliability, asked.reliability)
+        yield WHEN_JUDGED.get(asked.reliability, asked.reliability)
     if asked.likely_cause:
         yield f"likely cause: {cause_words(asked.likely_cause)}"
     if asked.table2_reading:

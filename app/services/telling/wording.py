@@ -154,6 +154,16 @@ def _short(row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     return "look today" if looked_at_today(row) else words[row["reliability"]]
 
 
+APART_WORDS = {"old_record": "of old records", "before_repair": "from before the repair"}
+"""Of verdicts that could be relied on when they were made, why their rows say something else, in the plural."""
+
+
+def relied_words(relied: int, apart: Mapping[str, int]) -> str:
+    """ "37 to be relied on, 5 of old records"."""
+    others = [f"{apart[why]:,} {words}" for why, words in APART_WORDS.items() if apart.get(why)]
+    return ", ".join([f"{relied:,} to be relied on", *others])
+
+
 def cause_words(code: str | None) -> str:
     return "not known" if code is None else CAUSE_WORDS.get(code, code.replace("_", " "))
 
