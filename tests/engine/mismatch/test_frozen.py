@@ -5,9 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, explain, locate
+from app.engine.mismatch.compare import preparing
 from app.engine.mismatch.compare.comparison import record_of
-from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.patterns import Pattern, find_patterns
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.physics.sensor_pattern import STUCK
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
@@ -37,3 +42,21 @@ def test_levels_between_gaps_are_no_fault() -> None:
     level = np.random.default_rng(1).normal(size=N // 20)[AT // 20]
     found = find_patterns(record_of(compared(30.0 + level, known)))
     assert [(pattern.reason.code, pattern.hides_pv) for pattern in found] == [("pv_straight", False)]
+
+
+def test_a_pv_that_is_on_or_off_leaves_no_limit_that_hides_it() -> None:
+    """Between its two ends there is what the gaps were bridged with alone, and that shows no PV that leaves them."""
+    known = AT % 31 > 7
+    switched = np.where(np.sin(AT / 7.0 + 0.1) > 0.0, 80.0, 20.0)
+    pv = np.interp(AT, AT[known], switched[known])
+    record = prepare(compared(pv, known)).record
+    assert np.array_equal(record.usable, known)
+
+
+def test_a_pv_that_is_hidden_wherever_it_is_known_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    everywhere = np.ones(N, dtype=np.bool_)
+    stuck = Pattern(Part(STUCK, np.array([0.0, N])), everywhere, Reason("pv_repeats", "PV stands"), True)
+    monkeypatch.setattr(preparing, "find_patterns", lambda _: (stuck,))
+    with pytest.raises(DataError) as raised:
+        prepare(compared(OP, None))
+    assert raised.value.code == "nothing_known"

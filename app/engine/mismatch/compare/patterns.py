@@ -138,8 +138,8 @@ def quantised(record: Experiment, step: float) -> Pattern:
 def limits_of(record: Experiment, runs: tuple[Run, ...], coarse: bool) -> tuple[Pattern, ...]:
     """The ends of the sensor's range; none where PV hardly ever leaves them, for then nothing shows that it would."""
     found = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
-    free = record.samples - int(np.sum(np.any([p.shows for p in found], axis=0))) if found else record.samples
-    return tuple(found) if free >= LEAST_FREE else ()
+    limited = np.any([p.shows for p in found], axis=0) if found else np.zeros(record.samples, dtype=np.bool_)
+    return tuple(found) if np.sum(record.usable & ~limited) >= LEAST_FREE else ()
 
 
 def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:

@@ -19,6 +19,7 @@ from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import FloatArray
+from app.errors import DataError
 
 OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
 STRETCHES, ALIKE = 12, 0.8
@@ -46,7 +47,10 @@ class Prepared:
 
 
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
-    """taken: where PV is held between equal intervals, how it was taken; the comparison is one at these instants."""
+    """taken: where PV is held between equal intervals, how it was taken; the comparison is one at these instants.
+
+    Raises DataError("nothing_known") where the patterns of PV hide all of it.
+    """
     record = record_of(comparison)
     if taken is not None:
         record = replace(record, first_s=taken.first_s)
@@ -54,6 +58,8 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     if taken is not None:
         patterns = (held(record, taken.interval_s), *patterns)
     record = without_hidden(record, patterns)
+    if not record.usable.any():
+        raise DataError("nothing_known", "PV stands still wherever it is known: there is nothing to compare with")
     trace = comparison.trace
     if taken is not None and taken.comparison is comparison:
         record = taken.simulated_between(record)
