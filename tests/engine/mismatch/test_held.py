@@ -57,6 +57,13 @@ def test_a_hold_whose_scan_comes_a_little_early_or_late_is_one() -> None:
     assert codes(pv) == ["sensor.sample_hold"]
 
 
+@pytest.mark.parametrize("period", [12, 14, 16])
+def test_a_clean_wave_that_rails_is_no_hold(period: int) -> None:
+    """Half of its changes follow at once, half after a rest: the median of their spacings is near none of them."""
+    wave = np.clip(5.0 * np.sin(2.0 * np.pi * np.arange(15 * period) / period + 0.1), -1.0, 1.0)
+    assert hold_of(wave) is None
+
+
 def test_other_values_that_repeat_are_no_hold() -> None:
     pv, rng = recorded(moves()), np.random.default_rng(2)
     stuck = pv.copy()

@@ -43,10 +43,7 @@ def hold_of(pv: FloatArray, known: BoolArray | None = None) -> Hold | None:
     at = np.flatnonzero(moved if known is None else moved & known[1:] & known[:-1]) + 1
     if len(at) < LEAST_MOVES or len(np.unique(pv)) < LEAST_VALUES:
         return None
-    between = np.diff(at)
-    usual = float(np.median(between))
-    near = between[np.abs(between - usual) < max(0.5 * usual, 1.5)]
-    rough = float(np.mean(near))
+    rough = usual_spacing(np.diff(at))
     if rough < SHORTEST:
         return None
     count, kept = counted(at, rough)
@@ -60,6 +57,18 @@ def hold_of(pv: FloatArray, known: BoolArray | None = None) -> Hold | None:
     if interval < SHORTEST or np.mean(on_time) < ON_TIME or few:
         return None
     return laid(at[on_time], count[on_time], interval, float(np.min(beside[on_time])), len(pv))
+
+
+def usual_spacing(between: IntArray) -> float:
+    """The mean of the spacings (M,) about their median; about the less of the two middle ones where the median lies
+    between two that are far apart, and none is near it.
+    """
+
+    def about(usual: float) -> IntArray:
+        return between[np.abs(between - usual) < max(0.5 * usual, 1.5)]
+
+    near = about(float(np.median(between)))
+    return float(np.mean(near if len(near) else about(float(np.quantile(between, 0.5, method="lower")))))
 
 
 def counted(at: IntArray, interval: float) -> tuple[IntArray, BoolArray]:
