@@ -11,7 +11,9 @@ from app.engine.mismatch import Comparison, Explanation, LinearSimulation, expla
 from app.engine.mismatch.compare.comparison import record_of
 from app.engine.mismatch.compare.preparing import prepare
 from app.engine.mismatch.fit.fitting import quiet_noise
+from app.engine.mismatch.fit.given import Structure, Target, fit_structure
 from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.judge.validation import beginning, started
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment, span
 from app.engine.mismatch.loop.plant import Plant, run_process
@@ -78,6 +80,30 @@ def test_floors_follow_the_unit(unit: float) -> None:
     one, two = (valve_slew_limit.rates(Context(r, PLANT)) for r in still)
     assert np.all(one > 0.0)
     assert two == pytest.approx(unit * one, rel=1e-6)
+
+
+@pytest.mark.parametrize("second_order", [False, True])
+def test_the_linear_loop_behind_pv_hangs_on_no_unit(second_order: bool) -> None:
+    """In m3/s the search ended where it began: its gradients are the squares of PV's unit."""
+    structure = Structure(second_order, False)
+
+    def found(unit: float) -> Plant:
+        record = experiment(TS, pulse(10.0, -6.0, 8.0), unit * answered(pulse(10.0, -6.0, 8.0)))
+        plant = fit_structure(record, Target(record.pv, record.usable), structure).given.plant
+        return plant.changed(K=plant.K / unit)
+
+    assert found(1.0).tau == pytest.approx(PLANT.tau, rel=0.1)
+    assert found(2.0**-20) == found(2.0**-50) == found(1.0)
+
+
+def test_where_a_second_record_began_hangs_on_no_unit() -> None:
+    """Steps and tolerances of the search are no smaller than 1e-8, whatever the unit."""
+
+    def begun(unit: float) -> FloatArray:
+        record = experiment(TS, pulse(10.0), unit * answered(pulse(10.0)))
+        return started(record, beginning(record.usable), PLANT.changed(K=unit * PLANT.K), ()) / unit
+
+    assert np.array_equal(begun(2.0**-30), begun(1.0))
 
 
 def test_what_is_constant_but_for_rounding_moves_nothing() -> None:

@@ -105,7 +105,12 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     linear = left <= ALIKE or rounded_off(trace, rest)
     return TraceModel(
-        given, left, float(beside / np.std(y)), np.zeros(record.samples) if linear else rest, best, target.level
+        given,
+        left,
+        beside / max(float(np.std(y)), 1e-300),
+        np.zeros(record.samples) if linear else rest,
+        best,
+        target.level,
     )
 
 
@@ -147,12 +152,15 @@ def project(record: Experiment, target: Target, structure: Structure, z: FloatAr
 
 
 def descend_trace(record: Experiment, target: Target, structure: Structure, start: FloatArray) -> Plant:
-    """Variable projection: gain, offset and start are linear; time constants and dead time are searched."""
-    ts = record.sampling_interval_s
+    """Variable projection: gain, offset and start are linear; time constants and dead time are searched.
+
+    What is left counts in the size of the moves: the least gradient that ends a search has no unit.
+    """
+    ts, size = record.sampling_interval_s, max(float(np.std(target.moves)), 1e-300)
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
     z = scipy.optimize.least_squares(
-        lambda z: project(record, target, structure, z)[0],
+        lambda z: project(record, target, structure, z)[0] / size,
         np.clip(start, low, high),
         bounds=(low, high),
         max_nfev=40,

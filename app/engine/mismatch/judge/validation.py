@@ -83,21 +83,22 @@ def beginning(usable: BoolArray) -> BoolArray:
 
 
 def started(record: Experiment, begun: BoolArray, plant: Plant, parts: tuple[Part, ...]) -> FloatArray:
-    """The free run (N,), as deviation, whose initial states fit the samples `begun` (N,) best."""
-    context = Context(record, plant)
-    begins = [(k, j) for k, part in enumerate(parts) for j, p in enumerate(part.block.parameters(context)) if p.begins]
+    """The free run (N,), as deviation, whose initial states fit the samples `begun` (N,) best: looked for as shares of
+    their scales, what they leave as one of PV's span, because steps and tolerances of the search have no unit.
+    """
+    context, span = Context(record, plant), record.pv_span
+    offered = [(k, j, p) for k, part in enumerate(parts) for j, p in enumerate(part.block.parameters(context))]
+    begins = [(k, j, parameter.scale) for k, j, parameter in offered if parameter.begins]
 
-    def run(states: FloatArray) -> FloatArray:
+    def run(shares: FloatArray) -> FloatArray:
         moved = [part.values.copy() for part in parts]
-        for (k, j), value in zip(begins, states[1:], strict=True):
-            moved[k][j] = value
+        for (k, j, scale), share in zip(begins, shares[1:], strict=True):
+            moved[k][j] = share * scale
         told = tuple(Part(part.block, values) for part, values in zip(parts, moved, strict=True))
-        return simulate(record, plant.changed(x0=float(states[0])), told)
+        return simulate(record, plant.changed(x0=float(shares[0]) * span), told)
 
-    start = np.array([np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]), *np.zeros(len(begins))])
-    found = scipy.optimize.least_squares(
-        lambda states: (run(states) - record.pv_deviation)[begun], start, x_scale=record.pv_span
-    )
+    start = np.array([np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]) / span, *np.zeros(len(begins))])
+    found = scipy.optimize.least_squares(lambda shares: (run(shares) - record.pv_deviation)[begun] / span, start)
     return run(found.x)
 
 
