@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.mismatch.compete.competition import Contender, survey
+from app.engine.mismatch.compete.competition import Contender, contenders, survey
 from app.engine.mismatch.compete.looking_ahead import looked_ahead
 from app.engine.mismatch.compete.naming import believed
-from app.engine.mismatch.compete.pairing import Candidate, Couple, couples, joint_scores, reordered
+from app.engine.mismatch.compete.pairing import Candidate, Couple, alone_as, couples, joint_scores, reordered
 from app.engine.mismatch.compete.pairs import Pair, Places, paying_alone
 from app.engine.mismatch.compete.searching import Begun, foremost, searched
 from app.engine.mismatch.compete.selection import Selection, in_place_of
@@ -319,3 +319,19 @@ def test_the_best_effect_stays_where_one_of_a_refused_pair_makes_no_sense(deadba
     senseless = replace(senseless, fit=astray)
     assert worth(senseless) == -np.inf
     assert said_for(deadband, senseless) is deadband
+
+
+def test_an_overflow_found_beside_a_lag_is_carried_beside_an_integrator_and_back() -> None:
+    """It has the integrator's balance as a second number there: behind a stem our own loop may integrate where the one
+    found from OP does not.
+    """
+    u = op_moves()
+    record = experiment(TS, u, 50.0 + np.minimum(simulate(experiment(TS, u, u), PLANT), 4.0) + 0.01 * u[::-1])
+    lag = fit_linear(record, Given(PLANT))
+    tank = fit_linear(record, Given(Plant(K=0.05, tau=1.0, theta=6.0, leak=0.0), integrating=True))
+    overflow = next(block for block in library(record) if block.name == "process.overflow/high")
+    level = np.array([3.5])
+    beside = contenders(tank, (overflow,), (Part(overflow, level),))
+    assert [len(contender.fit.parts[-1].values) for contender in beside] == [2]
+    alone = alone_as(Part(overflow, np.append(level, 0.1)), lag, lag.plant)
+    assert len(alone.fit.parts[-1].values) == 1

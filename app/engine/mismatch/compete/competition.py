@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.mismatch.fit.fitting import Fit, descend, finish, fit, noise_left, polish, quiet_noise, task_of
 from app.engine.mismatch.fit.scan import Start, at_given, ground, scan, task_with
 from app.engine.mismatch.fit.task import Task, start_at
-from app.engine.mismatch.loop.block import Block, Context, Part
+from app.engine.mismatch.loop.block import Block, Context, Part, values_in
 from app.engine.recording import FloatArray
 
 ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
@@ -56,11 +56,13 @@ def contenders(
     surveyed = survey(found, blocks) if surveyed is None else surveyed
     admitted = {scanned.block.name: scanned for scanned in promising(surveyed, found)}
     scans = {scanned.block.name: scanned for scanned in surveyed}
+    context = Context(found.record, found.given.plant)
     for part in carried:
         scanned = scans.get(part.block.name)
         if scanned is not None:
-            starts = (*scanned.starts, Start(part.values, 0.0)) if part.block.name in admitted else ()
-            admitted[part.block.name] = replace(scanned, starts=starts or (Start(part.values, 0.0),))
+            begun_there = Start(values_in(part, context), 0.0)
+            starts = (*scanned.starts, begun_there) if part.block.name in admitted else (begun_there,)
+            admitted[part.block.name] = replace(scanned, starts=starts)
     begun = [(scanned.block, begin(scanned, found)) for scanned in admitted.values()]
     scores = [fits[0].likelihood - block.penalty for block, fits in begun]
     asked = pursued_from(max(scores, default=0.0) - found.likelihood) + found.likelihood

@@ -13,7 +13,7 @@ from app.engine.mismatch.fit.fitting import Fit, finish, fit, quiet_noise, task_
 from app.engine.mismatch.fit.free_run import free_run_error
 from app.engine.mismatch.fit.scan import Beside, Ground, Start, ground, moves, scan, task_with
 from app.engine.mismatch.fit.task import Task, make_task, start_at
-from app.engine.mismatch.loop.block import Block, Context, Part
+from app.engine.mismatch.loop.block import Block, Context, Part, values_in
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
@@ -148,8 +148,8 @@ def begin_couple(found: Fit, couple: Couple) -> Fit:
 def alone_as(part: Part, base: Fit, plant: Plant) -> Contender:
     """A part of a couple fitted alone from where it stands beside the other."""
     task = task_with(base, part.block)
-    known = [known.values for known in base.parts]
-    alone = fit(task, start_at(task, plant, np.concatenate((*known, part.values))), None, 2, 6)
+    values = [*(known.values for known in base.parts), values_in(part, Context(base.record, base.given.plant))]
+    alone = fit(task, start_at(task, plant, np.concatenate(values)), None, 2, 6)
     return Contender(part.block, alone, alone.likelihood - base.likelihood, base)
 
 

@@ -108,6 +108,15 @@ class Part:
     values: FloatArray
 
 
+def values_in(part: Part, context: Context) -> FloatArray:
+    """The values (P,) of a part that was fitted in another context, as its block takes them in this one: an overflow
+    has one number more beside an integrator than beside a lag. Those it lacks are 0, those it has too many are left
+    out.
+    """
+    count = len(part.block.parameters(context))
+    return np.concatenate((part.values[:count], np.zeros(max(count - len(part.values), 0))))
+
+
 def grid(*axes: FloatArray) -> FloatArray:
     """All combinations of the axes' values, one a row."""
     return np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
