@@ -95,3 +95,12 @@ def test_unusable_records_are_refused_with_a_code(pv: np.ndarray, op: np.ndarray
     with pytest.raises(DataError) as refused:
         yper.compute(pv, op, 1.0)
     assert refused.value.code == code
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scaling", ["std", "range"])
+@pytest.mark.parametrize("unit", [2.0**-600, 2.0**600])
+def test_signals_whose_squares_are_no_numbers_are_brought_to_a_common_unit(scaling: yper.Scaling, unit: float) -> None:
+    op, pv = tone(4), tone(4) + tone(12, 0.5)
+    told = yper.compute(unit * pv, unit * op, 1.0, scaling)
+    assert told.yper_pct == yper.compute(pv, op, 1.0, scaling).yper_pct > 0.0

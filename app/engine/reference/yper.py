@@ -87,8 +87,10 @@ def _check(pv: FloatArray, op: FloatArray) -> None:
 
 def _scaled(signal: FloatArray, scaling: Scaling) -> FloatArray:
     deviation = np.asarray(signal, dtype=np.float64) - np.mean(signal)
+    if scaling == "raw":
+        return deviation
+    # By a power of two, so exactly: the square of 1e-163 is none.
+    deviation = np.ldexp(deviation, -int(np.frexp(np.max(np.abs(deviation)))[1]))
     if scaling == "std":
         return deviation / np.std(deviation)
-    if scaling == "range":
-        return deviation / np.ptp(deviation)
-    return deviation
+    return deviation / np.ptp(deviation)
