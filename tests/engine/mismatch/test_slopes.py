@@ -1,15 +1,19 @@
-"""By how much the whitened residual moves with each number of a fit."""
+"""By how much the whitened residual moves with each number of a fit, and where of exact data nothing is left of it."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from app.engine.mismatch.fit.fitting import residual_rows, slopes
+from app.engine.mismatch.fit.fitting import descend, fit_linear, residual_rows, slopes
+from app.engine.mismatch.fit.free_run import white_fit
 from app.engine.mismatch.fit.noise import NoiseModel
 from app.engine.mismatch.fit.task import Given, make_task, start_at
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.valve_stiction import BLOCKS
+from tests.engine.plain_loop import TRUE, TS, moves, recorded
 
 
 @pytest.mark.parametrize("order", ["as they are", "backwards", "the block's between the plant's"])
@@ -30,3 +34,18 @@ def test_slopes_along_some_numbers_are_those_columns_in_their_order(order: str) 
     whole = slopes(task, x, noise, at)
     assert np.all(np.any(whole != 0.0, axis=0))
     np.testing.assert_array_equal(slopes(task, x, noise, at, asked), whole[:, asked])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_free_run_that_leaves_nothing_is_nearest_where_it_is() -> None:
+    found = fit_linear(experiment(TS, 40.0 + moves(), recorded(moves())), Given(TRUE))
+    exact = replace(found, record=replace(found.record, pv_deviation=found.simulated))
+    assert white_fit(exact) == pytest.approx(exact.x, abs=0.05)
+
+
+@pytest.mark.filterwarnings("error")
+def test_slopes_whose_squares_are_no_numbers_lead_nowhere() -> None:
+    record, given = experiment(TS, 40.0 + moves(), recorded(moves())), Given(TRUE)
+    task = make_task(record, given, ())
+    x = start_at(task, given.plant, np.zeros(0))
+    assert np.array_equal(descend(task, x, NoiseModel(deviation=1e-157), 2), x)

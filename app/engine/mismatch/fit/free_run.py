@@ -7,7 +7,7 @@ a loop that hardly follows OP: what a load leaves is told apart from what a mode
 import numpy as np
 from scipy.ndimage import median_filter
 
-from app.engine.mismatch.fit.fitting import Fit, descend, finish, noise_left, polish, quiet_noise, task_of
+from app.engine.mismatch.fit.fitting import STILL, Fit, descend, finish, noise_left, polish, quiet_noise, task_of
 from app.engine.mismatch.fit.noise import NoiseModel, whiten
 from app.engine.mismatch.loop.chain import signal_after
 from app.engine.recording import BoolArray, FloatArray
@@ -105,6 +105,7 @@ def by_free_run(found: Fit) -> Fit:
 
 def white_fit(found: Fit) -> FloatArray:
     """Coordinates of the same model where its free run is nearest to PV."""
-    task = task_of(found)
-    white = NoiseModel(deviation=float(np.std(found.residual[found.record.usable])))
+    task, record = task_of(found), found.record
+    # Of exact data nothing may be left.
+    white = NoiseModel(deviation=max(float(np.std(found.residual[record.usable])), STILL * record.pv_span))
     return descend(task, polish(task, found.x, white), white, 30)
