@@ -5,17 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison
+from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.compare.comparison import record_of
 from app.engine.mismatch.compare.patterns import Run, find_patterns, jumps_free
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.fit.levels import resolution
 from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import run_process
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep
-from tests.engine.plain_loop import TS, N, moves, recorded
+from tests.engine.plain_loop import TRUE, TS, N, moves, recorded
 
 
 def pattern_codes(pv: FloatArray) -> set[str]:
-    return {p.part.block.code for p in find_patterns(experiment(TS, moves(), pv))}
+    return pattern_codes_of(moves(), pv)
+
+
+def pattern_codes_of(op: FloatArray, pv: FloatArray) -> set[str]:
+    return {p.part.block.code for p in find_patterns(experiment(TS, op, pv))}
 
 
 def test_patterns_of_pv_are_read_off_pv() -> None:
@@ -84,3 +91,44 @@ def test_near_its_extreme_a_sensor_that_comes_free_jumps_and_a_limit_does_not() 
     assert not jumps_free(pressed, Run(first, left))
     assert jumps_free(stuck, Run(at - 80, at - 1))
     assert not jumps_free(stuck, Run(N - 20, N - 1))
+
+
+RIGHT = LinearSimulation(TRUE.K, (TRUE.tau,), TRUE.theta)
+STEPS = 40.0 + np.repeat(np.random.default_rng(2).uniform(-8.0, 8.0, N // 200), 200)
+
+
+def settled(sigma: float = 0.0) -> FloatArray:
+    """A PV that comes to rest after each step of OP, beside a little noise."""
+    return 50.0 + run_process(STEPS - 40.0, TRUE, TS) + sigma * np.random.default_rng(5).normal(size=N)
+
+
+def believed(pv: FloatArray, op: FloatArray = STEPS) -> list[str]:
+    prepared = prepare(Comparison("settled", TS, op, pv, simulation=RIGHT))
+    return [pattern.part.block.code for pattern in prepared.patterns]
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002])
+def test_a_pv_that_rests_where_the_refit_does_shows_no_pattern(sigma: float) -> None:
+    pv = np.round(settled(sigma), 2)
+    assert pattern_codes_of(STEPS, pv) != set()
+    assert believed(pv) == []
+    said = explain(Comparison("settled", TS, STEPS, pv, simulation=RIGHT))
+    assert (said.verdict, said.effects) == ("consistent", ())
+
+
+def test_a_sensor_that_stops_or_ends_is_seen_beside_a_right_simulation() -> None:
+    op, pv = 40.0 + moves(), 50.0 + run_process(moves(), TRUE, TS)
+    stuck = pv.copy()
+    stuck[500:560] = stuck[499]
+    assert believed(np.round(stuck, 2), op) == ["sensor.stuck"]
+    assert believed(np.round(np.minimum(pv, 53.0), 2), op) == ["sensor.saturation"]
+    kept = keep(np.arange(float(N)), settled(0.1), 0.5, "exception")
+    held = settled(0.1)[np.maximum.accumulate(np.where(kept, np.arange(N), 0))]
+    assert believed(np.round(held, 2)) == ["sensor.compression"]
+
+
+def test_the_decimals_of_a_signal_are_told_by_few_of_their_levels() -> None:
+    rng = np.random.default_rng(0)
+    assert resolution(np.round(rng.normal(size=600), 2)) == pytest.approx(0.01)
+    assert resolution(rng.normal(size=600)) == 0.0
+    assert resolution(np.full(9, 3.0)) == 0.0

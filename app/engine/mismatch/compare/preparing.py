@@ -10,14 +10,16 @@ from app.engine.mismatch.compare.patterns import Pattern, find_patterns, held
 from app.engine.mismatch.compare.sampling import Taken
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
+from app.engine.mismatch.fit.levels import resolution
 from app.engine.mismatch.fit.refitting import off_in_words
 from app.engine.mismatch.fit.shifting import InStep, in_step
 from app.engine.mismatch.fit.task import OWN_DEVIATION, Given
-from app.engine.mismatch.judge.conclude import unrelated
+from app.engine.mismatch.judge.conclude import ROUNDING, unrelated
 from app.engine.mismatch.loop.beginning import answers_the_record
 from app.engine.mismatch.loop.chain import simulate
-from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, Experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.physics.sensor_pattern import QUANTIZATION
 from app.engine.recording import FloatArray
 from app.errors import DataError
 
@@ -55,6 +57,34 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     if taken is not None:
         record = replace(record, first_s=taken.first_s)
     patterns = find_patterns(record)
+    prepared = beside_patterns(comparison, taken, record, patterns)
+    stand = tuple(pattern for pattern in patterns if not foretold(pattern, record, prepared.base))
+    if len(stand) < len(patterns):
+        prepared = beside_patterns(comparison, taken, record, stand)
+    # Where a pattern hides how PV began, the refit does not know it either.
+    for pattern in (p for p in stand if p.hides_pv and p.shows[:FIRST_SAMPLES].any()):
+        fewer = tuple(other for other in stand if other is not pattern)
+        shown = beside_patterns(comparison, taken, record, fewer)
+        if foretold(pattern, record, shown.base):
+            stand, prepared = fewer, shown
+    return prepared
+
+
+def foretold(pattern: Pattern, record: Experiment, base: Fit) -> bool:
+    """Whether PV, where a pattern shows, is where the linear refit is, but for what PV is rounded to: it rests because
+    the process does, and no sensor or historian is seen at work. Where PV is quantised that is what is seen.
+    """
+    seen = pattern.shows & record.usable
+    if pattern.part.block is QUANTIZATION or not seen.any():
+        return False
+    left = float(np.sqrt(np.mean((record.pv_deviation - base.simulated)[seen] ** 2)))
+    return left <= max(resolution(record.pv[record.usable]), ROUNDING * record.pv_span)
+
+
+def beside_patterns(
+    comparison: Comparison, taken: Taken | None, record: Experiment, patterns: tuple[Pattern, ...]
+) -> Prepared:
+    """The comparison ready where these patterns of PV are believed; as `prepare`."""
     if taken is not None:
         patterns = (held(record, taken.interval_s), *patterns)
     record = without_hidden(record, patterns)

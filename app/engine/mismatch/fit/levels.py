@@ -25,6 +25,20 @@ def level_spacing(pv: FloatArray) -> float:
     return step if np.mean(fits) > 0.97 else 0.0
 
 
+def resolution(signal: FloatArray) -> float:
+    """The least step of a signal (N,) where all its values are whole steps apart, or 0: what it was rounded to, however
+    few of the levels it takes.
+    """
+    levels = np.unique(signal)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * (levels[-1] - levels[0])]
+    if len(gaps) == 0:
+        return 0.0
+    step = float(np.min(gaps))
+    places = (signal - levels[0]) / step
+    return step if np.mean(np.abs(places - np.round(places)) < 0.15) > 0.97 else 0.0
+
+
 def rounded_off(signal: FloatArray, left: FloatArray) -> bool:
     """Whether what a model leaves (N,) of a signal (N,) is no more than the signal's rounding to levels."""
     return bool(np.quantile(np.abs(left), 0.98) <= ROUNDED * level_spacing(signal))

@@ -9,6 +9,7 @@ from app.engine.mismatch.compete.richer_noise import ANSWERING
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.fitting import Fit, fit, fit_linear, task_of
 from app.engine.mismatch.fit.given import TraceModel
+from app.engine.mismatch.fit.levels import ROUNDED, resolution
 from app.engine.mismatch.fit.noise import compared_samples
 from app.engine.mismatch.judge.holdout import Unseen, worse
 from app.engine.mismatch.judge.result import Effect, Improvement, Verdict
@@ -18,6 +19,8 @@ LEAST_ANSWER = 10.0
 LEAST_TIMES = 4.0
 LEAST_COMPARED = 100
 ROUNDING = 1e-9
+FINE = 0.003  # of PV's span: wider levels are a pattern of PV
+FARTHEST = 2.0  # levels: rounding beside a little noise; what acts for a few samples goes farther
 UNRELATED = 0.7
 ASTRAY_SHARE = 0.5
 ASTRAY_PCT = -300.0  # fit of a free run that is four times as far from PV as PV's own mean is
@@ -176,9 +179,16 @@ def too_few(record: Experiment) -> tuple[Reason, ...]:
 
 
 def nothing_left(base: Fit) -> bool:
-    """Whether the linear refit leaves no more of PV than rounding."""
+    """Whether the linear refit leaves no more of PV than rounding: of numbers, or to the decimals that it is kept with,
+    which stands to one side as long as PV rests. Wide levels are an effect, and say nothing of others.
+    """
     seen = base.record.usable
-    return float(np.std(base.residual[seen])) <= ROUNDING * float(np.std(base.record.pv[seen]))
+    left, pv = base.residual[seen], base.record.pv[seen]
+    if float(np.std(left)) <= ROUNDING * float(np.std(pv)):
+        return True
+    step = resolution(pv)
+    nearly_all, all_of_it = np.quantile(np.abs(left), (0.98, 1.0))
+    return bool(step <= FINE * base.record.pv_span and nearly_all <= ROUNDED * step and all_of_it <= FARTHEST * step)
 
 
 def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
