@@ -315,6 +315,10 @@ class NightOut(Read):
         "did before it went to manual is none of them."
     )
     units: list[NightOfUnitOut] = Field(description="The same of each unit, as far as it is told.")
+    apart: int = Field(
+        description="Valves that stick of which that could be relied on when it was said, and not by then: of old "
+        "records, or from before a repair."
+    )
 
 
 class NightsPage(Read):
@@ -350,6 +354,7 @@ class GroupMemberOut(Read):
     coherence: float = Field(description="How closely it moves in step with the likeliest source, 0 to 1.")
     lag_s: float | None = Field(description="How long after the likeliest source PV swings, in s; null: not in step.")
     onset: str | None = Field(description="When its oscillation began, ISO 8601, UTC; null: before the record.")
+    measured: bool = Field(description="Whether the probability is measured; false: it is a prior.")
 
 
 class GroupOut(Read):

@@ -3,7 +3,7 @@
 A task that ends while Redis is away cannot be acknowledged. kombu's own channel counts it as unfinished from then on,
 asks for no other as long as a worker may hold one, and so never hears that Redis has come back: the worker stands still
 for good. Here it is finished for the worker, whatever Redis was told: what Redis still holds of it is given out again
-after the visibility timeout, to somebody who finds nothing to do.
+after the visibility timeout, to somebody who finds nothing to do; so is a message that could not be put back.
 """
 
 from typing import Any

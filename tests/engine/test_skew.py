@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from app.engine.audit import audit
 from app.engine.fitness import Fitness, assess
 from app.engine.fitness.skew import MOST_SAMPLES, MOST_SKEW
-from app.engine.recording import Recording
+from app.engine.recording import FloatArray, Recording
+from app.engine.simulate import Signal
 from tests.engine.cycling_loop import cycling, outcomes
 from tests.engine.test_verdict import simulated, sticky
 
@@ -68,6 +70,38 @@ def test_a_process_that_answers_at_once_is_no_skew():
     fitness = assess(Recording("flow", np.arange(float(n)), pv, op))
     assert outcomes(fitness)["time_skew"] == "not_evaluated"
     np.testing.assert_array_equal(fitness.record.op, op)
+
+
+def moved_by(op: FloatArray, seed: int = 3) -> Recording:
+    """A quick process behind an OP that no controller of this loop moves: PV is there two samples later."""
+    noise = 0.03 * np.random.default_rng(seed).normal(size=len(op))
+    return Recording("flow", np.arange(float(len(op))), np.concatenate(([0.0, 0.0], op[:-2])) + noise, op)
+
+
+@pytest.mark.parametrize("kept", [0.98, 0.0], ids=["wanders", "white"])
+def test_a_pv_that_follows_what_moves_op_is_no_skew(kept):
+    op = lfilter([1.0], [1.0, -kept], np.random.default_rng(2).normal(size=1500))
+    assert outcomes(assess(moved_by(op)))["time_skew"] == "not_evaluated"
+
+
+def test_steps_of_op_by_hand_are_no_skew():
+    rng = np.random.default_rng(4)
+    op = np.repeat(rng.normal(size=30), 50)
+    assert outcomes(assess(moved_by(op)))["time_skew"] == "not_evaluated"
+
+
+def test_steps_of_the_set_point_hide_no_skew():
+    loop = simulated(sp=Signal(steps=tuple((100.0 * k, 1.0 if k % 2 else -1.0) for k in range(4, 16))))
+    assert skew_found(assess(stamped_late(loop, 2))) == -2.0
+
+
+def test_what_was_filled_is_told_as_it_was_recorded(loop):
+    holes = np.ones(loop.samples, dtype=bool)
+    holes[50:-50:25] = False
+    fitness = assess(stamped_late(loop, 3).part(holes[3:]))
+    told = next(finding.statistic for finding in fitness.findings if finding.code == "filled")
+    assert skew_found(fitness) == -3.0
+    assert fitness.filled_share == told == pytest.approx(1.0 / 25.0, abs=0.005)
 
 
 def test_where_op_shows_nothing_of_pv_at_once_none_is_told():

@@ -227,9 +227,10 @@ def _assess_record(recording: Recording, samples: Samples, fitness: Fitness, con
         checks.check_on_line("op", samples.op, config),
         checks.check_skew(skew, record),
     )
+    filled_share = float(np.mean(record.filled))
     if skew is not None:
         record = without_skew(record, skew.samples)
-    return replace(fitness, findings=found, record=record, filled_share=float(np.mean(record.filled)))
+    return replace(fitness, findings=found, record=record, filled_share=filled_share)
 
 
 def _newest_automatic(samples: Samples, config: FitnessConfig) -> slice:

@@ -183,9 +183,11 @@ def check_skew(skew: Skew | None, record: UniformRecord) -> Finding:
     if skew.samples == 0:
         text = "PV and OP were stamped at one time"
     elif skew.samples < 0:
-        text = f"OP answers what PV shows {apart} later: PV is stamped late, or OP early, and was set back by that"
+        text = (
+            f"OP answers what PV shows {apart} later: PV is stamped late, or OP early or fed forward; it is set right"
+        )
     else:
-        text = f"OP answers what PV showed {apart} before: OP is stamped late, or PV early, and was set back by that"
+        text = f"OP answers what PV showed {apart} before: OP is stamped late, or PV early; it is set right"
     return _finding("time_skew", skew.samples == 0, text, skew.samples, None, "samples")
 
 

@@ -15,7 +15,9 @@ MOST_SAMPLES = 5000
 LEAST_CORRELATION = 0.5
 MOST_AT_ONCE = 0.5
 """Share of that correlation that may be there without a skew."""
-LEAST_ACTION = 0.3
+LEAST_ACTION, LEAST_INTEGRAL, MOST_ALONG = 0.3, 0.05, 0.8
+"""Correlations that tell a controller from a process: of OP and its moves with the control error, of the moves alone,
+and of OP with a PV that may follow it."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +34,17 @@ class Skew:
 def skew_of(record: UniformRecord) -> Skew | None:
     """The skew of a record; None where OP shows nothing of what is new in PV at once, so that none can be told.
 
-    What neither signal's own past foretells is compared (Haugh 1976, doi 10.1080/01621459.1976.10480353). A controller
-    with proportional action hands the noise of PV on to OP within the sample in which it is taken, so that the two are
-    alike there and nowhere else, with the sign of the controller. A quick process answers OP some samples later and
-    just as sharply, with the other sign: it is no skew.
+    What neither signal's own past foretells is compared (Haugh 1976, doi 10.1080/01621459.1976.10480353), less what a
+    proportional controller makes of a moving set point at once. A controller with proportional action hands the noise
+    of PV on to OP within the sample in which it is taken, so that the two are alike there and nowhere else, with the
+    sign of the controller. A quick process answers OP some samples later and just as sharply: with the other sign where
+    the loop is closed around it, and with the same one where OP is moved by something else (a set point that is not
+    recorded, a program, by hand). Where the two cannot be told apart, nothing is told.
+
+    Misleads: feed-forward moves OP ahead of PV as a PV that is stamped late does.
     """
     newest = record.part(slice(max(0, record.samples - MOST_SAMPLES), None))
-    pv, op = (innovations(signal[None], ORDER) for signal in (newest.pv, newest.op))
+    pv, op = (innovations(signal[None], ORDER) for signal in (newest.pv, newest.op - _kicks(newest)))
     if pv is None or op is None:
         return None
     lags = range(-MOST_SKEW, MOST_SKEW + 1)
@@ -49,8 +55,7 @@ def skew_of(record: UniformRecord) -> Skew | None:
         return None
     if found.samples == 0 or abs(alike[MOST_SKEW]) > MOST_AT_ONCE * abs(found.correlation):
         return Skew(0, float(alike[MOST_SKEW]))
-    action = _action(without_skew(newest, found.samples))
-    return found if np.sign(found.correlation) * action >= LEAST_ACTION else None
+    return found if found.samples > 0 or _acts(without_skew(newest, found.samples), found.correlation) else None
 
 
 def without_skew(record: UniformRecord, samples: int) -> UniformRecord:
@@ -68,11 +73,23 @@ def without_skew(record: UniformRecord, samples: int) -> UniformRecord:
     )
 
 
-def _action(record: UniformRecord) -> float:
-    """The sign of the controller, -2 to 2: OP goes with the control error where it is proportional, and its moves do
-    where it integrates."""
-    error = record.pv - _over(record.sp, record.pv)
-    return _correlation(record.op, error) + _correlation(np.diff(record.op), error[1:])
+def _acts(record: UniformRecord, correlation: float) -> bool:
+    """Whether OP, beside a PV that it would answer, is that of a controller with this sign: its moves go with the
+    control error midway where it integrates, and OP does where it is proportional. A PV that follows OP goes along with
+    it too, but OP's moves do not go with that."""
+    sign, error = np.sign(correlation), record.pv - _over(record.sp, record.pv)
+    integral = sign * _correlation(np.diff(record.op), error[1:] + error[:-1])
+    proportional = sign * _correlation(record.op, error)
+    follows = sign * _correlation(record.op, record.pv) > MOST_ALONG
+    return bool(integral >= LEAST_INTEGRAL or (proportional + integral >= LEAST_ACTION and not follows))
+
+
+def _kicks(record: UniformRecord) -> FloatArray:
+    """(N,) what OP moves at once with SP, by its moves; 0 where SP is not known or stands."""
+    if record.sp is None or np.ptp(record.sp) == 0.0:
+        return np.zeros_like(record.op)
+    moves = np.diff(record.sp)
+    return (record.sp - record.sp[0]) * float(moves @ np.diff(record.op) / (moves @ moves))
 
 
 def _over(sp: FloatArray | None, pv: FloatArray) -> FloatArray:
