@@ -1,15 +1,9 @@
 """A worker whose acknowledgement Redis never heard takes the next message all the same."""
 
-import shutil
-import socket
-import subprocess
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
-import redis
 from kombu import Consumer, Message
 from kombu import Queue as KombuQueue
 
@@ -17,33 +11,15 @@ from app.queue import READ_UPLOAD, Queue
 from app.queue.application import celery_application
 from app.queue.jobs import queue_names
 from app.settings import Settings
-
-
-def answers(port: int) -> bool:
-    with suppress(redis.ConnectionError), redis.Redis(port=port) as client:
-        return bool(client.ping())
-    return False
-
-
-def started(program: str, port: int, folder: Path) -> subprocess.Popen[bytes]:
-    command = [program, "--port", str(port), "--bind", "127.0.0.1", "--save", "", "--dir", str(folder)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    while not answers(port):
-        time.sleep(0.05)
-    return process
+from tests.workers.redis_server import RedisServer
 
 
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("told", [Message.ack, Message.reject, Message.requeue], ids=["ack", "reject", "requeue"])
 def test_what_redis_was_not_told_is_finished(told: Callable[[Message], None], tmp_path: Path) -> None:
-    program = shutil.which("redis-server")
-    if program is None:
-        pytest.skip("no redis-server to be started")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    settings = Settings(data_dir=tmp_path, broker_url=f"redis://127.0.0.1:{port}/0", database_url="postgresql:///none")
-    server, queue, taken = started(program, port, tmp_path), Queue(settings), []
+    server = RedisServer(tmp_path)
+    settings = Settings(data_dir=tmp_path, broker_url=server.url, database_url="postgresql:///none")
+    queue, taken = Queue(settings), []
     try:
         assert queue.read_upload(1)
         name = queue_names(settings)[READ_UPLOAD]
@@ -54,12 +30,10 @@ def test_what_redis_was_not_told_is_finished(told: Callable[[Message], None], tm
                 connection.drain_events(timeout=10)
                 assert not channel.qos.can_consume()
                 server.kill()
-                server.wait()
                 with pytest.raises(connection.connection_errors):
                     told(taken[0])
                 assert channel.qos.can_consume()
-                server = started(program, port, tmp_path)
+                server.start()
     finally:
         server.kill()
-        server.wait()
         queue.close()
