@@ -6,6 +6,8 @@ for good. Here it is finished for the worker, whatever Redis was told: what Redi
 after the visibility timeout, to somebody who finds nothing to do; so is a message that could not be put back.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from kombu.transport import redis, virtual
@@ -15,15 +17,18 @@ class QoS(redis.QoS):
     """Which messages this worker holds."""
 
     def ack(self, delivery_tag: str) -> None:
-        try:
+        with self._let_go(delivery_tag):
             super().ack(delivery_tag)
-        except Exception:
-            virtual.QoS.ack(self, delivery_tag)
-            raise
 
     def reject(self, delivery_tag: str, requeue: bool = False) -> None:
-        try:
+        with self._let_go(delivery_tag):
             super().reject(delivery_tag, requeue=requeue)
+
+    @contextmanager
+    def _let_go(self, delivery_tag: str) -> Iterator[None]:
+        """Whatever kept Redis from hearing it is raised, once the message is none of this worker's."""
+        try:
+            yield
         except Exception:
             virtual.QoS.ack(self, delivery_tag)
             raise

@@ -100,6 +100,7 @@ class RunOfNight(NamedTuple):
 
     id: int
     created_at: datetime
+    ended_at: datetime
     nightly_for: str | None
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.signals.innovations import apart, innovations
+from app.engine.signals.sampled import correlation
 
 ORDER = 20
 MOST_SKEW = 8
@@ -55,7 +56,9 @@ def skew_of(record: UniformRecord) -> Skew | None:
         return None
     if found.samples == 0 or abs(alike[MOST_SKEW]) > MOST_AT_ONCE * abs(found.correlation):
         return Skew(0, float(alike[MOST_SKEW]))
-    return found if found.samples > 0 or _acts(without_skew(newest, found.samples), found.correlation) else None
+    return (
+        found if found.samples > 0 or _acts(without_skew(newest, found.samples), np.sign(found.correlation)) else None
+    )
 
 
 def without_skew(record: UniformRecord, samples: int) -> UniformRecord:
@@ -73,14 +76,14 @@ def without_skew(record: UniformRecord, samples: int) -> UniformRecord:
     )
 
 
-def _acts(record: UniformRecord, correlation: float) -> bool:
+def _acts(record: UniformRecord, sign: float) -> bool:
     """Whether OP, beside a PV that it would answer, is that of a controller with this sign: its moves go with the
     control error midway where it integrates, and OP does where it is proportional. A PV that follows OP goes along with
     it too, but OP's moves do not go with that."""
-    sign, error = np.sign(correlation), record.pv - _over(record.sp, record.pv)
-    integral = sign * _correlation(np.diff(record.op), error[1:] + error[:-1])
-    proportional = sign * _correlation(record.op, error)
-    follows = sign * _correlation(record.op, record.pv) > MOST_ALONG
+    error = record.pv - _over(record.sp, record.pv)
+    integral = sign * correlation(np.diff(record.op), error[1:] + error[:-1])
+    proportional = sign * correlation(record.op, error)
+    follows = sign * correlation(record.op, record.pv) > MOST_ALONG
     return bool(integral >= LEAST_INTEGRAL or (proportional + integral >= LEAST_ACTION and not follows))
 
 
@@ -98,8 +101,3 @@ def _over(sp: FloatArray | None, pv: FloatArray) -> FloatArray:
         return np.zeros_like(pv)
     moves = sp - sp.mean()
     return moves * float(moves @ (pv - pv.mean()) / (moves @ moves))
-
-
-def _correlation(one: FloatArray, other: FloatArray) -> float:
-    spread = float(np.std(one) * np.std(other))
-    return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread > 0.0 else 0.0

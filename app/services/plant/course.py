@@ -3,23 +3,23 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
 from sqlalchemy import Connection
 
 from app.engine.codes import Cause
 from app.services.backend import Backend
 from app.services.plant.overview import mean_health, tally
-from app.services.plant.told_until import ended_before, run_to_work_by
+from app.services.plant.told_until import run_to_work_by
 from app.services.recency import OLD_FROM
 from app.services.results import Night, NightOfUnit
 from app.storage import plant, set_apart
+from app.storage.plant import RunOfNight
 
 NOT_IN_AUTOMATIC: Cause = "not_in_automatic"
 NIGHTS = 14
 RUNS = 2 * NIGHTS
-"""Of several runs of one date the last counts; so many are looked through for the dates. A night
-that was caught up after midnight has its own date."""
+"""Of several runs of one date the last counts; so many are looked through for the dates. A night that was caught up
+after midnight has its own date."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,15 @@ def course(backend: Backend) -> list[Night]:
     """The oldest first; some queries a night."""
     with backend.database.read() as connection:
         runs = reversed(plant.whole_runs(connection, RUNS))
-        dated = {run.nightly_for or backend.clock.date(run.created_at): run.id for run in runs}
-        newest, last = sorted(dated.items())[-NIGHTS:], run_to_work_by(connection)
-        return [_night(connection, date, run, ended_before(connection, run, last)) for date, run in newest]
+        dated = {run.nightly_for or backend.clock.date(run.created_at): run for run in runs}
+        newest, last = sorted(dated)[-NIGHTS:], run_to_work_by(connection) or 0
+        return [_night(connection, date, dated[date], last) for date in newest]
 
 
-def _night(connection: Connection, date: str, run: int, until: datetime | None) -> Night:
-    counted = plant.counts_of_run(connection, run)
-    apart = set_apart.of_run(connection, run, OLD_FROM, until)
+def _night(connection: Connection, date: str, run: RunOfNight, last: int) -> Night:
+    """last: the run to work by, of which what is written by now counts; of an older one what was when it ended."""
+    counted = plant.counts_of_run(connection, run.id)
+    apart = set_apart.of_run(connection, run.id, OLD_FROM, run.ended_at if run.id < last else None)
     told, of_units = tally(counted, apart), Counter[str | None]()
     for row in counted:
         of_units[row.unit] += row.loops * (row.verdict == "stiction" and row.reliability == "reliable")
@@ -65,7 +66,7 @@ def _night(connection: Connection, date: str, run: int, until: datetime | None) 
         of_units[one.unit] -= one.loops * (one.verdict == "stiction")
     return Night(
         date=date,
-        run=str(run),
+        run=str(run.id),
         audited=sum(told.verdicts.values()),
         sticking=told.reliable.get("stiction", 0),
         apart=sum(told.apart.get("stiction", {}).values()),

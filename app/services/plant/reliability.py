@@ -62,9 +62,8 @@ def table(
 ) -> Page[dict[str, Any]]:
     """The same for a page, with what it shows besides: importance and priority, what to do as a `Step`, and what is
     written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: both as the API tells
-    them). Rows that are
-    asked for because their records end before a time are of old ones by now, whatever their runs knew. Whoever chose
-    another order with a cursor in the address begins at its head."""
+    them). Rows that are asked for because their records end before a time are of old ones by now, whatever their runs
+    knew. Whoever chose another order with a cursor in the address begins at its head."""
     found = _stored(backend, limit, cursor, sort, filters, any_order=True)
     shown = [with_loop(row, filters) for row in found.rows]
     if shelved is None:
@@ -103,7 +102,11 @@ def _stored(
 def _written_by(backend: Backend, filters: RowFilter | None) -> tuple[Shelf, datetime | None]:
     """What is shelved, and up to when notes count, for the rows that are asked for."""
     until = _until(backend, filters)
-    return shelf(backend) if filters is None or until is None else shelf(backend, filters.audit_id, until), until
+    return _shelf(backend, filters, until), until
+
+
+def _shelf(backend: Backend, filters: RowFilter | None, until: datetime | None) -> Shelf:
+    return shelf(backend) if filters is None or until is None else shelf(backend, filters.audit_id, until)
 
 
 def _until(backend: Backend, filters: RowFilter | None) -> datetime | None:
@@ -147,12 +150,13 @@ def in_parts(
         settled = verdicts.settled(connection, {row.audit_id for row in rows})
     page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
     shown, marks = page.rows, marks_of(backend, [row.tag for row in page.rows])
+    until = _until(backend, filters)
     of_loops = [tuple(row._replace(value=None)) for row in shown]
-    said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told, iso_utc(_until(backend, filters))]
+    said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told, iso_utc(until)]
 
     def parts() -> Iterator[list[dict[str, Any]]]:
         """Nothing of a part is held here once it is given."""
-        known, until = _written_by(backend, filters)
+        known = _shelf(backend, filters, until)
         some = (shown[at : at + PART_ROWS] for at in range(0, len(shown), PART_ROWS))
         return (_part(backend, rows, filters, known, until) for rows in some)
 

@@ -17,10 +17,6 @@ def run_to_work_by(connection: Connection) -> int | None:
 
 def notes_until(connection: Connection, audit_id: int) -> datetime | None:
     """When an older run ended; None: what is written by now counts, of this run or for want of one that is newer."""
-    return ended_before(connection, audit_id, run_to_work_by(connection))
-
-
-def ended_before(connection: Connection, audit_id: int, newest: int | None) -> datetime | None:
-    """The same where the run to work by is known."""
+    newest = run_to_work_by(connection)
     run = audits.by_id(connection, audit_id) if newest is not None and audit_id < newest else None
     return None if run is None else run.ended_at

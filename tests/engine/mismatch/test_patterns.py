@@ -9,7 +9,7 @@ from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.compare.comparison import record_of
 from app.engine.mismatch.compare.patterns import Run, find_patterns, jumps_free
 from app.engine.mismatch.compare.preparing import prepare
-from app.engine.mismatch.fit.levels import resolution
+from app.engine.mismatch.fit.levels import decimals_of
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import run_process
 from app.engine.recording import FloatArray
@@ -129,6 +129,6 @@ def test_a_sensor_that_stops_or_ends_is_seen_beside_a_right_simulation() -> None
 
 def test_the_decimals_of_a_signal_are_told_by_few_of_their_levels() -> None:
     rng = np.random.default_rng(0)
-    assert resolution(np.round(rng.normal(size=600), 2)) == pytest.approx(0.01)
-    assert resolution(rng.normal(size=600)) == 0.0
-    assert resolution(np.full(9, 3.0)) == 0.0
+    assert decimals_of(np.round(rng.normal(size=600), 2)) == pytest.approx(0.01)
+    assert decimals_of(rng.normal(size=600)) == 0.0
+    assert decimals_of(np.full(9, 3.0)) == 0.0

@@ -10,7 +10,7 @@ from app.engine.mismatch.compare.patterns import Pattern, find_patterns, held
 from app.engine.mismatch.compare.sampling import Taken
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
-from app.engine.mismatch.fit.levels import resolution
+from app.engine.mismatch.fit.levels import decimals_of
 from app.engine.mismatch.fit.refitting import off_in_words
 from app.engine.mismatch.fit.shifting import InStep, in_step
 from app.engine.mismatch.fit.task import OWN_DEVIATION, Given
@@ -78,7 +78,7 @@ def foretold(pattern: Pattern, record: Experiment, base: Fit) -> bool:
     if pattern.part.block is QUANTIZATION or not seen.any():
         return False
     left = float(np.sqrt(np.mean((record.pv_deviation - base.simulated)[seen] ** 2)))
-    return left <= max(resolution(record.pv[record.usable]), ROUNDING * record.pv_span)
+    return left <= max(decimals_of(record.pv[record.usable]), ROUNDING * record.pv_span)
 
 
 def beside_patterns(

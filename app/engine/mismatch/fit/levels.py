@@ -12,31 +12,34 @@ def level_spacing(pv: FloatArray) -> float:
     levels = np.unique(pv)
     if not 3 <= len(levels) < 0.5 * len(pv):
         return 0.0
-    gaps = np.diff(levels)
-    gaps = gaps[gaps > 1e-9 * (levels[-1] - levels[0])]  # less is one level, twice by rounding
+    gaps = _gaps(levels)
     step = float(np.min(gaps))
     regular = gaps[gaps < 1.6 * np.quantile(gaps, 0.3)]
     if step < 0.6 * float(np.median(regular)):
         step = float(np.median(regular))
     else:
         step = float(np.mean(regular[np.abs(regular / step - 1.0) < 0.2]))
-    places = (pv - levels[0]) / step
-    fits = np.abs(places - np.round(places)) < 0.15
-    return step if np.mean(fits) > 0.97 else 0.0
+    return step if _whole_steps_apart(pv, step) else 0.0
 
 
-def resolution(signal: FloatArray) -> float:
+def decimals_of(signal: FloatArray) -> float:
     """The least step of a signal (N,) where all its values are whole steps apart, or 0: what it was rounded to, however
     few of the levels it takes.
     """
-    levels = np.unique(signal)
+    gaps = _gaps(np.unique(signal))
+    step = float(np.min(gaps)) if len(gaps) else 0.0
+    return step if step > 0.0 and _whole_steps_apart(signal, step) else 0.0
+
+
+def _gaps(levels: FloatArray) -> FloatArray:
+    """Between neighbouring levels (M,), increasing; what is less is one level, twice by rounding."""
     gaps = np.diff(levels)
-    gaps = gaps[gaps > 1e-9 * (levels[-1] - levels[0])]
-    if len(gaps) == 0:
-        return 0.0
-    step = float(np.min(gaps))
-    places = (signal - levels[0]) / step
-    return step if np.mean(np.abs(places - np.round(places)) < 0.15) > 0.97 else 0.0
+    return gaps[gaps > 1e-9 * (levels[-1] - levels[0])]
+
+
+def _whole_steps_apart(signal: FloatArray, step: float) -> bool:
+    places = (signal - np.min(signal)) / step
+    return bool(np.mean(np.abs(places - np.round(places)) < 0.15) > 0.97)
 
 
 def rounded_off(signal: FloatArray, left: FloatArray) -> bool:

@@ -9,7 +9,7 @@ from app.engine.mismatch.compete.richer_noise import ANSWERING
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.fitting import Fit, fit, fit_linear, task_of
 from app.engine.mismatch.fit.given import TraceModel
-from app.engine.mismatch.fit.levels import ROUNDED, resolution
+from app.engine.mismatch.fit.levels import ROUNDED, decimals_of
 from app.engine.mismatch.fit.noise import compared_samples
 from app.engine.mismatch.judge.holdout import Unseen, worse
 from app.engine.mismatch.judge.result import Effect, Improvement, Verdict
@@ -186,7 +186,7 @@ def nothing_left(base: Fit) -> bool:
     left, pv = base.residual[seen], base.record.pv[seen]
     if float(np.std(left)) <= ROUNDING * float(np.std(pv)):
         return True
-    step = resolution(pv)
+    step = decimals_of(pv)
     nearly_all, all_of_it = np.quantile(np.abs(left), (0.98, 1.0))
     return bool(step <= FINE * base.record.pv_span and nearly_all <= ROUNDED * step and all_of_it <= FARTHEST * step)
 
