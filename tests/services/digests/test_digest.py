@@ -1,6 +1,7 @@
 """The nightly digest: what it says of a run, in words, as a page and as JSON."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -34,6 +35,13 @@ def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, nigh
     assert "A1: newly said to stick (no stiction -> valve sticks)" in text
     assert "https://loops.example/loops/A1" in text
     assert subject(found).startswith("North: 2 valves stick (2 can be relied on), ")
+
+
+def test_a_night_that_was_caught_up_keeps_its_date(backend: Backend, night: str) -> None:
+    found = digest_of(backend, night)
+    caught_up = replace(found, run=replace(found.run, night="2026-01-30", created_at="2026-01-31T07:00:00Z"))
+    assert subject(caught_up).endswith(" (2026-01-30)")
+    assert subject(replace(caught_up, run=replace(caught_up.run, night=None))).endswith(" (2026-01-31)")
 
 
 def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str, add_loops: AddLoops) -> None:
