@@ -82,7 +82,8 @@ audit-deps: install
 
 RECORDINGS ?= ../shared/recordings
 
-# WRITE=--write puts the fitted parameters into the engine; MORE=--stored judges the recordings as other historians would have stored them.
+# WRITE=--write puts the fitted parameters into the engine; MORE=--stored judges the recordings as other historians would have stored
+# them, MORE=--groups leaves whole sources and industries out.
 evaluate: install
 	$(BIN)/python -m app.lab.evaluation $(RECORDINGS) --reference $(WRITE) $(MORE)
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from app.errors import DataError
 from app.ingest import read_recordings
 from app.lab.evaluation import fitting, parameters, recordings, report, scoring
 from app.lab.evaluation.fitting import FitConfig, Samples, class_weights, fit, platt, valve_weights
-from app.lab.evaluation.leave_one_out import by_valve
+from app.lab.evaluation.leave_group_out import groups_of, models_without
+from app.lab.evaluation.leave_one_out import Table, by_valve
 from app.lab.evaluation.leave_pair_out import area_by_pairs
 from app.lab.evaluation.strangers import judged, strangers
 from app.lab.testbench.known_loops import known_loops
@@ -196,6 +198,40 @@ def test_the_report_says_whether_the_shipped_numbers_are_those_of_the_fit():
     other = report.shipped_beside(replace(shipped, calibration=(slope, intercept + 0.5)), shipped, values)
     before, after = 1 / (1 + np.exp(-shipped.log_odds(values))), 1 / (1 + np.exp(-shipped.log_odds(values) - 0.5))
     assert f"up to {np.abs(after - before).max():.3f}" in other
+
+
+def test_a_group_that_is_left_out_has_no_part_in_fit_and_calibration():
+    """What is written of its recordings, labels and rivals may be anything: the model without it stays what it was."""
+    real, simulated = samples(24, 0), samples(60, 1)
+    valves = np.array([f"v{k // 2}" for k in range(24)])
+    groups = {f"v{k}": "west" if k < 4 else "east" if k < 8 else "north" for k in range(12)} | {"unusable": "east"}
+    small = FitConfig(networks=1, steps=5)
+
+    def models(sticky: np.ndarray, values: np.ndarray, against: np.ndarray) -> dict:
+        return models_without(groups, Table(values, valves, sticky, np.ones(24)), against, simulated, small)
+
+    sticky = np.repeat(real.sticky[:12], 2)
+    before = models(sticky, real.values, np.zeros(24))
+    west = np.arange(24) < 8
+    turned = np.where(west, 1 - sticky, sticky)
+    after = models(turned, np.where(west[:, None], 9.0, real.values), np.where(west, 3.0, 0.0))
+    assert set(before) == set(groups)
+    assert (before["v0"] is before["v3"], before["unusable"] is before["v4"]) == (True, True)
+    probe = samples(10, 2).values
+    np.testing.assert_array_equal(after["v0"].log_odds(probe), before["v0"].log_odds(probe))
+    assert not np.allclose(after["v4"].log_odds(probe), before["v4"].log_odds(probe))
+
+
+def test_valves_are_grouped_by_source_and_by_what_their_names_begin_with():
+    loops = [
+        SimpleNamespace(valve="a", source="ISDB", recording=SimpleNamespace(name="CHEM12")),
+        SimpleNamespace(valve="b", source="ISDB", recording=SimpleNamespace(name="PAP1")),
+        SimpleNamespace(valve="c", source="", recording=SimpleNamespace(name="12")),
+    ]
+    assert groups_of(loops) == {
+        "whole sources": {"a": "ISDB", "b": "ISDB", "c": ""},
+        "whole industries": {"a": "CHEM", "b": "PAP", "c": ""},
+    }
 
 
 def test_a_labelled_recording_is_read_as_audit_reads_it(tmp_path):

@@ -2,9 +2,9 @@
 
 --write puts the model fitted on all of them into app/engine/verdict/parameters.py; --verdicts FILE writes the
 leave-one-valve-out verdicts as JSON lines for the scorer; --pairs fits a model for each pair of a sticky and a healthy
-valve as well (minutes); --strangers N asks the engine of PV and OP of different valves; --stored judges the recordings
-as other historians would have stored them. Simulated loops and networks have fixed seeds: the same recordings give the
-same numbers.
+valve as well (minutes); --groups leaves whole sources and industries out (minutes); --strangers N asks the engine of PV
+and OP of different valves; --stored judges the recordings as other historians would have stored them. Simulated loops
+and networks have fixed seeds: the same recordings give the same numbers.
 """
 
 import argparse
@@ -19,15 +19,16 @@ import numpy as np
 from app.engine.audit_config import AuditConfig
 from app.engine.judged import judge
 from app.engine.judgement import Judgement
-from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.recording import FloatArray, IntArray
 from app.engine.rivals import compete
 from app.engine.verdict import shape_model
 from app.engine.verdict.shape_model import ShapeModel
 from app.engine.verdict.weighing import counted_against
 from app.lab.evaluation import parameters, report, scoring
 from app.lab.evaluation.components import component_scores
-from app.lab.evaluation.fitting import FitConfig, Samples, TextArray, fit, platt, resembling_weights, valve_weights
-from app.lab.evaluation.leave_one_out import Table, by_valve, simulated_samples
+from app.lab.evaluation.fitting import FitConfig, Samples, TextArray, fit
+from app.lab.evaluation.leave_group_out import groups_of, models_without
+from app.lab.evaluation.leave_one_out import Table, by_valve, calibration_of, fit_of, simulated_samples
 from app.lab.evaluation.leave_pair_out import area_by_pairs
 from app.lab.evaluation.recordings import Labelled, labelled
 from app.lab.evaluation.stored import WAYS
@@ -52,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     models = _models_without_each_valve(table, simulated, config)
     raw = np.array([float(models[v].raw_log_odds(x)) for v, x in zip(table.valves, table.values, strict=True)])
     against = np.array([_against(loop) for loop in usable])
-    calibration = _calibration(table, raw, against)
+    calibration = calibration_of(table, raw, against)
     judged = _judged_all(loops, models, dict.fromkeys(models, calibration))
     _print(loops, judged, models, options.reference)
     _print_nested(loops, table, raw, against, models)
@@ -60,11 +61,14 @@ def main(arguments: list[str] | None = None) -> int:
         _print_pairs(loops, table, raw, against, simulated)
     if options.strangers:
         _print_strangers(usable, options.strangers, options.seed)
+    if options.groups:
+        _print_groups(loops, table, against, simulated)
     if options.stored:
         _print_stored(loops, {valve: replace(model, calibration=calibration) for valve, model in models.items()})
     if options.verdicts:
         options.verdicts.write_text("".join(_line(loop, j) for loop, j in zip(loops, judged, strict=True)))
-    whole = replace(_fit(table.samples(), np.full(len(table.valves), True), simulated, config), calibration=calibration)
+    everything = fit_of(table, np.full(len(table.valves), True), simulated, config)
+    whole = replace(everything, calibration=calibration)
     _say("\n" + report.shipped_beside(whole, shape_model.fitted_model(), table.values))
     if options.write:
         _say(f"wrote {_PARAMETERS.name}, version {parameters.write(whole, _PARAMETERS)}")
@@ -81,6 +85,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--write", action="store_true", help="write the fitted parameters into the engine")
     parser.add_argument("--pairs", action="store_true", help="AUC from models that miss two valves each (minutes)")
     parser.add_argument("--strangers", type=int, default=0, help="pairs of PV and OP of different valves to draw")
+    parser.add_argument("--groups", action="store_true", help="leave whole sources and industries out (minutes)")
     parser.add_argument("--stored", action="store_true", help="judge them as other historians would have stored them")
     parser.add_argument("--reference", action="store_true", help="run the published rule beside it (minutes)")
     return parser
@@ -96,30 +101,14 @@ def _table(loops: list[Labelled]) -> Table:
 
 
 def _models_without_each_valve(table: Table, simulated: Samples, config: FitConfig) -> dict[str, ShapeModel]:
-    whole = table.samples()
     valves: TextArray = np.unique(table.valves)
-    return {str(v): _fit(whole, table.valves != v, simulated, config) for v in valves}
-
-
-def _fit(whole: Samples, kept: BoolArray, simulated: Samples, config: FitConfig) -> ShapeModel:
-    """Of the recordings that are kept (n,) alone: the simulated loops are weighted by what looks like these."""
-    real = whole.part(kept)
-    return fit(real, resembling_weights(simulated, real.values), config)
+    return {str(v): fit_of(table, table.valves != v, simulated, config) for v in valves}
 
 
 def _against(loop: Labelled) -> float:
     if loop.features is None or loop.oscillation is None or loop.fitness.record is None:
         return 0.0
     return counted_against(compete(loop.fitness.record, loop.oscillation, loop.features))
-
-
-def _calibration(
-    table: Table, raw: FloatArray, against: FloatArray, without: tuple[str, ...] = ()
-) -> tuple[float, float]:
-    """From the raw log-odds of all valves but those left out."""
-    kept = ~np.isin(table.valves, without)
-    valves, sticky = table.valves[kept], table.sticky[kept]
-    return platt(raw[kept], sticky, valve_weights(valves, sticky), against[kept])
 
 
 def _judged_all(
@@ -155,18 +144,17 @@ def _print_nested(
     loops: list[Labelled], table: Table, raw: FloatArray, against: FloatArray, models: dict[str, ShapeModel]
 ) -> None:
     """The same with calibrations that have not seen the valve either."""
-    own = {valve: _calibration(table, raw, against, without=(valve,)) for valve in models}
+    own = {valve: calibration_of(table, raw, against, without=(valve,)) for valve in models}
     found = scoring.figures(*_labels(loops), _judged_all(loops, models, own))
     _say(f"\nWith the calibration nested too: AUC {found.auc:.3f}, forced balanced accuracy {found.forced:.3f}")
 
 
 def _print_pairs(loops: list[Labelled], table: Table, raw: FloatArray, against: FloatArray, simulated: Samples) -> None:
     """The AUC of pairs of valves, fit and calibration without either."""
-    whole = table.samples()
 
     def compared(*pair: str) -> tuple[float, float]:
-        model = _fit(whole, ~np.isin(table.valves, pair), simulated, FitConfig())
-        calibrated = replace(model, calibration=_calibration(table, raw, against, without=pair))
+        model = fit_of(table, ~np.isin(table.valves, pair), simulated, FitConfig())
+        calibrated = replace(model, calibration=calibration_of(table, raw, against, without=pair))
         first, second = (_stated([loop for loop in loops if loop.valve == valve], calibrated) for valve in pair)
         return first, second
 
@@ -182,13 +170,22 @@ def _print_strangers(loops: list[Labelled], count: int, seed: int) -> None:
     _say(f"\nOf {len(said)} pairs of strangers {called} are called sticky and {cleared} cleared, reliably")
 
 
+def _print_groups(loops: list[Labelled], table: Table, against: FloatArray, simulated: Samples) -> None:
+    """Whole sources, then whole industries, fit and calibration without any of their valves."""
+    found = []
+    for what, groups in groups_of(loops).items():
+        models = models_without(groups, table, against, simulated, FitConfig())
+        found.append((what, scoring.figures(*_labels(loops), [_judged(loop, models) for loop in loops])))
+    _say("\nWith whole groups of valves left out, all nested\n\n" + report.by_way("left out", found))
+
+
 def _print_stored(loops: list[Labelled], models: dict[str, ShapeModel]) -> None:
     found = (
         (way, [_judged(replace(loop, recording=stored(loop.recording)), models) for loop in loops])
         for way, stored in WAYS.items()
     )
     figures = ((way, scoring.figures(*_labels(loops), judged)) for way, judged in found)
-    _say("\nAs other historians would have stored them\n\n" + report.by_way(figures))
+    _say("\nAs other historians would have stored them\n\n" + report.by_way("stored", figures))
 
 
 def _stated(loops: list[Labelled], model: ShapeModel) -> float:

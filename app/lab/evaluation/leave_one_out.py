@@ -6,11 +6,16 @@ import numpy as np
 
 from app.engine.features import extract
 from app.engine.oscillation import detect
-from app.engine.recording import FloatArray, IntArray
+from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.verdict.shape_model import ShapeModel
 from app.lab.evaluation.fitting import (
+    FitConfig,
     Samples,
     TextArray,
     class_weights,
+    fit,
+    platt,
+    resembling_weights,
     valve_weights,
 )
 from app.lab.testbench.known_loops import known_loops
@@ -28,6 +33,21 @@ class Table:
     def samples(self) -> Samples:
         """All recordings, ready to be fitted."""
         return Samples(self.values, self.sticky, valve_weights(self.valves, self.sticky, self.trust))
+
+
+def fit_of(table: Table, kept: BoolArray, simulated: Samples, config: FitConfig) -> ShapeModel:
+    """Of the recordings that are kept (n,) alone: the simulated loops are weighted by what looks like these."""
+    real = table.samples().part(kept)
+    return fit(real, resembling_weights(simulated, real.values), config)
+
+
+def calibration_of(
+    table: Table, raw: FloatArray, against: FloatArray, without: tuple[str, ...] = ()
+) -> tuple[float, float]:
+    """From the raw log-odds of all valves but those left out."""
+    kept = ~np.isin(table.valves, without)
+    valves, sticky = table.valves[kept], table.sticky[kept]
+    return platt(raw[kept], sticky, valve_weights(valves, sticky), against[kept])
 
 
 def simulated_samples(count: int, seed: int) -> Samples:

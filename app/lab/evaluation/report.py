@@ -77,8 +77,8 @@ def by_tier(valves: TextArray, sticky: IntArray, tiers: TextArray, probability: 
     return _table(("label", "valves", "sticky", "AUC", "forced balanced accuracy"), rows)
 
 
-def by_way(found: Iterable[tuple[str, Figures]]) -> str:
-    """The figures of each way in which the recordings were stored."""
+def by_way(head: str, found: Iterable[tuple[str, Figures]]) -> str:
+    """The figures of each way in which the recordings were stored, or valves left out; head: which of them."""
     rows = (
         (
             *(way, f"{figures.auc:.3f}", f"{figures.forced:.3f}", f"{100 * figures.coverage:.1f} %"),
@@ -87,7 +87,7 @@ def by_way(found: Iterable[tuple[str, Figures]]) -> str:
         )
         for way, figures in found
     )
-    heads = ("stored", "AUC", "forced balanced accuracy", "decided", "reliable", "right of these", "healthy accused")
+    heads = (head, "AUC", "forced balanced accuracy", "decided", "reliable", "right of these", "healthy accused")
     return _table(heads, rows)
 
 
