@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from app.engine.corroborate import METHODS, Corroboration, corroborate
 from app.engine.corroborate.bicoherence import nonlinearity_indices
+from app.engine.corroborate.chance_coupling import FIRST, chance_limit
 from app.engine.corroborate.half_cycles import SINE, half_cycles, misfit, triangles
 from app.engine.corroborate.movement_patterns import rho_3
 from app.engine.corroborate.sigmoid import fitted_correlation
@@ -108,6 +110,26 @@ def test_bicoherence_tells_coupled_lines_from_independent_ones():
     assert linear.ngi < 1e-3
     assert squared.ngi > 0.05
     assert squared.nli > 0.01
+
+
+@pytest.mark.parametrize(("turns", "hop"), [(None, 20), (None, 32), (None, 44), (8.0, 29), (40.0, 25), (64.0, 40)])
+def test_one_record_of_gaussian_noise_in_twenty_exceeds_its_bicoherence_by_chance(turns, hop):
+    """White, or swinging with a period of so many samples, with a hop as the method has it. By pairs that are taken as
+    independent 83 of 300 white records do with a hop of half a segment."""
+    rng, n = np.random.default_rng(12), 300
+    feedback = [1.0] if turns is None else [1.0, -1.8 * np.cos(2 * np.pi / turns), 0.81]
+    noise = lfilter([1.0], feedback, rng.standard_normal((n, 1300)), axis=1)[:, 300:]
+    assert sum(nonlinearity_indices(x, hop).ngi > 0.0 for x in noise) <= 24
+
+
+def test_bicoherence_of_white_noise_is_expected_where_it_lies():
+    """The mean over all pairs of 400 records of 61 segments, and how it varies from one to the next."""
+    noise = np.random.default_rng(4).standard_normal((400, 1984))
+    every = np.ones(len(FIRST), dtype=bool)
+    limit = chance_limit(every, 61, 32)
+    means = [limit + nonlinearity_indices(x).ngi for x in noise]
+    assert 61 * np.mean(means) == pytest.approx(1.04, abs=0.02)
+    assert np.quantile(means, 0.95) == pytest.approx(limit, rel=0.02)
 
 
 @pytest.mark.parametrize("period", [32.0, 40.0, 64.0])
