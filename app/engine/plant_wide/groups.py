@@ -271,9 +271,10 @@ def groups(candidates: Sequence[Candidate]) -> tuple[Group, ...]:
     4,000 candidates the strongest are taken, and none of fewer than ten cycles, nor one that swings for a moment only:
     set points that step at one time are answered alike. Misleads on pairs of pure sines: two
     periods that a record cannot tell apart are in step as far as it shows.
-    Sources: Thornhill, Shah, Huang, Vishnubhotla 2002, Control Eng. Practice 10, 1247-1258,
-    doi 10.1016/S0967-0661(02)00090-5 (spectra alike); Thornhill 2005, J. Process Control 15, 309-324,
-    doi 10.1016/j.jprocont.2004.06.005 (the source is where nonlinearity is strongest).
+    Sources: Thornhill, Shah, Huang, Vishnubhotla 2002, Spectral principal component analysis of dynamic process data,
+    Control Eng. Practice 10, 833-846 (spectra alike); Thornhill 2005, Finding the source of nonlinearity in a process
+    with plant-wide oscillation, IEEE Trans. Control Syst. Technol. 13, 434-443 (the source is where nonlinearity is
+    strongest).
     """
     enough = [c for c in candidates if c.swing.cycles >= FEWEST_CYCLES]
     chosen = sorted(enough, key=lambda c: (-c.swing.strength * min(c.swing.regularity, 3.0), c.tag))[:_LARGEST]
