@@ -146,6 +146,23 @@ def test_intervals_hold_the_estimate():
     assert forced.low < scoring.balanced((probability > 0.5) == label, label) < forced.high
 
 
+@pytest.mark.parametrize(
+    ("share", "of", "low", "high"),
+    [(41 / 42, 42, 0.874, 0.9994), (1 / 40, 40, 0.0006, 0.132), (1.0, 42, 0.916, 1.0), (0.0, 0.0, 0.0, 1.0)],
+)
+def test_a_share_with_one_exception_or_none_has_an_interval_all_the_same(share, of, low, high):
+    """By Clopper and Pearson's tables; valves drawn again would leave the third a point."""
+    found = scoring.exact(share, of)
+    assert (found.low, found.high) == pytest.approx((low, high), abs=6e-4)
+
+
+def test_the_headline_says_how_far_each_share_can_be_trusted():
+    found = scoring.Figures(0.95, 0.94, 0.91, 0.97, 0.5, 0.95, 0.0, valves=40, healthy=20)
+    told = report.headline(found, scoring.Interval(0.9, 1.0), scoring.Interval(0.9, 1.0))
+    assert "| right of those called reliable | 95.0 % | 75.1 to 99.9 % |" in told
+    assert "| healthy valves called sticky and reliable | 0.0 % | 0.0 to 16.8 % |" in told
+
+
 def test_by_valve_takes_means():
     names, means = by_valve(np.array(["b", "a", "b"]), np.array([1.0, 5.0, 3.0]))
     assert (names.tolist(), means.tolist()) == (["a", "b"], [5.0, 2.0])

@@ -11,21 +11,26 @@ from app.engine.verdict.shape_model import ShapeModel
 from app.lab.evaluation.fitting import TextArray
 from app.lab.evaluation.leave_one_out import by_valve
 from app.lab.evaluation.parameters import version_of
-from app.lab.evaluation.scoring import Figures, Interval, area_under_curve, balanced, valve_labels
+from app.lab.evaluation.scoring import Figures, Interval, area_under_curve, balanced, exact, valve_labels
 
 
 def headline(found: Figures, auc: Interval, forced: Interval) -> str:
     """The figures of the scorer, with 95 % intervals where they were computed."""
+    right, accused = exact(found.reliable_right, found.reliable_valves), exact(found.false_alarms, found.healthy)
     rows = (
         ("AUC", f"{found.auc:.3f}", f"{auc.low:.3f} to {auc.high:.3f}"),
         ("forced balanced accuracy", f"{found.forced:.3f}", f"{forced.low:.3f} to {forced.high:.3f}"),
         ("balanced accuracy, undecided counted as wrong", f"{found.decided:.3f}", ""),
         ("decided", f"{100 * found.coverage:.1f} %", ""),
         ("called reliable", f"{100 * found.reliable_share:.1f} %", ""),
-        ("right of those called reliable", f"{100 * found.reliable_right:.1f} %", ""),
-        ("healthy valves called sticky and reliable", f"{100 * found.false_alarms:.1f} %", ""),
+        ("right of those called reliable", f"{100 * found.reliable_right:.1f} %", _pct(right)),
+        ("healthy valves called sticky and reliable", f"{100 * found.false_alarms:.1f} %", _pct(accused)),
     )
     return _table(("by valve", "value", "95 % interval"), rows)
+
+
+def _pct(interval: Interval) -> str:
+    return f"{100 * interval.low:.1f} to {100 * interval.high:.1f} %"
 
 
 def shipped_beside(fitted: ShapeModel, shipped: ShapeModel, values: FloatArray) -> str:

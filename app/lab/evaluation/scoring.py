@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaincinv
 
 from app.engine.judgement import Judgement
 from app.engine.recording import BoolArray, FloatArray, IntArray
@@ -15,7 +16,7 @@ class Figures:
     """auc; forced: balanced accuracy of probability > 0.5; decided: balanced accuracy with undecided ones wrong.
 
     coverage: share of valves decided. reliable_share, reliable_right: share of valves called reliable, and right of
-    them. false_alarms: share of healthy valves called sticky and reliable.
+    them. false_alarms: share of healthy valves called sticky and reliable. valves, healthy: how many there are.
     """
 
     auc: float
@@ -25,6 +26,12 @@ class Figures:
     reliable_share: float
     reliable_right: float
     false_alarms: float
+    valves: int
+    healthy: int
+
+    @property
+    def reliable_valves(self) -> float:
+        return self.reliable_share * self.valves
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,8 @@ def figures(valves: TextArray, sticky: IntArray, judgements: list[Judgement]) ->
         reliable_share=float(weight.mean()),
         reliable_right=float(right.sum() / weight.sum()) if weight.sum() else float("nan"),
         false_alarms=float(alarms[label == 0].mean()),
+        valves=len(label),
+        healthy=int((label == 0).sum()),
     )
 
 
@@ -81,6 +90,20 @@ def bootstrap(label: IntArray, probability: FloatArray, draws: int = 2000, seed:
         areas.append(float(np.mean((s[:, None] > h) + 0.5 * (s[:, None] == h))))
         forced.append(0.5 * float(np.mean(s > 0.5) + np.mean(h <= 0.5)))
     return _interval(areas), _interval(forced)
+
+
+def exact(share: float, of: float) -> Interval:
+    """95 % interval of a share of so many independent valves: where the tails of the binomial distribution end.
+
+    Valves drawn again tell nothing of a share with one exception or none. `of` need not be whole: a valve with several
+    recordings may count in part. Source: Clopper, Pearson 1934, doi 10.1093/biomet/26.4.404.
+    """
+    if not of > 0.0:
+        return Interval(0.0, 1.0)
+    held, rest = share * of, (1.0 - share) * of
+    low = float(betaincinv(held, rest + 1.0, 0.025)) if held > 0.0 else 0.0
+    high = float(betaincinv(held + 1.0, rest, 0.975)) if rest > 0.0 else 1.0
+    return Interval(low, high)
 
 
 def _interval(values: list[float]) -> Interval:
