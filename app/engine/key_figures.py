@@ -10,7 +10,14 @@ from app.engine.fitness import FitnessConfig
 from app.engine.fitness.align import align
 from app.engine.fitness.repeated import once_a_scan
 from app.engine.fitness.resample import lasting
-from app.engine.fitness.signals import at_extremes, at_limits, quantisation_step, resolution, usable_values
+from app.engine.fitness.signals import (
+    at_extremes,
+    at_limits,
+    on_line_share,
+    quantisation_step,
+    resolution,
+    usable_values,
+)
 from app.engine.oscillation import autocorrelation
 from app.engine.recording import BoolArray, FloatArray, IntArray, Recording, Span, known_span
 from app.engine.signals.sampled import held
@@ -55,7 +62,9 @@ class KeyFigures:
     op_travel_pct_of_span_per_h: the travel in per cent of OP's span; None without a known span.
     response_time_s: lag at which the autocorrelation of the control error falls below 1/e; None where it never does.
     harris_index: minimum over present variance of the control error, 0 (poor) to 1 (no better control possible), over
-    samples that follow each other without a hole, a missing value or a spell in manual between them.
+    samples that follow each other without a hole, a missing value or a spell in manual between them; None where a
+    historian drew PV's samples on straight lines, which foretell themselves: a loop at 1 of which every tenth sample
+    was kept would stand at 0.15.
     harris_horizon_samples: the dead time, in samples, that the index assumes: HARRIS_HORIZON, of every loop.
     """
 
@@ -95,7 +104,8 @@ def compute(recording: Recording) -> KeyFigures:
     set point or that are meant to let a level swing: compare a loop with itself.
     Sources: Jelali 2013, Control Performance Management in Industrial Automation, doi 10.1007/978-1-4471-4546-2
     (figures); Harris 1989, Can. J. Chem. Eng. 67, 856, doi 10.1002/cjce.5450670519, and Desborough and Harris 1992,
-    doi 10.1002/cjce.5450700620 (index).
+    doi 10.1002/cjce.5450700620 (index); Thornhill, Choudhury, Shah 2004, J. Process Control 14, 389-398 (what a
+    historian's compression does to it).
     """
     recording, good = _together(once_a_scan(recording, _AS_CHECKED).recording)
     held_s = holding_times(recording.time_s)
@@ -109,6 +119,7 @@ def compute(recording: Recording) -> KeyFigures:
     controlled = np.flatnonzero(tracked if len(error) else used)
     upset = error.values if len(error) else recording.pv[used]
     pv, op, op_used = timed(recording.pv, good), timed(recording.op, good), timed(recording.op, used)
+    drawn = on_line_share(recording.pv[controlled]) > _AS_CHECKED.max_on_line_share
     size = error.of(np.abs)
     each_s = _each_held(recording.time_s, held_s)
     travel, reversals = _travel(recording, good)
@@ -133,7 +144,7 @@ def compute(recording: Recording) -> KeyFigures:
         op_reversals_per_h=reversals,
         op_travel_pct_of_span_per_h=_pct_of_span(travel, recording.op_range),
         response_time_s=_response_time_s(upset, each_s[controlled]),
-        harris_index=_harris_index(upset, _runs(controlled, recording.time_s)),
+        harris_index=None if drawn else _harris_index(upset, _runs(controlled, recording.time_s)),
         harris_horizon_samples=HARRIS_HORIZON,
     )
 

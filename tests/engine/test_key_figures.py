@@ -50,6 +50,13 @@ def test_harris_index_is_one_for_white_noise_and_small_for_an_oscillation():
     assert compute(recording(t, swinging, np.zeros(4000))).harris_index < 0.1
 
 
+def test_no_harris_index_of_a_pv_that_a_historian_drew():
+    """Of a loop that cannot be controlled better every tenth sample was kept: 0.15 by what was drawn between them."""
+    noise, t = np.random.default_rng(1).normal(size=4000), np.arange(4000.0)
+    kept = np.arange(0, 4000, 10)
+    assert compute(recording(t, np.interp(t, kept, noise[kept]), np.zeros(4000))).harris_index is None
+
+
 def test_what_cannot_be_had_is_none():
     figures = compute(recording([1.0, 1.0, 1.0]))
     assert figures.service_factor_pct is None

@@ -71,7 +71,8 @@ FIGURES = (
         2,
         HARRIS,
         "Rests on an assumed dead time, the same of every loop, and punishes loops that follow a set point or let a "
-        "level swing: compare a loop with itself over time, never one loop with another.",
+        "level swing: compare a loop with itself over time, never one loop with another. Not told where a historian "
+        "drew PV on straight lines between the samples that it kept: these foretell themselves.",
     ),
     Figure("harris_horizon_samples", "Dead time the Harris index assumes", "samples", 0, HARRIS),
     Figure("yper_pct", "Yper", "%", 1, YPER, "A measure of how far the identification can be trusted, no detector."),
