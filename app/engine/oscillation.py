@@ -104,9 +104,12 @@ def detect(record: UniformRecord) -> Oscillation:
     Zero crossings of the autocorrelation function give period and regularity (Thornhill, Huang, Zhang 2003,
     J. Process Control 13, 91-100, doi 10.1016/S0959-1524(02)00007-0). Crossings count only where the function leaves a
     band of +-0.05, so that noise around zero is not counted. Misleads where two oscillations of similar strength
-    overlap, and sees nothing of periods longer than about 0.42 of the record: three crossings within its first half
-    need some 2.4 cycles. Records above 16,384 samples are thinned first: periods below about six of the remaining
-    samples are then not seen.
+    overlap, and where a load wanders: what is left of it once its trend is off swings somehow, and the best of up to
+    twelve functions is kept. Of pairs of first-order noises (0.8 to 0.99 a sample, 600 and 2,000 samples) 51 to 87 %
+    are regular, 3 to 15 % by PV's own function alone; their strength is below 0.54 in 95 % of cases, so that only both
+    together say that a loop oscillates. It sees nothing of periods longer than about 0.42 of the record: three
+    crossings within its first half need some 2.4 cycles. Records above 16,384 samples are thinned first: periods below
+    about six of the remaining samples are then not seen.
     """
     stride = max(1, -(-record.samples // _LONGEST_SEARCHED))
     signals, candidates = _signals(record, stride), []

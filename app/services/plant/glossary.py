@@ -55,7 +55,8 @@ FIGURES = (
         "(regular above 1; at most 100)",
         1,
         THORNHILL,
-        "Above 1 it is regular; more than 100 is not told.",
+        "Above 1 it is regular; more than 100 is not told. What is left of a load that wanders is often above 1, too, "
+        "but seldom stronger than 0.5: look at both.",
     ),
     Figure("oscillation_strength", "Strength of the oscillation", "(0 none, 1 strongest)", 2, THORNHILL),
     Figure(
