@@ -41,8 +41,10 @@ def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float
 
     Student's t for one more draw from a normal population of which a few are known. Where the shapes are those of the
     whole and of the rest of its set point, each of the two has its surrogates: those of the whole have lost what goes
-    with the set point, by which that rest is found. What is not linear without a valve that sticks (corners from
-    elsewhere, a sensor in steps, OP at its limit) is not told from stiction: the rivals are asked of that.
+    with the set point, by which that rest is found. Log-odds are not quite normal, and asking after 5, 10 and 19 is
+    asking thrice: of 900 linear records 3.5 % had a chance of MOST_CHANCE or less, not 2 %. What is not linear without
+    a valve that sticks (corners from elsewhere, a sensor in steps, OP at its limit) is not told from stiction: the
+    rivals are asked of that.
     """
     parts = parts_of(record, oscillation)
     alike = zip(*(_look_alikes_of(part, seed) for seed, part in enumerate(parts)), strict=True)
