@@ -78,6 +78,16 @@ def test_a_workbook_whose_data_is_behind_a_cover(read: Read) -> None:
     assert code_of(read, workbook([])) == "unknown_layout"
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-7, 1e-12])
+def test_cells_of_a_workbook_keep_their_digits_however_small(read: Read, scale: float) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    pv = [scale * value for value in (0.123456789012, -1.5, 0.25, 7.25)]
+    rows = [[str(time), "Bad" if at == 2 else pv[at], 10.0 * at] for at, time in enumerate(TIMES)]
+    loop = read(workbook([["Time", "A.PV", "A.OP"], *rows])).loops["A"]
+    assert loop.pv[[0, 1, 3]].tolist() == pytest.approx([pv[0], pv[1], pv[3]], rel=1e-9, abs=0.0)
+    assert np.isnan(loop.pv[2])
+
+
 def test_a_cover_with_dates_does_not_hide_the_data(read: Read) -> None:
     pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
     cover = [["Date", "Author", "Version"], ["2024-03-01", "A. Smith", "1"], ["2024-03-02", "B. Jones", "2"]]

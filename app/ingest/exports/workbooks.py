@@ -20,6 +20,7 @@ from app.ingest.tags.loops import group
 
 WORKBOOK_BYTES = 1 << 30  # what is asked of a sheet is found in a workbook unpacked
 _SHOWN = 10
+_NUMBER = r"^-?\d+(\.\d+)?$"
 
 
 class Workbook:
@@ -53,16 +54,25 @@ class Workbook:
     def _frame(self, number: int) -> pl.DataFrame:
         if self._held[0] != number:
             self._held = (-1, pl.DataFrame())
-            try:
-                sheet = self._book.load_sheet(number, header_row=None, dtypes="string")
-                frame = sheet.to_polars()
-            except self._faults as error:
-                raise _unreadable(error) from error
-            if sheet.visible != "visible":
-                self.hidden.add(number)
-            frame.columns = [name_of(index) for index in range(frame.width)]
+            frame = self._cells(number, "string")
+            if small := [index for index, column in enumerate(frame) if _is_small(column)]:
+                numbers = self._cells(number, "float", small)
+                names = [name_of(index) for index in small]
+                frame = frame.with_columns(map(_in_full, frame.select(names), numbers))
             self._held = (number, frame)
         return self._held[1]
+
+    def _cells(self, number: int, kind: str, columns: list[int] | None = None) -> pl.DataFrame:
+        """Raises DataError where the sheet cannot be read."""
+        try:
+            sheet = self._book.load_sheet(number, header_row=None, dtypes=kind, use_columns=columns)
+            frame: pl.DataFrame = sheet.to_polars()
+        except self._faults as error:
+            raise _unreadable(error) from error
+        if sheet.visible != "visible":
+            self.hidden.add(number)
+        frame.columns = [name_of(index) for index in (range(frame.width) if columns is None else columns)]
+        return frame
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,18 @@ class ReadSheets:
     sheets: Mapping[str, TableSource]
     notes: tuple[str, ...]
     together: bool = False
+
+
+def _is_small(cells: pl.Series) -> bool:
+    """Whether most numbers of a column are below 1: as text, cells have nine decimals at most, which of 7.323844e-08
+    leave 7.3e-08."""
+    middle = cells.cast(pl.Float64, strict=False).abs().median()
+    return isinstance(middle, float) and middle < 1.0
+
+
+def _in_full(cells: pl.Series, numbers: pl.Series) -> pl.Series:
+    plain = numbers.is_not_null() & cells.str.contains(_NUMBER).fill_null(False)
+    return numbers.cast(pl.String).zip_with(plain, cells).alias(cells.name)
 
 
 def _unreadable(error: Exception) -> DataError:
