@@ -165,7 +165,8 @@ def read_named(path: Path, options: IngestOptions) -> NamedTable:
     try:
         if path.suffix.lower() == ".parquet":
             seconds = pl.selectors.duration().dt.total_microseconds() / 1e6
-            return NamedTable(pl.read_parquet(path).with_columns(seconds), options)
+            words = (pl.selectors.categorical() | pl.selectors.enum()).cast(pl.String)
+            return NamedTable(pl.read_parquet(path).with_columns(seconds, words), options)
         file = TextFile(path, options)
         text = b"".join(lines.data for lines in file.chunks()).decode("utf-8", "replace")
         return parse_named(text, options, tuple(file.notes))

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions, TagMapping
+from app.ingest import IngestOptions, TagMapping, read_named
 
 from .conftest import Read
 
@@ -38,6 +38,23 @@ def test_wide_parquet(read: Read) -> None:
     assert loop.automatic.tolist()[:2] == [1, 0]
     berlin = read(parquet(frame), options=IngestOptions(time_zone="Europe/Berlin"))
     assert berlin.loops["A"].time_ns[0] == START - 3600 * 10**9
+
+
+@pytest.mark.parametrize("kind", [pl.String(), pl.Categorical(), pl.Enum(["1", "2", "3", "Bad Input", "AUTO"])])
+def test_words_of_parquet_are_read_alike_with_and_without_a_dictionary(
+    read: Read, tmp_path: Path, kind: pl.DataType
+) -> None:
+    words = {"A.PV": ["1", "2", "Bad Input", "3"], "A.OP": ["3", "2", "1", "2"], "A.MODE": ["AUTO"] * 4}
+    frame = pl.DataFrame({"t": TIMES, **{tag: pl.Series(values).cast(kind) for tag, values in words.items()}})
+    content = read(parquet(frame))
+    assert content.loops["A"].op.tolist() == [3, 2, 1, 2]
+    assert content.loops["A"].automatic.tolist() == [1] * 4
+    assert np.isnan(content.loops["A"].pv).tolist() == [False, False, True, False]
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
+    (tmp_path / "named.parquet").write_bytes(parquet(frame))
+    named = read_named(tmp_path / "named.parquet", IngestOptions())
+    assert named.may_hold_numbers("A.OP")
+    assert named.numbers("A.OP").tolist() == [3, 2, 1, 2]
 
 
 def test_long_parquet_with_text_among_the_values(read: Read) -> None:

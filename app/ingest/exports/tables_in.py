@@ -136,13 +136,20 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
             "decompressed_too_large", f"the table has {height} rows of {len(names)} columns; send it in parts"
         )
 
+    columns_of = [as_text_of_words(name, kind) for name, kind in schema.items()]
+
     def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
-        return scan.slice(offset, count).select(pl.col(names[i]).alias(name_of(i)) for i in columns).collect()
+        return scan.slice(offset, count).select(columns_of[i].alias(name_of(i)) for i in columns).collect()
 
     closed = [name for name, kind in schema.items() if _holds_no_values(kind)]
     shown = ", ".join(name[:80] for name in closed[:5])
     notes = (f"{len(closed)} columns hold lists, structures or bytes, which are no values: {shown}",) if closed else ()
     return Table(len(names), height, names, part, apart=True, notes=notes)
+
+
+def as_text_of_words(name: str, kind: pl.DataType) -> pl.Expr:
+    """A column, of a dictionary of words the words: whether their numbers are kept apart is a matter of packing."""
+    return pl.col(name).cast(pl.String) if isinstance(kind, pl.Categorical | pl.Enum) else pl.col(name)
 
 
 def _holds_no_values(kind: pl.DataType) -> bool:
