@@ -70,6 +70,32 @@ def test_variables_at_the_top_are_one_loop_named_by_the_file(read: Read) -> None
     assert found.sp.tolist() == [4.0] * 9
 
 
+EPOCH_S = 1_709_438_700.0
+
+
+@pytest.mark.parametrize(
+    ("times", "note"),
+    [
+        (EPOCH_S / 86_400 + 719_529 + np.arange(200) / 86_400, "days since year 0, as MATLAB counts them"),
+        (EPOCH_S / 86_400 + 25_569 + np.arange(200) / 86_400, "days since 1899-12-30"),
+        (EPOCH_S + np.arange(200), None),
+        (1e3 * (EPOCH_S + np.arange(200)), None),
+    ],
+)
+def test_times_that_count_from_a_date(read: Read, times: Any, note: str | None) -> None:
+    content = read(matlab({"t": times, "PV": np.sin(np.arange(200)), "OP": np.cos(np.arange(200))}), name="A.mat")
+    assert content.loops["A"].time_ns.tolist() == [int(EPOCH_S + i) * 10**9 for i in range(200)]
+    assert not any("relative to a start" in told for told in content.summary.notes)
+    assert note is None or any(note in told for told in content.summary.notes)
+
+
+def test_days_since_year_0_are_of_the_clock_on_the_wall(read: Read) -> None:
+    days = EPOCH_S / 86_400 + 719_529 + np.arange(50) / 86_400
+    data = matlab({"time": days, "PV": np.sin(np.arange(50)), "OP": np.cos(np.arange(50))})
+    berlin = IngestOptions(time_zone="Europe/Berlin")
+    assert read(data, name="A.mat", options=berlin).loops["A"].time_ns[0] == int(EPOCH_S - 3600) * 10**9
+
+
 def test_an_array_of_structures_is_numbered(read: Read) -> None:
     plant = np.array([(np.arange(5.0), np.arange(5.0), 1.0)] * 2, dtype=[("PV", "O"), ("OP", "O"), ("Ts", "O")])
     assert set(read(matlab({"loops": plant})).loops) == {"loops1", "loops2"}

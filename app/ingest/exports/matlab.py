@@ -19,12 +19,14 @@ from app.ingest.files.head import Head
 from app.ingest.files.matlab_values import HEADER_BYTES, Structures, Value, is_matlab, read_variables
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.rejecting import RejectLog
-from app.ingest.times.stamps import TimeForm
+from app.ingest.times.stamps import SAMPLE, TimeForm, find_form
 
 MOST_LOOPS = 10_000
 MOST_NOTES = 20
 INTERVAL_NAMES = ("ts", "sampling_period", "samplingperiod", "sampling_interval", "sampling_time", "dt")
 TIME_NAMES = ("t", "time")
+INSTANTS = ("epoch", "serial")
+SECONDS = TimeForm("relative")
 
 # The prefixes by which the data base's loops are cited.
 INDUSTRIES = (
@@ -41,10 +43,11 @@ INDUSTRIES = (
 
 @dataclass(frozen=True, eq=False)
 class MatlabLoop:
-    """One loop of the file. name: empty where the file itself is the loop. time_s: (n,), s from some start."""
+    """One loop of the file. name: empty where the file itself is the loop. times: (n,), as `form` reads them."""
 
     name: str
-    time_s: FloatArray
+    times: FloatArray
+    form: TimeForm
     signals: dict[str, FloatArray]
 
 
@@ -59,7 +62,7 @@ class MatlabSource:
 
     def __init__(self, path: Path, stem: str, options: IngestOptions) -> None:
         self.notes: list[str] = []
-        found = sorted(self._loops(read_variables(path, options)), key=lambda loop: -len(loop.time_s))
+        found = sorted(self._loops(read_variables(path, options), options), key=lambda loop: -len(loop.times))
         if not found:
             told = "; ".join(self.notes[:3])
             raise DataError(
@@ -67,9 +70,9 @@ class MatlabSource:
                 "the MATLAB file has no structure with PV and OP and a sampling period Ts or times t"
                 + (f" ({told})" if told else ""),
             )
-        self._columns = [column for loop in found for column in (loop.time_s, *loop.signals.values())]
+        self._columns = [column for loop in found for column in (loop.times, *loop.signals.values())]
         names = [name for loop in found for name in ("t", *(tag_of(loop, signal) for signal in loop.signals))]
-        self._table = Table(len(names), len(found[0].time_s), tuple(names), self._part)
+        self._table = Table(len(names), len(found[0].times), tuple(names), self._part)
         self.plan = WidePlan("isdb_matlab", 1, len(names), tuple(groups_of(found)))
         self.head = Head(stem, ("\t".join(names),), (tuple(names),), "", ".")
 
@@ -87,12 +90,12 @@ class MatlabSource:
             ]
         )
 
-    def _loops(self, variables: dict[str, Value]) -> Iterator[MatlabLoop]:
+    def _loops(self, variables: dict[str, Value], options: IngestOptions) -> Iterator[MatlabLoop]:
         for number, (path, fields) in enumerate(structures(variables, ())):
             if number == MOST_LOOPS:
                 raise DataError("too_many_tags", f"the MATLAB file has more than {MOST_LOOPS} loops")
             name = loop_name(path)
-            loop = loop_of(name, fields)
+            loop = loop_of(name, fields, options)
             if isinstance(loop, MatlabLoop):
                 yield loop
             elif len(self.notes) < MOST_NOTES:
@@ -110,7 +113,7 @@ def groups_of(loops: list[MatlabLoop]) -> Iterator[TimedColumns]:
     first = 0
     for loop in loops:
         values = tuple(ValueColumn(first + 1 + i, tag_of(loop, signal)) for i, signal in enumerate(loop.signals))
-        yield TimedColumns((first,), TimeForm("relative"), values)
+        yield TimedColumns((first,), loop.form, values)
         first += 1 + len(values)
 
 
@@ -139,34 +142,41 @@ def loop_name(path: tuple[str, ...]) -> str:
     return f"{prefix}{found.group(1)}" if prefix else ".".join(path[-2:])
 
 
-def loop_of(name: str, fields: dict[str, Value]) -> MatlabLoop | str:
+def loop_of(name: str, fields: dict[str, Value], options: IngestOptions) -> MatlabLoop | str:
     """The loop, or what is wrong with it in words."""
     values = {field.lower(): value for field, value in fields.items() if isinstance(value, np.ndarray)}
     pv, op = values.get("pv"), values.get("op")
     if pv is None or op is None or len(pv) != len(op) or len(pv) < 2:
         return f"PV and OP must be two columns of numbers of one length, got {told(pv)} and {told(op)}"
-    time_s = times(values, len(pv))
-    if time_s is None:
+    found = times(values, len(pv), options)
+    if found is None:
         return "it has no sampling period Ts above 0 s, and no rising times t as long as PV"
     signals = {"pv": pv, "op": op}
     sp = values.get("sp")
     if sp is not None and len(sp) in (1, len(pv)):
         signals["sp"] = np.broadcast_to(sp, len(pv)).copy()
-    return MatlabLoop(name, time_s, signals)
+    return MatlabLoop(name, *found, signals)
 
 
 def told(values: FloatArray | None) -> str:
     return "no numbers" if values is None else f"{len(values)} values"
 
 
-def times(values: dict[str, FloatArray], samples: int) -> FloatArray | None:
+def times(values: dict[str, FloatArray], samples: int, options: IngestOptions) -> tuple[FloatArray, TimeForm] | None:
     """The times t where they rise and there are as many as samples, else multiples of the sampling period."""
     for name in TIME_NAMES:
         time = values.get(name)
         if time is not None and len(time) == samples and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0.0):
-            return time - time[0]
+            return counted(name, time, options)
     for name in INTERVAL_NAMES:
         interval = values.get(name)
         if interval is not None and len(interval) == 1 and 0.0 < interval[0] < np.inf:
-            return np.arange(samples) * interval[0]
+            return np.arange(samples) * interval[0], SECONDS
     return None
+
+
+def counted(name: str, time: FloatArray, options: IngestOptions) -> tuple[FloatArray, TimeForm]:
+    """What a column of such numbers counts in a table: days since year 0 (datenum), or seconds since 1970, or else
+    seconds from the first one."""
+    form = find_form([repr(float(number)) for number in time[:SAMPLE]], name, options)
+    return (time, form) if form is not None and form.kind in INSTANTS else (time - time[0], SECONDS)
