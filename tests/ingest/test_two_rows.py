@@ -59,6 +59,12 @@ def test_a_note_says_how_they_were_read(read: Read) -> None:
     assert note.endswith("were read as FIC101.PV, FIC101.OP, TIC2.PV, ...")
 
 
+def test_counts_of_the_unit_that_their_name_tells(read: Read) -> None:
+    rows = "".join(f"{10**6 * (12_345 + i)},1{i:02d},2{i:02d},3{i:02d},4{i:02d}\n" for i in range(60))
+    loop = read("time [us],FIC101,,TIC2,\n,PV,OP,PV,OP\n" + rows).loops["FIC101"]
+    assert loop.time_ns.tolist() == [10**9 * (12_345 + i) for i in range(60)]
+
+
 def test_further_columns(read: Read) -> None:
     heading = "Time,FIC101,,,,Ambient\n,PV,OP,Mode,Alarm,"
     text = table(heading, 5).replace(",3", ",AUTO #").replace("#0", "").replace("#", "")

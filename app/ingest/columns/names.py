@@ -324,12 +324,13 @@ def form_of(
     )
 
 
-def first_row_of_times(head: Head, column: int, options: IngestOptions) -> int:
-    """The first row from which on the column holds times; NO_ROWS where it never does."""
+def first_row_of_times(head: Head, column: int, options: IngestOptions, name: str = "") -> int:
+    """The first row from which on the column of this name, which may tell the unit of its numbers, holds times; NO_ROWS
+    where it never does."""
     for index, row in enumerate(head.rows[:PREAMBLE_ROWS]):
-        if column < len(row) and row[column] and find_form([row[column]], "", options) is not None:
+        if column < len(row) and row[column] and find_form([row[column]], name, options) is not None:
             following = head.column(column, index)
-            return index if find_form(following, "", options) is not None else NO_ROWS
+            return index if find_form(following, name, options) is not None else NO_ROWS
     return NO_ROWS
 
 

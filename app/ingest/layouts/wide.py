@@ -38,7 +38,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         time = time_columns_in(head, names, index + 1, options)
         time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
         time = date_and_clock(head, time, index + 1, options)
-        first_row = first_row_of_times(head, time[0], options)
+        first_row = first_row_of_times(head, time[0], options, name_at(names, time[0]))
         if any(names_better(row, written) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
