@@ -127,6 +127,14 @@ def test_instants_in_the_unit_of_the_name(read: Read, name: str, unit: timedelta
     assert content.summary.time_format == "epoch"
 
 
+@pytest.mark.parametrize("unit", [timedelta(milliseconds=1), timedelta(microseconds=1)])
+def test_instants_between_seconds_are_read_to_the_nanosecond(read: Read, unit: timedelta) -> None:
+    first = round((FIRST - datetime(1970, 1, 1)) / unit)
+    step = timedelta(milliseconds=50) // unit
+    content = read(table([str(first + k * step) for k in range(300)]))
+    assert (content.loops["A"].time_ns - START).tolist() == [k * 50_000_000 for k in range(300)]
+
+
 @pytest.mark.parametrize("name", ["Times", "DateTimes", "Timestamp (s)", "Time [ns]", "time_s"])
 @pytest.mark.parametrize(
     ("origin", "note"), [(datetime(1601, 1, 1), "as Windows counts"), (datetime(1, 1, 1), "as .NET counts")]

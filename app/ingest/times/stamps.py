@@ -426,7 +426,8 @@ class TimeReader:
         good = np.isfinite(scaled) & (np.abs(scaled + origin) < 7.2e18)
         whole = np.floor(np.where(good, numbers, 0.0))
         part = np.where(good, numbers, 0.0) - whole
-        ticks = (whole * form.scale).astype(np.int64) + _rounded(part * form.scale, form.rounding_ns)
+        # a double of ns since 1970 is 256 ns off
+        ticks = whole.astype(np.int64) * round(form.scale) + _rounded(part * form.scale, form.rounding_ns)
         ticks = ticks if form.scale >= form.rounding_ns else _rounded(whole * form.scale, form.rounding_ns)
         times = np.where(good, ticks + origin, NO_TIME)
         return times if form.kind == "relative" else _in_known_years(times)
