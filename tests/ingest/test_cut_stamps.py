@@ -50,6 +50,14 @@ def test_a_tag_that_stands_still_beside_one_that_does_not(read: Read) -> None:
     assert loop.op.tolist() == [7] * SAMPLES
 
 
+def test_a_loop_that_stands_still_at_first(read: Read) -> None:
+    stamps = [f"{FIRST + timedelta(seconds=10 * k):%Y-%m-%d %H:%M}" for k in range(1000)]
+    rows = [f"{stamp},{max(k, 600)},{max(k, 700)}\n" for k, stamp in enumerate(stamps)]
+    content = read("Time,A.PV,A.OP\n" + "".join(rows))
+    assert content.loops["A"].pv.tolist() == [max(k, 600) for k in range(1000)]
+    assert content.rejects.total == 0
+
+
 def test_rows_of_a_long_table_that_were_sent_twice_are_no_cut_stamps(read: Read) -> None:
     rows = [f"A.PV,{FIRST + timedelta(minutes=k):%Y-%m-%d %H:%M},{k}\n" for k in range(60)]
     content = read("tag,time,value\n" + "".join(row for row in rows for _ in range(2)))

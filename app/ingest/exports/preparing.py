@@ -13,7 +13,7 @@ from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.spreading import SPREAD_NOTE, shown_resolution, stamps_are_cut
+from app.ingest.tables.spreading import SPREAD_NOTE, come_in_threes, shown_resolution, stamps_are_cut
 from app.ingest.tags.grouping import place
 from app.ingest.tags.loops import Grouping
 from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, as_formatted, parse_text
@@ -60,14 +60,18 @@ def _cut(plan: WidePlan, head: Head) -> bool:
     times = times[times != NO_TIME]
     if not stamps_are_cut(times, shown_resolution(times, group.form.resolution_ns)):
         return False
-    return not _sent_twice(texts, rows)
+    values = [[field for index, field in enumerate(row) if index not in group.time] for row in rows]
+    return not _sent_twice(texts, values, come_in_threes(times))
 
 
-def _sent_twice(texts: list[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Whether stamps repeat because rows do: those of a stamp are all the same, those of two stamps are not."""
-    pairs = [(texts[k] == texts[k + 1], list(rows[k]) == list(rows[k + 1])) for k in range(len(rows) - 1)]
-    within = [same for one_stamp, same in pairs if one_stamp]
-    return bool(within) and all(within) and len({tuple(row) for row in rows}) > len(set(texts)) / 2
+def _sent_twice(texts: list[str], values: Sequence[Sequence[str]], in_threes: bool) -> bool:
+    """Whether stamps repeat because rows do: those of a stamp are all the same, and those of two stamps are not. Where
+    nothing moves at all, rows come twice, and not three times."""
+    pairs = [(texts[k] == texts[k + 1], values[k] == values[k + 1]) for k in range(len(values) - 1)]
+    if not all(same for one_stamp, same in pairs if one_stamp):
+        return False
+    between = [same for one_stamp, same in pairs if not one_stamp]
+    return not (in_threes and between and all(between))
 
 
 def _times(texts: list[str], form: TimeForm) -> TimeArray:
