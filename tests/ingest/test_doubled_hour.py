@@ -54,5 +54,5 @@ def test_a_row_that_comes_twice_elsewhere_is_a_duplicate(read: Read, layout: Lay
 
 def test_where_both_passes_are_known_already(read: Read) -> None:
     twice = HOUR_NS * np.array([0, 1, 2, 3, 3, 4, 5])
-    assert hours_apart(AT[9] + twice, "Europe/Berlin", newest_first=False).tolist() == (AT[9] + twice).tolist()
-    assert hours_apart(AT[9] + twice, "UTC", newest_first=False).tolist() == (AT[9] + twice).tolist()
+    assert hours_apart(AT[9] + twice, "Europe/Berlin").tolist() == (AT[9] + twice).tolist()
+    assert hours_apart(AT[9] + twice, "UTC").tolist() == (AT[9] + twice).tolist()

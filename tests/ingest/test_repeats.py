@@ -1,6 +1,9 @@
 """Rows whose time their tags had already are counted and told, whether they say the same or not."""
 
+from collections.abc import Callable
+
 import numpy as np
+import pytest
 
 from app.ingest.rejecting import RejectLog
 from app.ingest.times.order import last_of_repeats
@@ -40,3 +43,43 @@ def test_of_each_tag_the_last_value_of_a_time_is_kept() -> None:
     assert once.tolist() == [0, 10, 20]
     np.testing.assert_array_equal(merged, [[1, 5, 2], [2, 7, 3], [nan, nan, nan]])
     assert [(reject.tag, reject.line) for reject in log.result().listed] == [("C", 0), ("B", 3)]
+
+
+def rows_of(stamps_s: list[int]) -> list[str]:
+    return [f"{second},{np.sin(0.3 * k):.6f},{k % 37}\n" for k, second in enumerate(stamps_s)]
+
+
+WITH_HOLES = rows_of([10 * k for k in range(300) if k % 40 != 7])
+SLIPPED = rows_of([10 * (k - (k % 30 == 17)) for k in range(300)])
+
+
+@pytest.mark.parametrize("rows", [WITH_HOLES, SLIPPED])
+@pytest.mark.parametrize(
+    "written",
+    [
+        lambda rows: [*rows, *rows],
+        lambda rows: [*rows[:200], *rows[100:]],
+        lambda rows: [row for k, row in enumerate(rows) for _ in range(1 + (k % 5 == 3))],
+        lambda rows: rows[::-1],
+    ],
+    ids=["all twice", "two files that overlap", "some twice", "newest first"],
+)
+def test_rows_before_a_missing_step_are_the_same_however_often_they_come(
+    read: Read, rows: list[str], written: Callable[[list[str]], list[str]]
+) -> None:
+    plain, again = (read("time,PV,OP\n" + "".join(each)).loops["export"] for each in (rows, written(rows)))
+    assert again.time_ns.tolist() == plain.time_ns.tolist()
+    assert again.pv.tolist() == plain.pv.tolist()
+    assert again.op.tolist() == plain.op.tolist()
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_of_two_values_of_a_time_the_later_one_holds_whichever_way_the_rows_run(read: Read, way: int) -> None:
+    minutes = [f"2026-01-31 00:{k:02d}:00" for k in range(30)]
+    rows = [(minute, k) for k, minute in enumerate(minutes)]
+    rows.insert(8, (minutes[7], 70))
+    wide = read("time,F1.PV,F1.OP\n" + "".join(f"{minute},{value},1\n" for minute, value in rows[::way]))
+    long = read("tag,time,value\n" + "".join(f"F1.PV,{minute},{value}\n" for minute, value in rows[::way]))
+    for content in (wide, long):
+        assert content.loops["F1"].pv.tolist() == [70 if k == 7 else k for k in range(30)]
+        assert dict(content.rejects.counts) == {"duplicate_time": 1}

@@ -13,7 +13,7 @@ from app.ingest.tables.spreading import come_in_threes, shown_resolution, spread
 from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Place
 from app.ingest.times.doubled_hour import hours_apart
-from app.ingest.times.order import in_order, last_of_repeats
+from app.ingest.times.order import in_order, last_of_repeats, runs_back
 
 MOST_CODES = 1 << 16
 
@@ -98,15 +98,14 @@ class BlocksByTag:
         return spread(time_ns[way], resolution_ns)[way]
 
     def _block(self, place: Place, time_ns: TimeArray, values: FloatArray, lines: NDArray[np.uint32]) -> SignalBlock:
-        newest_first = bool(time_ns[0] > time_ns[-1])
+        if runs_back(time_ns):
+            self._tally.backward = True
+            time_ns, values, lines = time_ns[::-1], values[::-1], lines[::-1]
         order = in_order(time_ns)
         if order is not None:
             self._tally.backward = True
             time_ns, values, lines = time_ns[order], values[order], lines[order]
-        time_ns = hours_apart(time_ns, self._zone, newest_first)
-        order = in_order(time_ns)
-        if order is not None:
-            time_ns, values, lines = time_ns[order], values[order], lines[order]
+        time_ns = hours_apart(time_ns, self._zone)
         values = self._without_codes(place, values, lines)
         once_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         self._tally.repeats += len(time_ns) - len(once_ns)

@@ -28,7 +28,7 @@ from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
-from app.ingest.times.order import in_order, last_of_repeats, without_stutter
+from app.ingest.times.order import in_order, last_of_repeats, runs_back, without_stutter
 from app.ingest.times.stamps import NO_TIME, TimeReader, to_numbers
 
 
@@ -331,16 +331,19 @@ class WideTable:
 
     def _grid(self, chunk: Chunk, zone: str) -> Grid:
         time_ns, matrix, lines = chunk.time_ns, chunk.matrix, chunk.lines
+        if runs_back(time_ns):
+            self._tally.backward = True
+            time_ns, matrix, lines = time_ns[::-1], matrix[::-1], lines[::-1]
         order = in_order(time_ns)
         if order is not None:
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
-        time_ns = hours_apart(time_ns, zone, newest_first=bool(chunk.time_ns[0] > chunk.time_ns[-1]))
-        order = in_order(time_ns)
-        if order is not None:
-            time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
-        steady = without_stutter(time_ns)
+        time_ns = hours_apart(time_ns, zone)
+        steady = without_stutter(time_ns, matrix)
         self._tally.stuttering += int(np.sum(steady != time_ns))
+        order = in_order(steady)
+        if order is not None:
+            steady, matrix, lines = steady[order], matrix[order], lines[order]
         time_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
         self._tally.repeats += len(steady) - len(time_ns)
         self._tally.saw_times(time_ns)

@@ -9,9 +9,9 @@ from app.nanoseconds import NS_PER_S
 HOUR_NS = 3600 * NS_PER_S
 
 
-def hours_apart(time_ns: TimeArray, zone: str, newest_first: bool) -> TimeArray:
+def hours_apart(time_ns: TimeArray, zone: str) -> TimeArray:
     """(n,) ns since 1970 UTC, in order. Of two rows in one pass of a doubled hour, with nothing in the other pass, each
-    gets its own, in the order in which they came; where newest_first, they are not in order any more."""
+    gets its own, in the order in which they came."""
     same = np.flatnonzero(time_ns[1:] == time_ns[:-1]) if zone != "UTC" else np.zeros(0, dtype=np.int64)
     if not len(same) or np.median(np.diff(np.unique(time_ns))) != HOUR_NS:
         return time_ns
@@ -23,6 +23,6 @@ def hours_apart(time_ns: TimeArray, zone: str, newest_first: bool) -> TimeArray:
     early = np.where(first & (after >= 2 * HOUR_NS) & (before > 0), at, at - HOUR_NS)
     told = (early == at) | (second & (before >= 2 * HOUR_NS) & (after > 0))
     moved = time_ns.copy()
-    moved[same[told] + newest_first] = early[told]
-    moved[same[told] + (not newest_first)] = early[told] + HOUR_NS
+    moved[same[told]] = early[told]
+    moved[same[told] + 1] = early[told] + HOUR_NS
     return moved

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray, TimeArray
@@ -16,22 +17,52 @@ def in_order(time_ns: TimeArray) -> NDArray[np.int64] | None:
     return np.argsort(time_ns, kind="stable")
 
 
-def without_stutter(time_ns: TimeArray) -> TimeArray:
-    """A stamp that comes twice where the next one is two steps away was rounded the wrong way: its second row belongs
-    to the step that is missing. Times must be in order."""
-    if len(time_ns) < 4:
-        return time_ns
+def runs_back(time_ns: TimeArray) -> bool:
+    """Whether rows come newest first: those of one stamp do so too."""
     steps = np.diff(time_ns)
-    if not np.any(steps):
+    return bool(np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0))
+
+
+def without_stutter(time_ns: TimeArray, matrix: FloatArray) -> TimeArray:
+    """A stamp that comes twice where the next one is two steps away was rounded the wrong way: its second row belongs
+    to the step that is missing. Times must be in order, and are not where rows that came twice are moved.
+
+    Where most that repeat have no step missing behind them, rows came twice, and some of these before a hole of one
+    step: stamps were rounded there only if some are so without the rows that are like an earlier one of their stamp.
+    """
+    moved, mostly = _without_slips(time_ns)
+    if mostly:
+        return moved
+    first, like = _rows_once(time_ns, matrix)
+    once, mostly = _without_slips(time_ns[first])
+    if not mostly or not np.any(once != time_ns[first]):
         return time_ns
+    moved[-1] = time_ns[-1]  # nothing behind it tells
+    return np.maximum(moved, once[like])
+
+
+def _without_slips(time_ns: TimeArray) -> tuple[TimeArray, bool]:
+    """Times without the stamps that were rounded the wrong way, and whether no more of those that repeat are others."""
+    steps = np.diff(time_ns)
+    if len(time_ns) < 4 or not np.any(steps):
+        return time_ns, True
     usual = int(np.median(steps[steps > 0]))
     slipped = (steps[:-1] == 0) & (np.abs(steps[1:] - 2 * usual) <= usual // 2)
     if not np.any(slipped):
-        return time_ns
+        return time_ns, True
     moved = time_ns.copy()
     moved[-1] += usual if steps[-1] == 0 else 0  # after the others, the end of the record too
     moved[np.flatnonzero(slipped) + 1] += usual
-    return moved
+    return moved, bool(2 * np.count_nonzero(slipped) >= np.count_nonzero(steps == 0))
+
+
+def _rows_once(time_ns: TimeArray, matrix: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The rows without those that are like an earlier one in stamp and values, and which of them each row is like."""
+    columns = [pl.Series(f"{position}", values) for position, values in enumerate(matrix.T)]
+    frame = pl.DataFrame([pl.Series("time", time_ns), *columns])
+    earliest = frame.with_row_index("row").select(pl.col("row").min().over(frame.columns)).to_series().to_numpy()
+    first, like = np.unique(earliest.astype(np.int64), return_inverse=True)
+    return first, like
 
 
 def last_of_repeats(
