@@ -96,6 +96,14 @@ def test_days_since_year_0_are_of_the_clock_on_the_wall(read: Read) -> None:
     assert read(data, name="A.mat", options=berlin).loops["A"].time_ns[0] == int(EPOCH_S - 3600) * 10**9
 
 
+@pytest.mark.parametrize("mode", [np.arange(40) >= 25, (np.arange(40) >= 25).astype(float), 0.0])
+def test_the_mode_is_read_as_that_of_a_table(read: Read, mode: Any) -> None:
+    loops = {"FIC1": loop(MODE=mode), "FIC2": loop()}
+    content = read(matlab({"plant": loops}))
+    assert content.loops["plant.FIC1"].automatic.tolist() == np.broadcast_to(mode, 40).astype(float).tolist()
+    assert content.loops["plant.FIC2"].automatic is None
+
+
 def test_an_array_of_structures_is_numbered(read: Read) -> None:
     plant = np.array([(np.arange(5.0), np.arange(5.0), 1.0)] * 2, dtype=[("PV", "O"), ("OP", "O"), ("Ts", "O")])
     assert set(read(matlab({"loops": plant})).loops) == {"loops1", "loops2"}

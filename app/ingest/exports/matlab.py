@@ -25,6 +25,7 @@ MOST_LOOPS = 10_000
 MOST_NOTES = 20
 INTERVAL_NAMES = ("ts", "sampling_period", "samplingperiod", "sampling_interval", "sampling_time", "dt")
 TIME_NAMES = ("t", "time")
+HELD = ("sp", "mode")  # which may be told once for all samples
 INSTANTS = ("epoch", "serial")
 SECONDS = TimeForm("relative")
 
@@ -152,9 +153,10 @@ def loop_of(name: str, fields: dict[str, Value], options: IngestOptions) -> Matl
     if found is None:
         return "it has no sampling period Ts above 0 s, and no rising times t as long as PV"
     signals = {"pv": pv, "op": op}
-    sp = values.get("sp")
-    if sp is not None and len(sp) in (1, len(pv)):
-        signals["sp"] = np.broadcast_to(sp, len(pv)).copy()
+    for signal in HELD:
+        held = values.get(signal)
+        if held is not None and len(held) in (1, len(pv)):
+            signals[signal] = np.broadcast_to(held, len(pv)).copy()
     return MatlabLoop(name, *found, signals)
 
 
