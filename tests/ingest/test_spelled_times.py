@@ -87,11 +87,16 @@ def test_a_zone_in_letters_goes_before_the_one_of_the_options(
         (lambda t: f"{t:%d.%m.%Y};{t:%H:%M:%S},123", 0),
         (lambda t: f"{t:%Y-%m-%dT%H:%M:%S},123+01:00", 1),
         (lambda t: f"{t:%Y-%m-%dT%H:%M:%S},123000000Z", 0),
+        (lambda t: f"{t:%Y%m%dT%H%M%S}.123", 0),
+        (lambda t: f"{t:%Y%m%dT%H%M%S}.123Z", 0),
+        (lambda t: f"{t:%Y%m%dT%H%M%S}.123+0100", 1),
+        (lambda t: f"{t:%Y%m%d%H%M%S}.123", 0),
+        (lambda t: f"{t:%Y%m%d %H%M%S}.123", 0),
         (lambda t: f"{t.day}. {GERMAN[t.month]} {t:%Y} {clock(t)},123", 0),
         (lambda t: f"{t:%d.%m.%Y %H:%M:%S}{',123' if t.hour != 9 else '.123'}", 0),
     ],
 )
-def test_seconds_with_a_decimal_comma(read: Read, stamp: Callable[[datetime], str], hours: int) -> None:
+def test_decimals_of_seconds(read: Read, stamp: Callable[[datetime], str], hours: int) -> None:
     names = "Datum;Uhrzeit;A.PV;A.OP" if ";" in stamp(TIMES[0]) else "Time;A.PV;A.OP"
     content = read(table(stamp, names))
     np.testing.assert_array_equal(content.loops["A"].time_ns, AT - hours * 3600 * 10**9 + 123 * 10**6)

@@ -43,7 +43,9 @@ _TIMES = (
     " %I:%M:%S%.f %p",
     " %H.%M.%S",
     "%H%M%S",
+    "%H%M%S%.f",
     " %H%M%S",
+    " %H%M%S%.f",
     "",
 )
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
