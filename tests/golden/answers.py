@@ -9,7 +9,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +102,8 @@ def audited(recording: Recording) -> Answer:
         "S": None if size is None else size.S,
         "d": None if reference is None else float(reference.last.one.d_best),
         "rmse": None if reference is None else float(np.min(reference.last.one.rmse)),
+        **{f"method {one.method}": one.statistic for one in said.methods},
+        **{f"figure {name}": figure for name, figure in asdict(found.key_figures).items()},
     }
 
 
