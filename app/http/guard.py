@@ -12,8 +12,8 @@ from app.http.asked import Asked
 from app.http.callers import Callers, unauthorized
 from app.http.forms import carries_token
 from app.http.noting import answer_noted, note
-from app.http.origins import crosses_sites, host_allowed, is_forwarded, is_loopback
-from app.http.permissions import LOGIN, Matched, Routes
+from app.http.origins import crosses_sites, host_allowed, host_name, is_forwarded, is_loopback, names_a_machine
+from app.http.permissions import LOGIN, PROBES, Matched, Routes
 from app.http.problems import AWAY, LONGEST_ECHO, Refusal, answer_to
 from app.services.access.identity import NOBODY, Identity, current
 from app.settings import Settings
@@ -55,7 +55,7 @@ class Guard:
         """Raises Refusal, also where no route is known here: what was not looked up is not let through."""
         headers = Headers(scope=scope)
         closed = self._closed(scope, headers)
-        if not host_allowed(headers.get("host", ""), self._hosts, keys_required=closed):
+        if not self._called_by_name(scope, headers, closed=closed):
             text = "this service is not known by that name; LOOPAUDIT_ALLOWED_HOSTS lists the names it answers to"
             raise Refusal(421, "host_not_allowed", text)
         matched = self._match(scope)
@@ -77,6 +77,13 @@ class Guard:
                 await note(self._of, asked, identity, "refused", refusal.status)
             raise
         return receive, asked, identity or NOBODY
+
+    def _called_by_name(self, scope: Scope, headers: Headers, *, closed: bool) -> bool:
+        """Probes know the address of a machine or a container, and no name that a proxy has."""
+        host = headers.get("host", "")
+        if host_allowed(host, self._hosts, keys_required=closed):
+            return True
+        return scope["path"] in PROBES and names_a_machine(host_name(host))
 
     def _closed(self, scope: Scope, headers: Headers) -> bool:
         """Whether a key is asked for. A proxy on this machine comes in over loopback, and who is behind it does not."""

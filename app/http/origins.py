@@ -17,6 +17,11 @@ def host_allowed(host_header: str, allowed: Collection[str], *, keys_required: b
         return True
     if keys_required:
         return not allowed
+    return names_a_machine(name)
+
+
+def names_a_machine(name: str) -> bool:
+    """Whether it is an address, or this machine's own name: nobody's DNS says where that is."""
     return name in LOCAL_NAMES or is_address(name)
 
 

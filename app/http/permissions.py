@@ -14,6 +14,7 @@ from starlette.types import Scope
 from app.services.access.identity import Role
 
 READING = ("GET", "HEAD")
+PROBES = frozenset({"/healthz", "/readyz"})
 UNGUARDED = frozenset({"websocket or the like"})
 
 

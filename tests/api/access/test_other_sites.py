@@ -66,6 +66,22 @@ def test_with_allowed_hosts_only_these_are_taken(serve, settings, texts):
             assert client.get("/v1/loops", headers={"Host": host, **bearer(texts[Role.read])}).status_code == status
 
 
+@pytest.mark.parametrize("path", ["/healthz", "/readyz"])
+def test_probes_need_no_allowed_host_but_the_address_of_the_machine(serve, settings, path):
+    behind_proxy = settings.model_copy(update={"allowed_hosts": "plant.example", "require_keys": True})
+    with serve(create_app(behind_proxy)) as client:
+        for host, status in (
+            ("127.0.0.1:8000", 200),
+            ("localhost", 200),
+            ("[::1]:8000", 200),
+            ("172.18.0.5", 200),
+            ("plant.example", 200),
+            ("evil.example", 421),
+            ("", 421),
+        ):
+            assert client.get(path, headers={"Host": host}).status_code == status
+
+
 def test_what_does_not_listen_on_loopback_asks_for_keys(serve, tmp_path):
     settings = Settings(data_dir=tmp_path)
     migrate(settings)
