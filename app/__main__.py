@@ -1,13 +1,27 @@
 """The console script, and `python -m app` where it is not on the path, as for child processes of `serve`."""
 
 import gc
+import os
 import signal
+import sys
 
 BETWEEN_LOOKS = 20_000  # objects; at Python's 700, a sixth of a start is looking through what was imported for garbage
 
 
+def open_missing_streams() -> None:
+    """Stands in for a stream that the caller closed (`>&-`), or the next file that is opened would have its number. One
+    in place of stdout refuses what is written: results are not lost in silence.
+    """
+    for number, mode, stream in ((0, "r", sys.stdin), (1, "w", sys.stdout), (2, "w", sys.stderr)):
+        if stream is not None:
+            continue
+        os.set_inheritable(os.open(os.devnull, os.O_WRONLY if number == 2 else os.O_RDONLY), True)
+        setattr(sys, ("stdin", "stdout", "stderr")[number], os.fdopen(number, mode, encoding="utf-8", closefd=False))
+
+
 def main() -> None:
     """Ctrl-C while the command is loaded ends it without a word; from then on it is the command's."""
+    open_missing_streams()
     gc.set_threshold(BETWEEN_LOOKS)
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)
     from app.cli.main import main as command

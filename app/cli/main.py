@@ -42,7 +42,7 @@ EPILOG = (
     "results, 130 interrupted."
 )
 INTERRUPTED = 128 + signal.SIGINT
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
 class StdoutClosedError(Exception):

@@ -28,9 +28,9 @@ class Advance(Protocol):
 
 def say(text: str) -> None:
     """One line on stderr, as it is: no mark-up, because file names and tags may hold brackets. Where nobody reads it,
-    the results are made all the same.
+    or the disk of a log is full, the results are made all the same.
     """
-    with suppress(BrokenPipeError):
+    with suppress(OSError):
         sys.stderr.write(text + "\n")
         sys.stderr.flush()
 

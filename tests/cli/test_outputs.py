@@ -256,3 +256,29 @@ def test_a_report_is_not_written_over_the_data_base(tmp_path, monkeypatch):
     assert isinstance(done.exception, RequestError)
     assert done.exception.code == "output_is_input"
     assert (tmp_path / "loopaudit.db").read_bytes() == before
+
+
+def closed_before(arguments: str, closing: str) -> subprocess.CompletedProcess[str]:
+    """A command of a shell that closed some of its streams first, as cron lines and daemons do."""
+    line = f"{sys.executable} -m app {arguments} {closing}"
+    return subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("closing", [">&-", "<&- >&-"])
+def test_a_stdout_that_was_closed_is_told_as_no_room_for_the_results(closing):
+    done = closed_before("simulate --samples 100", closing)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[-1] == ("loopaudit: the results could not be written: Bad file descriptor [output]")
+
+
+def test_results_that_go_to_a_file_need_no_stdout(tmp_path):
+    done = closed_before(f"simulate --samples 100 --out {tmp_path}/new.csv", "<&- >&- 2>&-")
+    assert done.returncode == 0
+    assert len((tmp_path / "new.csv").read_text().splitlines()) == 101
+
+
+@pytest.mark.parametrize("closing", ["2>&-", "2>/dev/full"])
+def test_results_are_made_though_no_message_can_be_written(recording, closing):
+    done = closed_before(f"audit {recording}.none {recording} --format jsonl", closing)
+    assert done.returncode == 1
+    assert [json.loads(line)["recording"] for line in done.stdout.splitlines()] == ["L1"]
