@@ -12,12 +12,13 @@ from sqlalchemy import Connection, select, update
 from sqlalchemy.exc import OperationalError
 
 from app.engine.audit import Audit
+from app.engine.audit_config import AuditConfig
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
 from app.services.upkeep.sweep import sweep, take_back_loops
 from app.storage import Database, items
 from app.storage.database import CommitLostError
-from app.storage.tables import audit_items
+from app.storage.tables import audit_items, verdicts
 from app.storage.tables import audits as audits_table
 from tests.services.audited_plant import AddLoops
 from tests.services.upkeep_plant import with_settings
@@ -270,3 +271,18 @@ def test_a_full_disk_counts_no_attempt(
     assert items_of(backend) == [("open", 0, None)] * 2
     chunks.audit_chunk(backend, int(run.id), "w")
     assert [item[0] for item in items_of(backend)] == ["done"] * 2
+
+
+def test_a_run_that_an_older_version_planned_ends_though_it_names_a_setting_that_is_none_any_more(
+    backend: Backend, add_loops: AddLoops, rung: deque[int]
+) -> None:
+    add_loops(*LOOPS[:2])
+    run = audits.start_audit(backend)
+    planned = '{"judgement":{"of_another_version":0.5},"max_samples":700}'
+    with backend.database.write() as connection:
+        connection.execute(update(audits_table).values(config_json=planned))
+    chunks.audit_chunk(backend, int(run.id), "w")
+    assert audits.get_audit(backend, run.id).state == "done"
+    with backend.database.read() as connection:
+        made_with = connection.scalars(select(verdicts.c.config_fingerprint)).all()
+    assert made_with == [AuditConfig().fingerprint()] * 2

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.plant_wide.excerpts import excerpts_of
-from app.errors import LoopauditError
+from app.errors import DataError, LoopauditError
 from app.logs import about
 from app.services.audit_json.rows import new_verdict
 from app.services.auditing.calling import call_workers
@@ -62,7 +62,7 @@ def audit_chunk(
     run = patiently(lambda: _run(backend, audit_id), lease_s)
     if run is None or run.state not in UNFINISHED:
         return 0
-    config = AuditConfig.from_json(run.config_json)
+    config = _config_of(run)
     until = time.monotonic() + backend.settings.chunk_budget_s
     done, replaced = 0, False
     with about(run=audit_id):
@@ -85,6 +85,16 @@ def audit_chunk(
 def _run(backend: Backend, audit_id: int) -> AuditRow | None:
     with backend.database.read() as connection:
         return audits.by_id(connection, audit_id)
+
+
+def _config_of(run: AuditRow) -> AuditConfig:
+    """Its own, or where another version planned it, with settings that are none any more, this version's: each verdict
+    names the configuration that it was made with, and a run that was open over an upgrade ends."""
+    try:
+        return AuditConfig.from_json(run.config_json)
+    except DataError as error:
+        log.warning("another version planned this run; it goes on by this version's settings: %s", error.message)
+        return AuditConfig()
 
 
 def _claim(backend: Backend, audit_id: int, owner: str, calls: bool) -> list[Claim]:
