@@ -22,6 +22,7 @@ from app.engine.mismatch.physics import named
 from app.engine.mismatch.physics.terms import made_of
 from app.engine.mismatch.report import export
 from app.engine.recording import FloatArray
+from app.errors import DataError
 from app.services.explaining.line import model_from_line, model_line
 from tests.engine.open_loop import moves
 
@@ -75,6 +76,19 @@ def test_a_model_means_the_same_along_an_op_of_another_length(
     model = model_from_line(model_line(export(whole, ())))
     again = simulate_again(model, record.op[:4000]) - record.pv_mid
     assert again == pytest.approx(whole.simulated[:4000], abs=1e-9)
+
+
+@pytest.mark.parametrize(("plant", "values"), [(LAG, (4.0,)), (LEVEL, (4.0, -0.02))])
+def test_a_vessel_that_overflows_simulates_the_same_again(plant: Plant, values: tuple[float, ...]) -> None:
+    """Beside an integrator its limit comes with the balance."""
+    record = driven(plant, 1200)
+    whole = fitted(record, plant, of_name(record, "process.overflow/high"), np.array(values))
+    model = model_from_line(model_line(export(whole, ())))
+    assert np.max(whole.simulated) <= 4.0
+    assert simulate_again(model, record.op) - record.pv_mid == pytest.approx(whole.simulated, abs=1e-9)
+    lacking = replace(model, parts=(replace(model.parts[0], values=()),))
+    with pytest.raises(DataError, match="overflow/high needs finite values of limit"):
+        simulate_again(lacking, record.op)
 
 
 def test_terms_of_moments_of_one_record_are_left_out_of_another() -> None:

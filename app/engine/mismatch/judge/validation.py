@@ -119,9 +119,11 @@ def middles_of(model: ExplainedModel, record: Experiment) -> tuple[tuple[str, fl
     return tuple((name, told.get(name, middle)) for name, middle in record.middles)
 
 
-def values_of(part: PartModel, block: Block, record: Experiment) -> FloatArray:
-    """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes."""
-    names = [parameter.name for parameter in block.parameters(Context(record, Plant(1.0, 1.0, 0.0)))]
+def values_of(part: PartModel, block: Block, context: Context) -> FloatArray:
+    """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes beside
+    its plant: an overflow has a balance too where that integrates.
+    """
+    names = [parameter.name for parameter in block.parameters(context)]
     values = np.array(part.values, dtype=np.float64)
     if len(values) != len(names) or not np.all(np.isfinite(values)):
         raise DataError("model_invalid", f"{part.name} needs finite values of {', '.join(names) or 'nothing'}")
@@ -190,5 +192,6 @@ def simulate_again(
     missing = [part.name for part in model.parts if part.name not in known]
     if missing:
         raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")
-    parts = tuple(Part(known[part.name], values_of(part, known[part.name], record)) for part in model.parts)
+    context = Context(record, plant)
+    parts = tuple(Part(known[part.name], values_of(part, known[part.name], context)) for part in model.parts)
     return simulate(record, plant, parts) + model.pv_mid
