@@ -328,6 +328,44 @@ def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
     assert not list((tmp_path / "there").iterdir())
 
 
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    def copyfile(source: Path, _: Path) -> None:
+        raise OSError(28, "No space left on device", str(source))  # as it is told by sendfile
+
+    monkeypatch.setattr(backups.shutil, "copyfile", copyfile)
+
+
+def test_a_full_disk_is_told_by_what_a_backup_writes_there(plant, tmp_path, monkeypatch):
+    full_disk(monkeypatch)
+    with pytest.raises(OSError, match="No space") as raised:
+        backups.backup(plant.settings, tmp_path / "there" / "kept")
+    assert Path(raised.value.filename).is_relative_to(tmp_path / "there")
+
+
+def test_a_full_disk_is_told_by_what_a_restore_writes_there(plant, tmp_path_factory, monkeypatch):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "kept"
+    backups.backup(plant.settings, elsewhere)
+    full_disk(monkeypatch)
+    with pytest.raises(OSError, match="No space") as raised:
+        backups.restore(plant.settings, elsewhere, force=True)
+    assert Path(raised.value.filename).is_relative_to(plant.settings.data_dir)
+
+
+def test_a_full_disk_of_a_backup_is_not_the_data_base_that_cannot_be_used(empty_sqlite, tmp_path, monkeypatch):
+    connect = sqlite3.connect
+
+    def small(*arguments, **options):
+        connection = connect(*arguments, **options)
+        if "kept" in str(arguments[0]):
+            connection.execute("PRAGMA max_page_count = 2")
+        return connection
+
+    monkeypatch.setattr(backups.sqlite3, "connect", small)
+    with pytest.raises(OSError, match="No space") as raised:
+        backups.backup(Settings(data_dir=empty_sqlite.parent), tmp_path / "kept")
+    assert Path(raised.value.filename).is_relative_to(tmp_path)
+
+
 @pytest.mark.parametrize("kind", ["nothing", "empty", "no data base"])
 def test_a_data_base_that_is_not_there_is_one_sentence(tmp_path, kind):
     settings = Settings(data_dir=tmp_path / "data")

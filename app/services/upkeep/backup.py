@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from glob import escape
 from importlib.metadata import version
@@ -20,7 +20,7 @@ from typing import Any
 from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
-from app.services.backend import away_in_words
+from app.services.backend import DISK_FULL, away_in_words
 from app.services.intake.uploads import stored_files
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer
@@ -167,7 +167,8 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
         if revision is None:
             raise RequestError("no_tables", "the data base has no tables; there is nothing to keep")
         if database.is_sqlite:
-            _copy_sqlite(Path(database.url.database or ""), draft / SQLITE)
+            with _written(draft / SQLITE) as target:
+                _copy_sqlite(Path(database.url.database or ""), target)
             return SQLITE, revision
         _run(
             ["pg_dump", "--format=custom", "--no-owner", f"--file={draft / POSTGRESQL}"], program_address(database.url)
@@ -175,6 +176,20 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
         return POSTGRESQL, revision
     finally:
         database.close()
+
+
+@contextmanager
+def _written(target: Path) -> Iterator[Path]:
+    """A full disk is told by what is written on it: SQLite names no file, and a copy the one that is read."""
+    try:
+        yield target
+    except (OSError, sqlite3.Error) as error:
+        if (
+            getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+            or getattr(error, "errno", None) in DISK_FULL
+        ):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(target)) from error
+        raise
 
 
 def _copy_sqlite(source: Path, target: Path) -> None:
@@ -260,7 +275,8 @@ def _put(source: Path, target: Path) -> None:
 
 def _drafted(source: Path, target: Path) -> Path:
     draft = target.with_name(f".{target.name}.part")
-    shutil.copyfile(source, draft)
+    with _written(draft):
+        shutil.copyfile(source, draft)
     with draft.open("rb") as file:
         os.fsync(file.fileno())
     return draft
