@@ -15,8 +15,8 @@ import pytest
 from sqlalchemy import column, make_url, table, update
 
 from app.errors import RequestError
-from app.services.access import keys, trail
-from app.services.access.identity import COMMAND_LINE, Role
+from app.services.access import trail
+from app.services.access.identity import COMMAND_LINE
 from app.services.auditing.audits import get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
@@ -25,15 +25,10 @@ from app.services.upkeep import doctor
 from app.services.upkeep.presence import alone, at_work
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
-from app.storage import loops, schema, tables
+from app.storage import schema, tables
 from app.storage.database import program_address
 from app.storage.tables import metadata
 from tests.services.upkeep_plant import EXPORT, audited_twice
-
-
-@pytest.fixture
-def plant(backend: Backend, warm_kernels: None) -> Backend:
-    return audited_twice(backend)
 
 
 def contents(backend: Backend) -> dict[str, list[tuple]]:
@@ -42,13 +37,6 @@ def contents(backend: Backend) -> dict[str, list[tuple]]:
             name: [tuple(row) for row in connection.execute(table.select().order_by(*table.primary_key.columns))]
             for name, table in metadata.tables.items()
         }
-
-
-@pytest.fixture(autouse=True)
-def _programs(request: pytest.FixtureRequest) -> None:
-    """Backups of PostgreSQL need its client programs."""
-    if "backup" in request.node.name and "postgresql" in request.node.name and shutil.which("pg_dump") is None:
-        pytest.skip("no pg_dump on this machine")
 
 
 def test_a_backup_comes_back_whole(plant, tmp_path):
@@ -318,54 +306,6 @@ def test_what_the_address_says_of_tls_holds_for_a_backup_too(monkeypatch, tmp_pa
     assert environment["PGPASSWORD"] == "hunter2"
 
 
-def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(backups, "_copy_uploads", full)
-    with pytest.raises(OSError, match="No space"):
-        backups.backup(plant.settings, tmp_path / "there" / "kept")
-    assert not list((tmp_path / "there").iterdir())
-
-
-def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    def copyfile(source: Path, _: Path) -> None:
-        raise OSError(28, "No space left on device", str(source))  # as it is told by sendfile
-
-    monkeypatch.setattr(backups.shutil, "copyfile", copyfile)
-
-
-def test_a_full_disk_is_told_by_what_a_backup_writes_there(plant, tmp_path, monkeypatch):
-    full_disk(monkeypatch)
-    with pytest.raises(OSError, match="No space") as raised:
-        backups.backup(plant.settings, tmp_path / "there" / "kept")
-    assert Path(raised.value.filename).is_relative_to(tmp_path / "there")
-
-
-def test_a_full_disk_is_told_by_what_a_restore_writes_there(plant, tmp_path_factory, monkeypatch):
-    elsewhere = tmp_path_factory.mktemp("elsewhere") / "kept"
-    backups.backup(plant.settings, elsewhere)
-    full_disk(monkeypatch)
-    with pytest.raises(OSError, match="No space") as raised:
-        backups.restore(plant.settings, elsewhere, force=True)
-    assert Path(raised.value.filename).is_relative_to(plant.settings.data_dir)
-
-
-def test_a_full_disk_of_a_backup_is_not_the_data_base_that_cannot_be_used(empty_sqlite, tmp_path, monkeypatch):
-    connect = sqlite3.connect
-
-    def small(*arguments, **options):
-        connection = connect(*arguments, **options)
-        if "kept" in str(arguments[0]):
-            connection.execute("PRAGMA max_page_count = 2")
-        return connection
-
-    monkeypatch.setattr(backups.sqlite3, "connect", small)
-    with pytest.raises(OSError, match="No space") as raised:
-        backups.backup(Settings(data_dir=empty_sqlite.parent), tmp_path / "kept")
-    assert Path(raised.value.filename).is_relative_to(tmp_path)
-
-
 @pytest.mark.parametrize("kind", ["nothing", "empty", "no data base"])
 def test_a_data_base_that_is_not_there_is_one_sentence(tmp_path, kind):
     settings = Settings(data_dir=tmp_path / "data")
@@ -428,101 +368,6 @@ def test_no_service_starts_while_a_backup_is_brought_back(tmp_path):
     with alone(settings), pytest.raises(RequestError) as refused, at_work(settings):
         pass
     assert refused.value.code == "being_restored"
-
-
-class PowerCut(BaseException):
-    """Nothing of what the program would still do happens."""
-
-
-def broken_off(settings: Settings, way: str) -> None:
-    """The data base as a killed process leaves it: amid a transaction whose pages are in the file already, or with what
-    was committed in the WAL alone."""
-    file = settings.data_dir / "loopaudit.db"
-    connection = sqlite3.connect(file, isolation_level=None)
-    connection.execute(f"PRAGMA journal_mode = {way}")
-    connection.execute("PRAGMA cache_size = 2")
-    connection.execute("PRAGMA wal_autocheckpoint = 0")
-    connection.execute("BEGIN IMMEDIATE")
-    connection.execute("UPDATE keys SET name = 'killed'")
-    connection.executemany("INSERT INTO trail (at, who, action, outcome) VALUES ('', ?, '', '')", [("x" * 999,)] * 500)
-    if way == "WAL":
-        connection.execute("COMMIT")
-    names = [path.name for path in settings.data_dir.glob("loopaudit.db*")]
-    copies = {name: (settings.data_dir / name).read_bytes() for name in names}
-    connection.close()
-    for rest in ("", "-wal", "-shm", "-journal"):
-        Path(f"{file}{rest}").unlink(missing_ok=True)
-    for name, data in copies.items():
-        (settings.data_dir / name).write_bytes(data)
-
-
-def cut_at(monkeypatch: pytest.MonkeyPatch, step: int) -> None:
-    """The power goes before that change to the names of files."""
-    steps = iter(range(10**6))
-
-    def counted(change):
-        def or_cut(*arguments, **options):
-            if next(steps) == step:
-                raise PowerCut
-            return change(*arguments, **options)
-
-        return or_cut
-
-    for name in ("unlink", "replace"):
-        monkeypatch.setattr(Path, name, counted(getattr(Path, name)))
-
-
-@pytest.mark.parametrize("step", range(6))
-@pytest.mark.parametrize(("way", "was"), [("TRUNCATE", "me"), ("WAL", "killed")])
-def test_a_data_base_that_was_broken_off_is_replaced_whole_or_not_at_all(
-    empty_sqlite, tmp_path, monkeypatch, way, was, step
-):
-    settings = Settings(data_dir=tmp_path / "data")
-    settings.prepare_folders()
-    shutil.copy(empty_sqlite, settings.data_dir / "loopaudit.db")
-    backend = Backend.open(settings)
-    keys.create_key(backend, "kept", Role.admin, lifetime=None)
-    with backend.database.write() as connection:
-        loops.ensure(connection, ["KEPT"])
-    backups.backup(settings, tmp_path / "kept")
-    with backend.database.write() as connection:
-        connection.execute(update(tables.keys).values(name="me"))
-        connection.execute(update(tables.loops).values(tag="OLD"))
-    backend.close()
-    broken_off(settings, way)
-    with monkeypatch.context() as patch, suppress(PowerCut):
-        cut_at(patch, step)
-        backups.restore(settings, tmp_path / "kept", force=True)
-    with sqlite3.connect(settings.data_dir / "loopaudit.db") as after:
-        assert after.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        found = after.execute("SELECT keys.name, loops.tag FROM keys, loops").fetchall()
-    after.close()
-    assert found in ([(was, "OLD")], [("kept", "KEPT")])
-
-
-def test_names_of_what_was_written_are_on_disk_too(plant, tmp_path, monkeypatch):
-    synced: list[Path] = []
-    monkeypatch.setattr(backups, "sync_folder", synced.append)
-    backups.backup(plant.settings, tmp_path / "new" / "kept")
-    draft, parent = synced[1], tmp_path / "new"
-    assert draft.match(f"{parent}/.kept.*.part")
-    assert synced == [draft / "uploads", draft, parent, tmp_path]
-    synced.clear()
-    plant.database.close()
-    backups.restore(plant.settings, tmp_path / "new" / "kept", force=True)
-    of_sqlite = [plant.settings.data_dir] * 2  # before the new file takes its place, and after
-    assert synced == [*(of_sqlite if plant.database.is_sqlite else []), plant.settings.uploads_dir]
-
-
-def test_a_data_base_that_is_damaged_is_replaced(empty_sqlite, tmp_path):
-    settings = Settings(data_dir=tmp_path / "data")
-    settings.prepare_folders()
-    file = settings.data_dir / "loopaudit.db"
-    shutil.copy(empty_sqlite, file)
-    backups.backup(settings, tmp_path / "kept")
-    file.write_bytes(b"no data base at all" * 999)
-    Path(f"{file}-journal").write_bytes(b"no journal")
-    assert backups.restore(settings, tmp_path / "kept", force=True).schema == schema.newest_revision()
 
 
 def test_no_password_is_told_where_it_goes_wrong(tmp_path):
