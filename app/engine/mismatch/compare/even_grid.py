@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.fitness.resample import MOST_POINTS
 from app.engine.mismatch.compare.aligning import beyond, covering
 from app.engine.mismatch.compare.comparison import LEAST_SAMPLES, Comparison, LinearSimulation
 from app.engine.recording import BoolArray, FloatArray, IntArray, Recording
@@ -17,6 +18,8 @@ GAP_INTERVALS = 3.0
 SAME_STAMP = 0.01  # of an interval: so near a stamp a grid point is the sample
 STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
 SPARSE = 3.0
+HOLE_INTERVALS = 40.0  # as long as what an audit fills at most
+FEW_HOLES = 0.01
 
 
 def comparison_of(
@@ -89,13 +92,25 @@ class Grid:
 
 
 def grid_over(at: FloatArray) -> Grid:
-    """The grid for samples at the times (N,) s, N > 1, increasing from 0, at their median interval."""
-    usual, average = float(np.median(np.diff(at))), float(at[-1] / (len(at) - 1))
-    # Samples that came on change: a grid as fine as their usual distance would be mostly invented.
-    interval = average if average > SPARSE * usual else usual
+    """The grid for samples at the times (N,) s, N > 1, increasing from 0, at the interval of `_interval_of`."""
+    interval = _interval_of(at)
     points = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1, dtype=np.float64) * interval
     even = len(points) == len(at) and bool(np.allclose(points, at, atol=SAME_STAMP * interval))
     return Grid(interval, points, at, even)
+
+
+def _interval_of(at: FloatArray) -> float:
+    """The median, or the mean where it is much longer: of samples that came on change, a grid as fine as their usual
+    distance would be mostly invented. Nights with the days between them left out are no such samples.
+    """
+    steps = np.diff(at)
+    usual, average = float(np.median(steps)), float(np.mean(steps))
+    if average <= SPARSE * usual:
+        return usual
+    within = steps[steps <= HOLE_INTERVALS * usual]
+    few = len(steps) - len(within) <= FEW_HOLES * len(steps)
+    few_points = at[-1] <= MOST_POINTS * len(at) * usual
+    return usual if few and few_points and float(np.mean(within)) <= SPARSE * usual else average
 
 
 def resampled(values: FloatArray, grid: Grid, *, steps: bool = False) -> FloatArray:
