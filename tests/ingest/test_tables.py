@@ -18,6 +18,7 @@ from .conftest import Read
 
 TIMES = [datetime(2024, 3, 1, 0, minute) for minute in range(4)]
 START = 1709251200 * 10**9
+SIZES = {"A.PV": 1e-11, "A.OP": 0.1}
 
 
 def parquet(frame: pl.DataFrame, row_group_size: int | None = None) -> bytes:
@@ -103,6 +104,26 @@ def test_cells_of_a_workbook_keep_their_digits_however_small(read: Read, scale: 
     loop = read(workbook([["Time", "A.PV", "A.OP"], *rows])).loops["A"]
     assert loop.pv[[0, 1, 3]].tolist() == pytest.approx([pv[0], pv[1], pv[3]], rel=1e-9, abs=0.0)
     assert np.isnan(loop.pv[2])
+
+
+@pytest.mark.parametrize("margin", [1, 3])
+def test_small_numbers_are_of_their_own_columns_wherever_a_sheet_begins(read: Read, margin: int) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    names = ["Tag", "Time", "Value", "Quality"]
+    rows = [[tag, str(time), size * (k + 1.5), 0.0] for k, time in enumerate(TIMES) for tag, size in SIZES.items()]
+    content = read(workbook([names, *rows], margin=margin))
+    loop = content.loops["A"]
+    assert loop.pv.tolist() == pytest.approx([1.5e-11, 2.5e-11, 3.5e-11, 4.5e-11], rel=1e-9, abs=0.0)
+    assert loop.op.tolist() == pytest.approx([0.15, 0.25, 0.35, 0.45])
+    assert content.rejects.total == 0
+
+
+def test_cells_of_a_workbook_that_lost_no_digit_stay_as_they_are(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    qualities = [0.0, 0.0, 0.0, 24.0]
+    rows = [[tag, str(time), 1.0, quality] for time, quality in zip(TIMES, qualities, strict=True) for tag in SIZES]
+    content = read(workbook([["Tag", "Time", "Value", "Quality"], *rows]))
+    assert [reject.text for reject in content.rejects.listed] == ["24"] * 2
 
 
 def test_a_cover_with_dates_does_not_hide_the_data(read: Read) -> None:
@@ -222,9 +243,13 @@ RELATIONS = "application/vnd.openxmlformats-package.relationships+xml"
 
 
 def workbook(
-    *sheets: Sequence[Sequence[str | float]], hidden: Collection[int] = (), names: Mapping[int, str] | None = None
+    *sheets: Sequence[Sequence[str | float]],
+    hidden: Collection[int] = (),
+    names: Mapping[int, str] | None = None,
+    margin: int = 0,
 ) -> bytes:
-    """The smallest workbook that there is of these sheets, which are called S1, S2, ... where `names` has no other."""
+    """The smallest workbook that there is of these sheets, which are called S1, S2, ... where `names` has no other.
+    margin: columns left empty before the first one."""
     numbers = range(1, len(sheets) + 1)
     called = {n: f"S{n}" for n in numbers} | dict(names or {})
     state = {n: ' state="hidden"' if n in hidden else "" for n in numbers}
@@ -243,7 +268,7 @@ def workbook(
         "xl/_rels/workbook.xml.rels": relations("worksheet", [f"worksheets/sheet{n}.xml" for n in numbers]),
     }
     for n, rows in zip(numbers, sheets, strict=True):
-        cells = "".join("<row>" + "".join(map(cell, row)) + "</row>" for row in rows)
+        cells = "".join("<row>" + "<c/>" * margin + "".join(map(cell, row)) + "</row>" for row in rows)
         sheet = f'<worksheet xmlns="{MAIN}"><sheetData>{cells}</sheetData></worksheet>'
         parts[f"xl/worksheets/sheet{n}.xml"] = sheet
     return archive(parts)

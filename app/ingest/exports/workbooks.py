@@ -20,7 +20,6 @@ from app.ingest.tags.loops import group
 
 WORKBOOK_BYTES = 1 << 30  # what is asked of a sheet is found in a workbook unpacked
 _SHOWN = 10
-_NUMBER = r"^-?\d+(\.\d+)?$"
 
 
 class Workbook:
@@ -56,22 +55,24 @@ class Workbook:
             self._held = (-1, pl.DataFrame())
             frame = self._cells(number, "string")
             if small := [index for index, column in enumerate(frame) if _is_small(column)]:
-                numbers = self._cells(number, "float", small)
+                numbers = self._cells(number, "float", set(small))
                 names = [name_of(index) for index in small]
                 frame = frame.with_columns(map(_in_full, frame.select(names), numbers))
             self._held = (number, frame)
         return self._held[1]
 
-    def _cells(self, number: int, kind: str, columns: list[int] | None = None) -> pl.DataFrame:
+    def _cells(self, number: int, kind: str, columns: Collection[int] | None = None) -> pl.DataFrame:
         """Raises DataError where the sheet cannot be read."""
+        # As numbers they would count from the sheet's own column A, which may be empty.
+        asked = None if columns is None else lambda column: column.index in columns
         try:
-            sheet = self._book.load_sheet(number, header_row=None, dtypes=kind, use_columns=columns)
+            sheet = self._book.load_sheet(number, header_row=None, dtypes=kind, use_columns=asked)
             frame: pl.DataFrame = sheet.to_polars()
         except self._faults as error:
             raise _unreadable(error) from error
         if sheet.visible != "visible":
             self.hidden.add(number)
-        frame.columns = [name_of(index) for index in (range(frame.width) if columns is None else columns)]
+        frame.columns = [name_of(index) for index in (range(frame.width) if columns is None else sorted(columns))]
         return frame
 
 
@@ -92,8 +93,9 @@ def _is_small(cells: pl.Series) -> bool:
 
 
 def _in_full(cells: pl.Series, numbers: pl.Series) -> pl.Series:
-    plain = numbers.is_not_null() & cells.str.contains(_NUMBER).fill_null(False)
-    return numbers.cast(pl.String).zip_with(plain, cells).alias(cells.name)
+    """Cells that lost digits with all of them; a mode of 1 does not become one of 1.0."""
+    lost = (cells.cast(pl.Float64, strict=False) != numbers).fill_null(False)
+    return numbers.cast(pl.String).zip_with(lost, cells).alias(cells.name)
 
 
 def _unreadable(error: Exception) -> DataError:
