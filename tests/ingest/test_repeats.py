@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from app.ingest import IngestOptions
 from app.ingest.rejecting import RejectLog
 from app.ingest.times.order import last_of_repeats
 from tests.ingest.conftest import Read
@@ -83,3 +84,14 @@ def test_of_two_values_of_a_time_the_later_one_holds_whichever_way_the_rows_run(
     for content in (wide, long):
         assert content.loops["F1"].pv.tolist() == [70 if k == 7 else k for k in range(30)]
         assert dict(content.rejects.counts) == {"duplicate_time": 1}
+
+
+@pytest.mark.parametrize("chunk_bytes", [311, 619, 1000])
+@pytest.mark.parametrize("way", [1, -1])
+def test_of_two_values_of_a_time_at_the_end_of_a_chunk_the_later_one_holds_too(
+    read: Read, way: int, chunk_bytes: int
+) -> None:
+    minutes = [f"2026-01-31 {k // 60:02d}:{k % 60:02d}:00" for k in range(300)]
+    rows = [f"{minute},{k + part},1\n" for k, minute in enumerate(minutes) for part in ([0.25, 0.5][k % 3 != 1 :])]
+    content = read("time,F1.PV,F1.OP\n" + "".join(rows[::way]), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert content.loops["F1"].pv.tolist() == [k + 0.5 for k in range(300)]

@@ -359,6 +359,8 @@ class WideTable:
         for grid in grids:
             by_columns.setdefault(int(grid.codes[0]), []).append(grid)
         for own in by_columns.values():
+            if runs_back(np.array([grid.time_ns[0] for grid in own])):
+                own.reverse()  # of a time that is in two of them too, the later value holds
             whole = joined_grid(own)
             given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
             everywhere = np.asarray(given.all(axis=0))
