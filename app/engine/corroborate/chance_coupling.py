@@ -45,7 +45,8 @@ def chance_limit(pairs: BoolArray, segments: int, hop: int) -> float:
     nu = 2 (sum of what is expected)^2 / (sum of what varies together) degrees of freedom instead of 2 n: some 210
     instead of 512 for all pairs. As bic^2 cannot exceed 1, its variance is less by (K - 1) / (K + 1).
     Within 2 % for white noise; the lines of a coloured one are taken to be as alike. Of white, coloured and
-    swinging Gaussian noise, 300 to 8,000 samples, 1 to 7 % of records exceed it.
+    swinging Gaussian noise, 300 to 8,000 samples, 1 to 7 % of records exceed it, of 2,000 samples that swing with 20
+    to 28 a cycle 6 to 11 %.
     """
     noise, chosen = _noise(hop), pairs.astype(np.float64)
     expected = float(chosen @ noise.expected)
