@@ -86,6 +86,15 @@ def test_of_two_values_of_a_time_the_later_one_holds_whichever_way_the_rows_run(
         assert dict(content.rejects.counts) == {"duplicate_time": 1}
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_of_shuffled_rows_the_later_value_of_a_time_holds(read: Read, seed: int) -> None:
+    """Half of their steps go back: whether that made a file newest first was chance."""
+    rows = [(k, float(k)) for k in range(30)] + [(7, 70.5)]
+    np.random.default_rng(seed).shuffle(rows)
+    content = read("time,F1.PV,F1.OP\n" + "".join(f"2026-01-31 00:{k:02d}:00,{value},1\n" for k, value in rows))
+    assert content.loops["F1"].pv[7] == [value for k, value in rows if k == 7][-1]
+
+
 @pytest.mark.parametrize("chunk_bytes", [311, 619, 1000])
 @pytest.mark.parametrize("way", [1, -1])
 def test_of_two_values_of_a_time_at_the_end_of_a_chunk_the_later_one_holds_too(

@@ -247,7 +247,7 @@ def test_valves_are_grouped_by_source_and_by_what_their_names_begin_with():
     ]
     assert groups_of(loops) == {
         "whole sources": {"a": "ISDB", "b": "ISDB", "c": ""},
-        "whole industries": {"a": "CHEM", "b": "PAP", "c": ""},
+        "whole industries, as names begin": {"a": "CHEM", "b": "PAP", "c": ""},
     }
 
 

@@ -14,10 +14,11 @@ from app.lab.evaluation.recordings import Labelled
 
 
 def groups_of(loops: list[Labelled]) -> dict[str, dict[str, str]]:
-    """By what is left out, the group of each valve. Data bases name recordings by the industry: CHEM1, PAP2."""
+    """By what is left out, the group of each valve. The data base of stiction names recordings by their industry
+    (CHEM1, PAP2), others do by where they are from."""
     return {
         "whole sources": {loop.valve: loop.source for loop in loops},
-        "whole industries": {loop.valve: _letters(loop.recording.name) for loop in loops},
+        "whole industries, as names begin": {loop.valve: _letters(loop.recording.name) for loop in loops},
     }
 
 
