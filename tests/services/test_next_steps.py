@@ -167,6 +167,15 @@ def test_too_few_swings_ask_for_a_longer_record_and_say_how_long():
     assert next_step(row | {"reasons": "before_repair;few_cycles"}) == Ask.WAIT
 
 
+def test_a_longer_record_is_not_asked_for_where_the_record_has_room_for_the_swings():
+    """Of a long record a stretch is judged, of as many hours however long the record is."""
+    row = row_of("stiction", "not_reliable", "stiction") | {"reasons": "stiction_began;few_cycles"}
+    row |= {"oscillation_period_s": 5426.0, "sampling_interval_s": 20.0}
+    assert next_step(row | {"window_samples": 21600}).endswith("ask for a stroke test.")
+    assert next_step(row | {"window_samples": 1356}).endswith("5 swings of this one take 7.6 h.")
+    assert next_step(row | {"window_samples": None}).endswith("5 swings of this one take 7.6 h.")
+
+
 def test_a_repair_counts_from_when_it_is_written_down():
     row = row_of("stiction", "reliable", "stiction")
     row["window_end"] = "2026-01-02T00:00:00.500Z"

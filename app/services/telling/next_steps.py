@@ -242,7 +242,10 @@ def step_of(row: Mapping[str, Any], clock: PlantClock, repaired_at: str | None =
     step = step_for(ask, _with_number(ask, row, clock))
     if FEW_CYCLES not in reasons or row["reliability"] == "reliable" or period_s is None or ask in AT_ONCE:
         return step
-    longer = f"{LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(ENOUGH_CYCLES * period_s)}"
+    lasts_s = ENOUGH_CYCLES * period_s
+    if _window_s(row) >= lasts_s:  # of which a stretch was judged that no longer record makes longer
+        return step
+    longer = f"{LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(lasts_s)}"
     return replace(step, text=f"{step.text} {longer}.", besides=f"{longer[:1].lower()}{longer[1:]}")
 
 
@@ -276,6 +279,12 @@ def _objected(row: Mapping[str, Any], reasons: Sequence[str]) -> bool:
     with_, without = row.get("hammerstein_rmse"), row.get("hammerstein_rmse_without_stiction")
     by_fit = with_ is not None and without is not None and with_ <= FIT_OBJECTS * without
     return by_fit or not OBJECTIONS.isdisjoint(reasons)
+
+
+def _window_s(row: Mapping[str, Any]) -> float:
+    """How much was looked at, of which what was judged may be a part; 0 where that is not known."""
+    samples, interval_s = row.get("window_samples"), row.get("sampling_interval_s")
+    return 0.0 if samples is None or interval_s is None else float(samples * interval_s)
 
 
 def in_hours(seconds: float) -> str:
@@ -356,7 +365,8 @@ OF_ANY = (
     ("of an old record", Ask.NOTHING_NEWER),
     (
         "look first, for too few swings",
-        "Do what the line above for this verdict says, and have a longer record audited: the page says how many hours.",
+        "Do what the line above for this verdict says, and where the page says how many hours they take, have a longer "
+        "record audited.",
     ),
 )
 
