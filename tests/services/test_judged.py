@@ -74,6 +74,16 @@ def test_it_is_what_changed(backend: Backend, left: tuple[int, int]) -> None:
     assert to_manual(backend, left[1]) == []
 
 
+def test_what_could_be_judged_since_is_not_said_to_be_beyond_judgement(backend: Backend, add_loops: AddLoops) -> None:
+    """Back in automatic, but for less than half of the time before: the engine takes the longer stretch."""
+    of = add_loops("A", n=0)["A"]
+    for first, count, automatic in ((0, 900, 1.0), (900, 100, 0.0), (1000, 400, 1.0)):
+        record(backend, of, first, count, automatic)
+    run(backend, start_audit(backend).id)
+    told = judged(backend, ["A"])["A"].words(backend.clock)
+    assert told == "judged 2025-06-15 15:06 to 2025-06-16 06:05; what was recorded since was not judged"
+
+
 def test_the_same_window_is_no_other_night(backend: Backend, left: tuple[int, int]) -> None:
     with backend.database.write() as connection:
         yesterday = update(verdicts).where(verdicts.c.audit_id == left[0])
@@ -104,4 +114,4 @@ def test_where_what_came_since_is_damaged_the_rest_tells(backend: Backend, left:
     assert words.startswith(f"{TOLD}. What was stored from 2025-06-15 23:26 to 2025-06-16 01:05 cannot be read")
     assert f"{TOLD}. What was stored" in plant_report(backend)
     spoil(backend, ids["A"], START_NS + 300 * MINUTE)
-    assert "what was recorded since cannot be judged" in judged(backend, ["A"])["A"].words(backend.clock)
+    assert "what was recorded since was not judged" in judged(backend, ["A"])["A"].words(backend.clock)

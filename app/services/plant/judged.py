@@ -34,7 +34,7 @@ class Judged:
 
     def words(self, clock: PlantClock) -> str:
         """ "judged 2026-11-24 22:00 to 23:59; in manual since"."""
-        since = "in manual since" if self.manual else "what was recorded since cannot be judged"
+        since = "in manual since" if self.manual else "what was recorded since was not judged"
         damage = damage_in_words(self.damaged, clock).removesuffix(".")
         return f"judged {clock.span(self.start, self.end)}; {since}{f'. {damage}' if damage else ''}"
 
