@@ -84,6 +84,20 @@ def test_what_could_be_judged_since_is_not_said_to_be_beyond_judgement(backend: 
     assert told == "judged 2025-06-15 15:06 to 2025-06-16 06:05; what was recorded since was not judged"
 
 
+def test_a_loop_that_is_back_in_automatic_did_not_go_to_manual(backend: Backend, left: tuple[int, int]) -> None:
+    """Though most of the time since was in manual, as of a unit that stood for a night and runs again."""
+    of = loop_id_of(backend, "A")
+    record(backend, of, 500, 90, 1.0)
+    again = run(backend, start_audit(backend).id)
+    told = judged(backend, ["A"])["A"].words(backend.clock)
+    assert told == "judged 2025-06-15 15:06 to 20:05; what was recorded since was not judged"
+    assert to_manual(backend, left[1], and_since=True) == []
+    record(backend, of, 590, 30, 0.0)
+    run(backend, start_audit(backend).id)
+    assert judged(backend, ["A"])["A"].words(backend.clock) == TOLD
+    assert judged(backend, ["A"], again)["A"].words(backend.clock).endswith("was not judged")
+
+
 def test_the_same_window_is_no_other_night(backend: Backend, left: tuple[int, int]) -> None:
     with backend.database.write() as connection:
         yesterday = update(verdicts).where(verdicts.c.audit_id == left[0])

@@ -24,8 +24,8 @@ LOOKED_AT = 200
 @dataclass(frozen=True)
 class Judged:
     """A judged window (ISO 8601, UTC) that ends well before the newest sample that the engine was given. manual:
-    whether the loop was in manual for most of the time since, by its recorded mode. damaged: from when to when (ns)
-    what was recorded since cannot be read."""
+    whether the loop is in manual, by its recorded mode, and was for most of the time since. damaged: from when to when
+    (ns) what was recorded since cannot be read."""
 
     start: str
     end: str
@@ -82,5 +82,5 @@ def _judged(connection: Connection, row: SpanRow, hold_days: float) -> Judged | 
     later = series.readable(connection, row.loop_id, ns_of(row.window_end) + 1, row.input_end_ns, hold_days)
     mode = None if later.samples is None else later.samples.signals.get("automatic")
     known = np.array([]) if mode is None else mode[np.isfinite(mode)]
-    manual = bool(len(known)) and float(np.mean(known)) < 0.5
+    manual = bool(len(known)) and float(np.mean(known)) < 0.5 and not known[-1]
     return Judged(iso_utc(row.window_start) or "", iso_utc(row.window_end) or "", manual, later.damaged)
