@@ -168,6 +168,28 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
     assert changes.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
 
 
+@pytest.mark.parametrize(
+    ("code", "comes", "goes"),
+    [
+        ("wound_up", "OP stands at its limit, and PV does not come back for it", "OP stands at its limit no longer"),
+        ("uncoupled", "PV and OP move without regard to each other", "PV and OP go together again"),
+    ],
+)
+def test_what_left_no_probability_to_decide_by_is_why_a_verdict_cannot_tell(
+    backend: Backend, two_runs: tuple[dict[str, int], int], code: str, comes: str, goes: str
+) -> None:
+    """Of a probability that fell as well nobody would understand it."""
+    ids, first = two_runs
+    free = {"verdict": "no_stiction", "reasons": "shape_x", "stiction_probability": 0.13}
+    undecided = {"verdict": "inconclusive", "reasons": f"{code};shape_x", "stiction_probability": 0.01}
+    for tag, before, now in (("B", free, undecided), ("C", undecided, free)):
+        rewrite(backend, first, ids[tag], **before)
+        rewrite(backend, first + 1, ids[tag], **now, reliability="not_reliable")
+        rewrite_newest(backend, ids[tag], verdict=now["verdict"])
+    told = {row.loop: (row.kind, row.because) for row in changes.changes(backend).rows}
+    assert told == {"B": ("flipped", comes), "C": ("flipped", goes)}
+
+
 def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
     backend: Backend, two_runs: tuple[dict[str, int], int]
 ) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from app.engine.judgement import UNCOUPLED, WOUND_UP
 from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
@@ -26,6 +27,11 @@ NEWS_FROM = 0.3
 TOLD_FIRST: dict[Kind, int] = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
 LONGER_WORDS = "more was recorded than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
+UNDECIDED_BY = {
+    WOUND_UP: ("OP stands at its limit, and PV does not come back for it", "OP stands at its limit no longer"),
+    UNCOUPLED: ("PV and OP move without regard to each other", "PV and OP go together again"),
+}
+"""Reasons that nothing can be told of a valve, whatever the probability: what is said where one comes, and goes."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +115,11 @@ def change_of(row: ChangedRow, clock: PlantClock) -> ChangeView:
 
 def _wavers(row: ChangedRow, why: ChangedBy) -> bool:
     """Whether a change is that of a loop on the edge: not to be relied on, and its probability has hardly moved. A
-    valve that began to stick, and a PV that never answers, are news all the same."""
+    valve that began to stick, a PV that never answers, and what has left no probability to decide by, are news all the
+    same."""
     if why not in ("loop", "data") or row.reliability == "reliable" or row.likely_cause == UNANSWERED:
+        return False
+    if _undecided(row):
         return False
     return not _is_far(row.probability_before, row.probability) and BEGAN not in codes_in(row.reasons)
 
@@ -145,13 +154,24 @@ def _longer(row: ChangedRow) -> bool:
 
 def _because(why: ChangedBy, row: ChangedRow, clock: PlantClock) -> str:
     """Where the record is why, what of it moved most comes first: that more was recorded makes no valve stick."""
-    evidence = moved(row) if why in ("loop", "data") else ""
+    evidence = (_undecided(row) or moved(row)) if why in ("loop", "data") else ""
     if why == "loop" and not _answers_no_more(row):
         if BEGAN in codes_in(row.reasons):
             return _began(row, clock)
         return evidence or probability_moved(row) or WHY_WORDS["loop"]
     words = _cause(why, row)
     return f"{evidence}; {words}" if evidence else words
+
+
+def _undecided(row: ChangedRow) -> str:
+    """What has made a verdict one that cannot tell, or has let it tell again, where that is not the probability."""
+    now, before = codes_in(row.reasons), codes_in(row.reasons_before)
+    for code, (comes, goes) in UNDECIDED_BY.items():
+        if row.verdict == "inconclusive" and code in now and code not in before:
+            return comes
+        if row.verdict_before == "inconclusive" and code in before and code not in now:
+            return goes
+    return ""
 
 
 def _answers_no_more(row: ChangedRow) -> bool:
