@@ -9,7 +9,7 @@ from sqlalchemy import ColumnElement, Connection, Select, and_, func, not_, or_,
 
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import heads, heads_of_units, unanswered, worst_first
-from app.storage.plant import ChangedRow, complains, told_of_both, unjudged_as_before
+from app.storage.plant import ChangedRow, complains, first_news, told_of_both, unjudged_as_before
 from app.storage.tables import loops, verdicts
 
 
@@ -135,7 +135,7 @@ def _changed(audit_id: int, told: Iterable[ColumnElement[Any]]) -> Select[Any]:
     )
     joined = _OF_RUN.outerjoin(before, and_(before.c.loop_id == this.c.loop_id, before.c.audit_id == earlier))
     of_loop = (loops.c.tag, loops.c.unit, before.c.verdict.label("verdict_before"), this.c.verdict, this.c.health)
-    news = or_(this.c.verdict != before.c.verdict, and_(before.c.verdict.is_(None), this.c.verdict == "stiction"))
+    news = or_(this.c.verdict != before.c.verdict, first_news(before.c.verdict, this.c.verdict))
     same = unjudged_as_before(this.c.verdict, before.c.verdict, this.c.likely_cause, before.c.likely_cause)
     return select(*of_loop, *told).select_from(joined).where(this.c.audit_id == audit_id, news, not_(same))
 

@@ -251,9 +251,7 @@ def _changed(since_audit: int) -> Select[Any]:
     again = rows.c.audit_id > since_audit
     verdict_before = case((again, _last_before(since_audit, verdicts.c.verdict)), else_=rows.c.verdict_before)
     audit_before = case((again, _last_before(since_audit, verdicts.c.audit_id)), else_=rows.c.before_audit_id)
-    # A first verdict is news only where something is wrong.
-    first = and_(verdict_before.is_(None), rows.c.verdict == "stiction")
-    news = or_(rows.c.verdict != verdict_before, first)
+    news = or_(rows.c.verdict != verdict_before, first_news(verdict_before, rows.c.verdict))
     listed = select(
         *(loops.c.tag, loops.c.unit, priority(rows).label("priority"), rows.c.loop_id, rows.c.audit_id),
         *(audit_before.label("before_audit_id"), verdict_before.label("verdict_before")),
@@ -264,6 +262,14 @@ def _changed(since_audit: int) -> Select[Any]:
     because = _last_before(since_audit, verdicts.c.likely_cause)
     same = unjudged_as_before(rows.c.verdict, verdict_before, rows.c.likely_cause, because)
     return listed.where(rows.c.audit_id >= since_audit, news, in_service, not_(same))
+
+
+def first_news(verdict_before: Any, verdict: ColumnElement[Any]) -> ColumnElement[bool]:
+    """Of a loop's first verdict: it is news only where something is wrong that was not said under the tag before."""
+    earlier, its = loops.alias("under_the_tag_before"), newest_rows.alias("its_newest")
+    known = select(its.c.loop_id).join(earlier, earlier.c.id == its.c.loop_id)
+    known = known.where(earlier.c.tag == loops.c.continues, its.c.verdict == "stiction").correlate(loops)
+    return and_(verdict_before.is_(None), verdict == "stiction", ~known.exists())
 
 
 def unjudged_as_before(

@@ -4,22 +4,24 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import func, select, update
 
 from app.errors import FieldError
 from app.services import loops
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.plant import loop_verdicts, reliability
+from app.services.digests.digest import digest_of
+from app.services.plant import changes, loop_verdicts, reliability
 from app.services.plant.nights import nights
 from app.services.stating import notes, properties
 from app.services.stating.continuing import likeness, maybe_before
 from app.services.stating.loop_list import read, take, written
 from app.services.stating.shelving import shelf
-from app.storage.tables import audits, verdicts
+from app.storage.tables import audits, newest_rows, verdicts
 from app.storage.tables import loops as stored
 from tests.services.conftest import START_NS
+from tests.services.spoiled import loop_id_of
 
 AddLoops = Callable[..., dict[str, int]]
 KNOWN = {"unit": "U1", "type": "flow", "importance": 3.0, "op_low": 0.0, "op_high": 100.0}
@@ -78,6 +80,20 @@ def test_its_history_is_that_of_both(renamed: Backend) -> None:
     told = [row["loop"] for row in loop_verdicts.chained_history(renamed, "FIC-101A", 10)]
     assert told == ["FIC-101A", "FIC101", "FIC101"]
     assert loop_verdicts.chained_history(renamed, "FIC-101A", 2)[-1]["loop"] == "FIC101"
+
+
+@pytest.mark.parametrize(("said", "listed"), [("stiction", []), ("no_stiction", ["FIC-101A"])])
+def test_what_was_said_under_the_tag_before_is_no_news(renamed: Backend, said: str, listed: list[str]) -> None:
+    """It was listed as not audited before, newly said to stick, and as new among what to do."""
+    ids = {tag: loop_id_of(renamed, tag) for tag in ("FIC101", "FIC-101A")}
+    with renamed.database.write() as connection:
+        run = connection.scalar(select(func.max(audits.c.id)))
+        for tag, verdict in (("FIC101", said), ("FIC-101A", "stiction")):
+            connection.execute(update(verdicts).where(verdicts.c.loop_id == ids[tag]).values(verdict=verdict))
+            connection.execute(update(newest_rows).where(newest_rows.c.loop_id == ids[tag]).values(verdict=verdict))
+    properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    assert [one.loop for one in changes.changes(renamed).rows] == listed
+    assert [one.loop for one in digest_of(renamed, str(run)).changes] == listed
 
 
 def test_it_is_said_in_the_loop_list(renamed: Backend) -> None:
