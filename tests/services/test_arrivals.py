@@ -18,6 +18,7 @@ from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
 from app.services.plant import worst
 from app.services.plant.arrivals import (
     NOTHING_NEW,
+    NOTHING_NEW_THEN,
     Arrivals,
     arrivals,
     current_ns,
@@ -137,6 +138,11 @@ def test_a_night_that_nothing_came_for_says_so(backend: Backend, add_loops: AddL
     assert of_run(backend, int(runs[1].id), at, arrivals(backend, int(runs[1].id), at))[-1] == NOTHING_NEW
     assert plant_sheet(backend, arrivals(backend))["arrivals"][-1] == NOTHING_NEW
     assert NOTHING_NEW in plant_report(backend)
+    with backend.database.write() as connection:
+        connection.execute(update(loops).values(newest_ns=loops.c.newest_ns + 60 * MINUTE))
+    told = plant_sheet(backend, arrivals(backend))["arrivals"]
+    assert told[-1] == NOTHING_NEW_THEN, "what is said to be recorded is newer than what the run was given"
+    assert of_run(backend, int(runs[1].id), at, arrivals(backend, int(runs[1].id), at))[-1] == NOTHING_NEW
 
 
 def test_a_digest_asks_once_how_far_records_reach_and_a_page_of_a_loop_for_the_newest_alone(

@@ -11,6 +11,7 @@ from app.services.telling.naming import NAMED, named
 from app.storage import arrivals as stored
 
 NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the same records."
+NOTHING_NEW_THEN = "Nothing was recorded between the two newest runs that ended; what came since waits for the next."
 
 
 @dataclass(frozen=True)
@@ -90,10 +91,16 @@ def listed(ends: tuple[tuple[str, str], ...], count: int, clock: PlantClock | No
     return named([f"{tag} ({clock.short(end)})" if clock else tag for tag, end in ends], count)
 
 
-def nothing_new(backend: Backend, audit_id: int) -> list[str]:
-    """Says so where no loop of a run was given more than for its verdict before."""
+def nothing_new(backend: Backend, audit_id: int, now: Arrivals | None = None) -> list[str]:
+    """Says so where no loop of a run was given more than for its verdict before. now: of all that is stored, where that
+    is told beside it; it may be more by now."""
     with backend.database.read() as connection:
-        return [] if stored.anything_new(connection, audit_id) else [NOTHING_NEW]
+        if stored.anything_new(connection, audit_id):
+            return []
+        given_ns = stored.newest(connection, DATED_NS, latest_ns(), audit_id)
+    if now is None or now.recorded_to is None or given_ns is None:
+        return [NOTHING_NEW]
+    return [NOTHING_NEW_THEN if given_ns < ns_of(datetime.fromisoformat(now.recorded_to)) else NOTHING_NEW]
 
 
 def newest_in_words(samples_to: str | None, clock: PlantClock) -> str:

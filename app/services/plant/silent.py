@@ -48,7 +48,7 @@ def of_run(backend: Backend, audit_id: int, at: datetime, found: Arrivals) -> li
 def of_now(backend: Backend, newest_run: int | None, found: Arrivals) -> list[str]:
     """The same of all records as they are now; of what was new the newest run tells."""
     told = [*sentences(found, backend.clock), *silences(backend, found.current_ns)]
-    return told if newest_run is None else [*told, *nothing_new(backend, newest_run)]
+    return told if newest_run is None else [*told, *nothing_new(backend, newest_run, found)]
 
 
 def silent(
