@@ -3,11 +3,11 @@
 from collections.abc import Collection, Sequence
 from datetime import datetime
 
-from sqlalchemy import Connection, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, func, or_, select, update
 
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import loops, notes, series
+from app.storage.tables import loops, notes, series, verdicts
 
 LONGEST_CHAIN = 20
 
@@ -31,6 +31,15 @@ def earlier_of(connection: Connection, tags: Collection[str]) -> dict[str, list[
 def later_of(connection: Connection, tag: str) -> str | None:
     """The tag of the loop that continues this one."""
     return connection.scalar(select(loops.c.tag).where(loops.c.continues == tag).order_by(loops.c.id).limit(1))
+
+
+def counts_in(audit_id: int) -> ColumnElement[bool]:
+    """Whether a loop counts in what a run said of the plant: one in service, or one that goes on under a tag of which
+    the run said nothing."""
+    later, its = loops.alias("under_the_tag_after"), verdicts.alias("said_under_the_tag_after")
+    said = select(its.c.loop_id).where(its.c.loop_id == later.c.id, its.c.audit_id == audit_id).correlate(later)
+    gone_on = select(later.c.continues).where(later.c.continues.is_not(None), ~later.c.retired, ~said.exists())
+    return or_(IN_SERVICE, loops.c.tag.in_(gone_on))
 
 
 def move_notes(connection: Connection, from_id: int, to_id: int, of: Sequence[str]) -> None:

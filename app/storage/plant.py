@@ -21,6 +21,7 @@ from sqlalchemy import (
 
 from app.storage.audits import WITH_RESULTS, of_a_night, of_the_whole_plant
 from app.storage.bulk import among_many
+from app.storage.continuing import counts_in
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, unanswered, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
@@ -124,8 +125,9 @@ def counts(connection: Connection) -> list[UnitCount]:
 
 
 def counts_of_run(connection: Connection, audit_id: int) -> list[UnitCount]:
-    """The same of what one run said of the loops that are in service, and of the units that these have now."""
-    of_run = loops.join(verdicts, and_(verdicts.c.loop_id == loops.c.id, IN_SERVICE))
+    """The same of what one run said of the loops that are in service, by the tags that these had then, and of the units
+    that they have now."""
+    of_run = loops.join(verdicts, and_(verdicts.c.loop_id == loops.c.id, counts_in(audit_id)))
     query = _counted(verdicts).select_from(of_run).where(verdicts.c.audit_id == audit_id)
     return [UnitCount._make(row) for row in connection.execute(query)]
 

@@ -39,14 +39,25 @@ def of_newest(connection: Connection, old: OldFrom) -> list[SetApart]:
     return _counted(connection, newest_rows, NEWEST_ROWS.join(verdicts, mine), old, None)
 
 
-def of_run(connection: Connection, audit_id: int, old: OldFrom, until: datetime | None) -> list[SetApart]:
-    """The same of one run, by what was written until then (None: by now)."""
+def of_run(
+    connection: Connection,
+    audit_id: int,
+    old: OldFrom,
+    until: datetime | None,
+    counts: ColumnElement[bool] = IN_SERVICE,
+) -> list[SetApart]:
+    """The same of one run, by what was written until then (None: by now). counts: of which loops."""
     mine = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == audit_id)
-    return _counted(connection, verdicts, loops.join(verdicts, mine), old, until)
+    return _counted(connection, verdicts, loops.join(verdicts, mine), old, until, counts)
 
 
 def _counted(
-    connection: Connection, said: FromClause, source: FromClause, old: OldFrom, until: datetime | None
+    connection: Connection,
+    said: FromClause,
+    source: FromClause,
+    old: OldFrom,
+    until: datetime | None,
+    counts: ColumnElement[bool] = IN_SERVICE,
 ) -> list[SetApart]:
     standing = and_(notes.c.repaired_at.is_not(None), stands(notes, until))
     last = select(func.max(notes.c.id).label("id"), notes.c.loop_id).where(standing).group_by(notes.c.loop_id)
@@ -57,7 +68,7 @@ def _counted(
         (judged_before(verdicts, notes.c.repaired_at), "before_repair"), (_of_old_record(old), "old_record")
     )
     relied = select(loops.c.unit, said.c.verdict, why.label("why")).select_from(source)
-    apart = relied.where(said.c.reliability == "reliable", IN_SERVICE).subquery()
+    apart = relied.where(said.c.reliability == "reliable", counts).subquery()
     by = (apart.c.unit, apart.c.verdict, apart.c.why)
     query = select(*by, func.count()).where(apart.c.why.is_not(None)).group_by(*by)
     return [SetApart._make(row) for row in connection.execute(query)]

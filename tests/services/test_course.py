@@ -9,6 +9,7 @@ from app.services.plant.course import course, unit_columns
 from app.services.plant.nights import nights
 from app.services.reports.documents import plant_report
 from app.services.results import Night, NightOfUnit
+from app.services.stating import properties
 from app.storage.tables import audits, verdicts
 from tests.services.audited_plant import AddLoops, audited, rewrite
 
@@ -51,6 +52,27 @@ def test_a_night_that_was_caught_up_after_midnight_has_its_own_date(backend: Bac
     ]
     marks = nights(backend, ["A"])["A"]
     assert [night.date for night in marks[-2:]] == ["2026-11-25", "2026-11-24"]  # the verdict now is the last
+
+
+def test_a_loop_counts_in_the_nights_under_its_tag_before(backend: Backend, add_loops: AddLoops) -> None:
+    """Else the valves that stick came to be more with the night in which tags were renamed."""
+    ids = add_loops("FIC1", "FIC2", "FIC3", n=600, unit="U1")
+    first = audited(backend)
+    ids |= add_loops("FIC1A", n=600)
+    second, third = audited(backend), audited(backend)
+    with backend.database.write() as connection:
+        for run, days in ((first, 2), (second, 1)):
+            at = datetime.now(UTC) - timedelta(days=days)
+            connection.execute(update(audits).where(audits.c.id == run).values(created_at=at))
+    for run, tags in ((first, ("FIC1", "FIC2", "FIC3")), (second, ids), (third, ids)):
+        for tag in tags:
+            rewrite(backend, run, ids[tag], verdict="stiction", reliability="reliable", health=50.0)
+    properties.patch_loop(backend, "FIC1A", {"continues": "FIC1"})
+    properties.patch_loop(backend, "FIC3", {"retired": True})
+    assert [(night.audited, night.sticking) for night in course(backend)] == [(2, 2)] * 3, "no loop counts twice"
+    assert [of.sticking for night in course(backend) for of in night.units] == [2] * 3
+    properties.patch_loop(backend, "FIC1A", {"retired": True})
+    assert [(night.audited, night.sticking) for night in course(backend)] == [(1, 1)] * 3
 
 
 def test_the_columns_of_the_units_add_up_to_the_plant() -> None:

@@ -13,6 +13,7 @@ from app.services.plant.told_until import run_to_work_by
 from app.services.recency import OLD_FROM
 from app.services.results import Night, NightOfUnit
 from app.storage import plant, set_apart
+from app.storage.continuing import counts_in
 from app.storage.plant import RunOfNight
 
 NOT_IN_AUTOMATIC: Cause = "not_in_automatic"
@@ -58,7 +59,8 @@ def course(backend: Backend) -> list[Night]:
 def _night(connection: Connection, date: str, run: RunOfNight, last: int) -> Night:
     """last: the run to work by, of which what is written by now counts; of an older one what was when it ended."""
     counted = plant.counts_of_run(connection, run.id)
-    apart = set_apart.of_run(connection, run.id, OLD_FROM, run.ended_at if run.id < last else None)
+    until = run.ended_at if run.id < last else None
+    apart = set_apart.of_run(connection, run.id, OLD_FROM, until, counts_in(run.id))
     told, of_units = tally(counted, apart), Counter[str | None]()
     for row in counted:
         of_units[row.unit] += row.loops * (row.verdict == "stiction" and row.reliability == "reliable")
