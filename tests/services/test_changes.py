@@ -16,6 +16,7 @@ from app.services.plant.loop_verdicts import loop_health
 from app.services.telling.wording import headline, probability
 from app.storage.tables import audits, newest_rows
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
+from tests.services.conftest import START_NS
 
 
 def test_a_first_run_is_no_news(backend: Backend, add_loops: AddLoops) -> None:
@@ -121,6 +122,9 @@ def test_what_wavered_is_news_where_it_stands_for_a_second_night(
     ids, first = two_runs
     third = audited(backend)
     for tag, before in (("B", 0.4), ("C", 0.1)):
+        rewrite(backend, third, ids[tag], input_end_ns=START_NS + 3)
+        rewrite(backend, first + 1, ids[tag], input_end_ns=START_NS + 2)
+        rewrite(backend, first, ids[tag], input_end_ns=START_NS + 1)
         told = {"reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
         rewrite(backend, third, ids[tag], verdict="stiction", **told)
         rewrite_newest(backend, ids[tag], verdict="stiction")
@@ -131,8 +135,16 @@ def test_what_wavered_is_news_where_it_stands_for_a_second_night(
     assert change.because == "said for the second night; probability 0.40 -> 0.55"
     told = digest_of(backend, str(third))
     assert [(one.loop, one.kind) for one in told.changes] == [("B", "new")]
-    audited(backend)
+    fourth = audited(backend)
     assert [row.loop for row in changes.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
+    sticks = {"verdict": "stiction", "reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
+    rewrite(backend, fourth, ids["B"], input_end_ns=START_NS + 4, **sticks)
+    rewrite(backend, third, ids["B"], input_end_ns=START_NS + 2)
+    assert "B" not in [one.loop for one in digest_of(backend, str(third)).changes], (
+        "nothing was recorded for a second night"
+    )
+    rewrite_newest(backend, ids["B"], verdict="stiction", verdict_before="stiction")
+    assert ("B", "new") in [(one.loop, one.kind) for one in digest_of(backend, str(fourth)).changes]
 
 
 def test_a_changed_verdict_names_the_evidence_that_moved_most(
