@@ -93,6 +93,11 @@ def anything_new(connection: Connection, audit_id: int) -> bool:
     return connection.scalar(query.limit(1)) is not None
 
 
+def anything_given(connection: Connection, audit_id: int) -> bool:
+    """Whether a loop of this run that is in service was given samples."""
+    return connection.scalar(select(_ends(audit_id).c.id).limit(1)) is not None
+
+
 def _beyond(before: Select[tuple[int | None]]) -> ColumnElement[bool]:
     """Whether a verdict was given samples after that time of its loop, or there is no such time, which goes before a
     verdict that was given none."""

@@ -7,7 +7,7 @@ from datetime import UTC, date, datetime, timedelta
 import pytest
 from sqlalchemy import select, update
 
-from app.errors import RequestError
+from app.errors import NotFoundError, RequestError
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import announce_explanations, nightly, refuse_empty
@@ -18,7 +18,7 @@ from app.services.loops import get_loop, list_loops
 from app.services.moments import ns_of
 from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant
-from app.services.plant.arrivals import arrivals
+from app.services.plant.arrivals import NOTHING_NEW, arrivals
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loop_verdicts import loop_health, verdict_history
 from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
@@ -209,3 +209,14 @@ def test_a_plant_whose_loops_are_all_retired_has_no_nights(backend: Backend, add
     assert refused.value.code == "no_loops"
     with backend.database.read() as connection:
         assert not stored_loops.any_before(connection, datetime.now(UTC) + DAY)
+
+
+def test_of_a_plant_whose_loops_are_all_retired_nothing_good_is_said(backend: Backend, night: str) -> None:
+    for tag in (*STAYS, GONE):
+        patch_loop(backend, tag, {"retired": True})
+    told = as_text(digest_of(backend, run_to_tell(backend)))
+    assert "Of no loop in service there is a verdict." in told
+    assert "as far as the records tell" not in told
+    assert NOTHING_NEW not in told
+    with pytest.raises(NotFoundError, match="no loop of the plant is in service"):
+        plant_report(backend)

@@ -142,3 +142,14 @@ def test_what_could_not_be_audited_is_told_apart_by_what_is_known_of_it(client, 
     assert told({"not_auditable": 1}, {"data": 1}) == (
         "1 loop could not be audited and is not in this list. Nothing is known of its valve, good or bad."
     )
+
+
+def test_a_plant_of_retired_loops_is_not_said_to_be_new(client, web_backend, monkeypatch):
+    found = replace(
+        overview(web_backend), loops=0, audited=0, verdicts={}, reliable={}, refused={}, units=[], retired=3
+    )
+    monkeypatch.setattr("app.services.plant.plant_sheet.overview", lambda _: found)
+    html = client.get("/").text
+    assert "No loop is in service" in html
+    assert '<a href="/table?retired=true">3 retired</a>' in html
+    assert "No loop has been audited yet" not in html

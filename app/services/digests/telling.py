@@ -195,6 +195,8 @@ def _no_change(digest: Digest) -> str:
 
 
 def _nothing_worst(digest: Digest) -> str:
+    if not sum(digest.verdicts.values()):
+        return "Of no loop in service there is a verdict."
     return nothing_worst(digest.verdicts.get("stiction", 0), bool(digest.old))
 
 

@@ -95,7 +95,7 @@ def nothing_new(backend: Backend, audit_id: int, now: Arrivals | None = None) ->
     """Says so where no loop of a run was given more than for its verdict before. now: of all that is stored, where that
     is told beside it; it may be more by now."""
     with backend.database.read() as connection:
-        if stored.anything_new(connection, audit_id):
+        if stored.anything_new(connection, audit_id) or not stored.anything_given(connection, audit_id):
             return []
         given_ns = stored.newest(connection, DATED_NS, latest_ns(), audit_id)
     if now is None or now.recorded_to is None or given_ns is None:

@@ -34,6 +34,7 @@ from app.services.telling.wording import measured_probability
 from app.storage.verdicts import RowFilter
 
 NOTES = 20
+NOT_AUDITED = "no loop of the plant has been audited yet"
 MOST_TOGETHER = 50
 """Reports in one file: some ten megabytes, which a browser can still lay out and print."""
 WORST_OF_UNIT = 5
@@ -107,7 +108,8 @@ def plant_report(backend: Backend) -> str:
     sheet = plant_sheet(backend, reach)
     seen, shelved, since_ns = sheet["seen"], sheet["shelf"], reach.current_ns
     if not seen.audited:
-        raise NotFoundError("not_audited", "no loop of the plant has been audited yet")
+        why = "no loop of the plant is in service" if seen.retired and not seen.loops else NOT_AUDITED
+        raise NotFoundError("not_audited", why)
     together = sheet["together"]
     worst = complaints_of_units(backend, since_ns, shelved, WORST_OF_UNIT, together)
     old = complaints_of_old(backend, since_ns, shelved, together=together)
