@@ -37,7 +37,8 @@ ReasonCode = Literal[
     "published_methods", "reference_disagrees", "yper_high_stiction", "yper_low_no_stiction", "yper_high_no_stiction",
     "yper_low_stiction", "rmse_least_with_stiction", "rmse_least_without_stiction", "two_parameter_disagrees",
     "search_space_widened", "search_space_not_widened", "record_too_short_to_widen", "reference_only",
-    "stretches", "stretches_disagree", "short_lived_stiction", "stiction_ended", "stiction_began",
+    "newer_judged", "newer_disagrees", "stretches", "stretches_disagree", "short_lived_stiction", "stiction_ended",
+    "stiction_began",
     "since_repair", "before_repair", "moves_no_valve", "moves_set_point", "shaken_by_neighbour",
     "stood_together",
 ]  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.causality.own_cycle import own_cycle
-from app.engine.preparation import identified_part
+from app.engine.judged import identified_part
 from app.engine.recording import FloatArray, Recording, UniformRecord
 from app.engine.reference.reliability import climb
 

@@ -3,6 +3,8 @@ published rule is run beside that (`audit`)."""
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from app.engine.audit_config import AuditConfig
 from app.engine.causality.stuck_stem import StuckStem, stuck_stem
 from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
@@ -18,6 +20,7 @@ from app.engine.long_records.episodes import (
     find,
     samples_wanted,
 )
+from app.engine.long_records.stretches import NEWEST_SAMPLES, newest_moving
 from app.engine.oscillation import Oscillation
 from app.engine.preparation import Preparation, prepare
 from app.engine.recording import Recording, UniformRecord
@@ -25,7 +28,7 @@ from app.engine.verdict import judging
 from app.engine.verdict.shape_model import ShapeModel
 from app.engine.verdict.unanswered import standing, stuck, unanswered
 
-__all__ = ["Judged", "judge"]
+__all__ = ["Judged", "identified_part", "judge"]
 
 SPOILED_BY: dict[CheckCode, Cause] = {
     "pv_flat": UNANSWERED,
@@ -58,7 +61,57 @@ class Judged:
 def judge(recording: Recording, config: AuditConfig, model: ShapeModel | None = None) -> Judged:
     """The verdict of one recording, whatever is run beside it. model: the fitted numbers; the ones that this version
     ships where None (another one judges what these were fitted on).
+
+    Behind the longest stretch a newer one may be left, too short to be judged in its place unasked. Where that can be
+    relied on by itself it says what the valve does now; where it only says otherwise, the longest is not relied on.
     """
+    found = _judged(recording, config, model)
+    if not _leaves_newer(recording, found, config):
+        return found
+    alone = replace(config.fitness, newest_share=0.0, min_samples=config.judgement.min_samples)
+    return _of_both(found, _judged(recording, replace(config, fitness=alone), model))
+
+
+def identified_part(recording: Recording, max_samples: int = NEWEST_SAMPLES) -> UniformRecord | None:
+    """The part of a recording on which a model of the loop is identified: of what is judged the newest samples in which
+    the loop is at work. None where nothing is judged.
+    """
+    found = judge(recording, AuditConfig())
+    return None if found.of_record is None else newest_moving(found.fitness.audited, max_samples)
+
+
+def _leaves_newer(recording: Recording, found: Judged, config: AuditConfig) -> bool:
+    """Whether behind what was judged so many samples are left as a verdict needs to be relied on."""
+    whole = found.fitness.whole
+    if found.of_record is None or whole is None:
+        return False
+    end_s = float(recording.time_s[0]) + whole.start_s + whole.samples * whole.sampling_interval_s
+    return recording.samples - int(np.searchsorted(recording.time_s, end_s)) >= config.judgement.min_samples
+
+
+def _of_both(longest: Judged, newest: Judged) -> Judged:
+    """A valve does not come loose by itself, and a short stretch shows less of one that sticks: it clears none that the
+    longest does not clear, but takes the trust in what the longest says.
+    """
+    said, now = longest.judgement, newest.judgement
+    if newest.of_record is None or now.verdict == "inconclusive":
+        return longest
+    before, since = longest.fitness.looked_at, newest.fitness.looked_at
+    if since.start_s <= before.start_s:
+        return longest
+    told = f"the newest {since.samples} samples, from {since.start_s:.0f} s on"
+    cleared = (said.verdict, said.reliability) == ("no_stiction", "reliable")
+    if now.reliability == "reliable" and (now.verdict == "stiction" or cleared):
+        text = f"judged on {told}, which tell enough by themselves; the {before.samples} before are not looked at"
+        return replace(newest, judgement=replace(now, reasons=(*now.reasons, Reason("newer_judged", text))))
+    if now.verdict == said.verdict or said.reliability != "reliable":
+        return longest
+    text = f"{told}, say otherwise: probability of stiction {now.stiction_probability:.2f}"
+    reasons = (*said.reasons, Reason("newer_disagrees", text))
+    return replace(longest, judgement=replace(said, reliability="not_reliable", reasons=reasons))
+
+
+def _judged(recording: Recording, config: AuditConfig, model: ShapeModel | None) -> Judged:
     prepared = prepare(recording, config.fitness, model)
     fitness, oscillation = prepared.fitness, prepared.oscillation
     if fitness.standstill is not None:

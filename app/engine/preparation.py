@@ -7,7 +7,7 @@ import numpy as np
 
 from app.engine.features import at_rest
 from app.engine.fitness import Fitness, FitnessConfig, assess, with_cycles
-from app.engine.long_records.stretches import NEWEST_SAMPLES, newest_moving, speaking_stretch
+from app.engine.long_records.stretches import speaking_stretch
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import FloatArray, Recording, UniformRecord
 from app.engine.verdict.shape_model import ShapeModel
@@ -49,16 +49,6 @@ def prepare(recording: Recording, config: FitnessConfig | None = None, model: Sh
     oscillation = detect(fitness.record)
     spoken_for = _spoken_for(fitness, oscillation, config, model)
     return spoken_for or Preparation(with_cycles(fitness, oscillation, config), oscillation)
-
-
-def identified_part(recording: Recording, max_samples: int = NEWEST_SAMPLES) -> UniformRecord | None:
-    """The part of a recording on which a model of the loop is identified: of what is judged the newest samples in which
-    the loop is at work. None where the recording is not auditable.
-    """
-    prepared = prepare(recording)
-    if prepared.oscillation is None or not prepared.fitness.auditable:
-        return None
-    return newest_moving(prepared.fitness.audited, max_samples)
 
 
 def _spoken_for(

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from app.engine.audit import Audit, audit
+from app.engine.judged import identified_part
 from app.engine.long_records.stretches import LONG_SAMPLES, newest, newest_moving, scale_of, speaking_stretch
 from app.engine.oscillation import detect
-from app.engine.preparation import identified_part, prepare
+from app.engine.preparation import prepare
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import Pid, Signal, TwoParameterValve
 from tests.engine.wandering import FREE, STICKY, TS, recorded

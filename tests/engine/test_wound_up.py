@@ -84,3 +84,9 @@ def test_a_set_point_in_another_unit_than_pv_changes_nothing(change):
     assert assess(other).wound_up_s == assess(given).wound_up_s
     kept = record(pv_away=0.0)
     assert assess(Recording("loop", kept.time_s, change(kept.pv), kept.op, kept.sp)).wound_up_s is None
+
+
+def test_an_op_that_came_back_is_not_wound_up() -> None:
+    """A unit that was down for half a day and has run since for hours was told to stand at its limit."""
+    assert assess(record(stands=1600)).wound_up_s is not None
+    assert assess(record(stands=1100)).wound_up_s is None

@@ -278,7 +278,7 @@ def _wound_up_s(samples: Samples, config: FitnessConfig) -> float | None:
     low, high = at_extremes(op)
     side = np.where(run_lengths(op) >= config.least_at_limit, high * 1.0 - low, 0.0)
     first = int(np.argmax(side != 0.0))
-    if len(op) - first < config.least_still or first < config.least_still or np.mean(side[first:] != 0.0) < 0.5:
+    if len(op) - first < config.least_still or first < config.least_still or not _mostly(side[first:] != 0.0):
         return None
     if abs(op[first] - op[first - 1]) > config.most_jump * float(np.ptp(op)):  # as by hand
         return None
@@ -286,6 +286,11 @@ def _wound_up_s(samples: Samples, config: FitnessConfig) -> float | None:
     known = (side != 0.0) & np.isfinite(away)
     one_sided = known.any() and abs(float(np.mean((away * side)[known]))) >= config.one_sided
     return _since_s(samples, first) if one_sided else None
+
+
+def _mostly(at_limit: BoolArray) -> bool:
+    """For half of the time, of the newest quarter too: what came back hours ago is not wound up any more."""
+    return bool(np.mean(at_limit) >= 0.5 and np.mean(at_limit[-(len(at_limit) // 4) :]) >= 0.5)
 
 
 def _away(samples: Samples, first: int) -> FloatArray:

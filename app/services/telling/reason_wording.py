@@ -81,6 +81,8 @@ NO_VOTE = frozenset(_METHODS)
 
 _EPISODES = {
     "stretches": "A long record was judged stretch by stretch; the middle one speaks for it.",
+    "newer_judged": "The newest stretch is judged by itself: it tells enough, and what was before is longer.",
+    "newer_disagrees": "A newer and shorter stretch says otherwise.",
     "stretches_disagree": "Of a long record's stretches fewer than two of three, or none of the newest two, agree.",
     "short_lived_stiction": "The valve sticks in one spell of a long record; the rest shows nothing of it.",
     "stiction_ended": "The valve stuck at the beginning of the record, and nothing shows it since.",

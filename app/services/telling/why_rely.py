@@ -36,6 +36,7 @@ DIVIDED: tuple[ReasonCode, ...] = (
     "few_samples",
     "windows_disagree",
     "stretches_disagree",
+    "newer_disagrees",
     "stiction_began",
     "short_lived_stiction",
 )

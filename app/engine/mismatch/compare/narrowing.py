@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.judged import identified_part
 from app.engine.long_records.stretches import LONG_SAMPLES
 from app.engine.mismatch.compare.comparison import Comparison
-from app.engine.preparation import identified_part
 from app.engine.recording import Recording
 
 
