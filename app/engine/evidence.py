@@ -32,6 +32,11 @@ def told_probability(value: float) -> str:
     return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"
 
 
+def in_digits(value: float, digits: int) -> str:
+    """A number with so many significant digits, but no exponent where it is large: 1.2e+02 h is read by nobody."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits - 0.5 else f"{value:.{digits}g}"
+
+
 def measured_of(statistic: float | None, operator: Operator | None, threshold: float | None) -> Measured | None:
     """None where one of them is not known: nothing was held against anything."""
     if statistic is None or operator is None or threshold is None:

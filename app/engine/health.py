@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.engine.codes import UNANSWERED
-from app.engine.evidence import told_probability
+from app.engine.evidence import in_digits, told_probability
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.oscillation import Oscillation
@@ -118,7 +118,7 @@ def _since(unanswered_s: float | None) -> str:
     return (
         "never answers OP"
         if unanswered_s is None
-        else f"has not answered OP for the last {unanswered_s / 3600.0:.3g} h"
+        else f"has not answered OP for the last {in_digits(unanswered_s / 3600.0, 3)} h"
     )
 
 
@@ -167,7 +167,9 @@ def _tracking(figures: KeyFigures) -> HealthPart:
     if error_pct is None:
         because = "no set point was recorded" if figures.error_abs_mean is None else "the span of PV is not known"
         return _part("tracking", 0.0, _unknown(because, figures))
-    return _part("tracking", error_pct / FULL_ERROR_PCT, f"mean control error {error_pct:.2g} % of the span of PV")
+    return _part(
+        "tracking", error_pct / FULL_ERROR_PCT, f"mean control error {in_digits(error_pct, 2)} % of the span of PV"
+    )
 
 
 def _unknown(because: str, figures: KeyFigures) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from app.engine.audit_config import AuditConfig
 from app.engine.causality.stuck_stem import StuckStem, stuck_stem
 from app.engine.codes import UNANSWERED, Cause, CheckCode, ReasonCode
-from app.engine.evidence import Reason, reason_of
+from app.engine.evidence import Reason, in_digits, reason_of, told_probability
 from app.engine.fitness import Fitness, refused_as_standing
 from app.engine.judgement import Judgement
 from app.engine.long_records.episodes import (
@@ -99,14 +99,16 @@ def _of_both(longest: Judged, newest: Judged) -> Judged:
     before, since = longest.fitness.looked_at, newest.fitness.looked_at
     if since.start_s <= before.start_s:
         return longest
-    told = f"the newest {since.samples} samples, from {since.start_s:.0f} s on"
+    hours = in_digits(since.samples * since.sampling_interval_s / 3600.0, 2)
+    told = f"the newest stretch, {since.samples} samples in {hours} h,"
     cleared = (said.verdict, said.reliability) == ("no_stiction", "reliable")
     if now.reliability == "reliable" and (now.verdict == "stiction" or cleared):
-        text = f"judged on {told}, which tell enough by themselves; the {before.samples} before are not looked at"
+        text = f"{told} is judged: it tells enough by itself; the longest, of {before.samples}, is older"
         return replace(newest, judgement=replace(now, reasons=(*now.reasons, Reason("newer_judged", text))))
     if now.verdict == said.verdict or said.reliability != "reliable":
         return longest
-    text = f"{told}, say otherwise: probability of stiction {now.stiction_probability:.2f}"
+    probability = told_probability(now.stiction_probability or 0.0)
+    text = f"{told} was heard besides and says otherwise: probability of stiction {probability}"
     reasons = (*said.reasons, Reason("newer_disagrees", text))
     return replace(longest, judgement=replace(said, reliability="not_reliable", reasons=reasons))
 

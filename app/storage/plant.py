@@ -302,9 +302,11 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Sec
 def _before(row: Any) -> ScalarSelect[Any]:
     """The run of the loop's verdict before this one: of the same samples, one is no other night's."""
     mine = verdicts.alias()
+    earlier = (mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
     other = mine.c.input_end_ns.is_distinct_from(row.c.input_end_ns)
-    query = select(func.max(mine.c.audit_id)).where(mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
-    return query.where(other).correlate(row).scalar_subquery()
+    # The last one ends the search: the greatest of all would have a year of nights looked at.
+    query = select(mine.c.audit_id).where(*earlier, other).order_by(mine.c.audit_id.desc()).limit(1)
+    return query.correlate(row).scalar_subquery()
 
 
 def _last_before(audit_id: int, column: Column[Any]) -> ScalarSelect[Any]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.engine.evidence import Finding, Measured, Reason, reason_of
+from app.engine.evidence import Finding, Measured, Reason, in_digits, reason_of
 from app.engine.verdict.wording import figure
 
 
@@ -27,3 +27,11 @@ def test_a_finding_keeps_its_figures_as_a_reason():
 )
 def test_a_value_is_told_as_the_sentences_of_its_feature_tell_it(name, value, told):
     assert figure(name, value) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "told"), [(0.0234, "0.023"), (2.24, "2.2"), (17.4, "17"), (99.4, "99"), (99.7, "100"), (120.3, "120")]
+)
+def test_a_large_number_is_told_without_an_exponent(value, told):
+    assert in_digits(value, 2) == told
+    assert in_digits(-value, 2) == f"-{told}"

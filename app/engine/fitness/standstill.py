@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.engine.evidence import in_digits
 from app.engine.fitness.config import FEWEST_VALUES, LEAST_MOVE, LEAST_STILL, LIMIT_BAND, FitnessConfig
 from app.engine.fitness.resample import lasting
 from app.engine.fitness.samples import Samples
@@ -67,8 +68,8 @@ class Standstill:
         longer = " or longer" if self.from_start else ""
         ends = "stands at its limit" if self.wound_up else "travelled"
         holed = self.recorded_s < MOSTLY_RECORDED * self.for_s
-        recorded = f", of which {self.recorded_s / 3600.0:.3g} h were recorded," if holed else ","
-        held = f"PV has held {told} for the last {self.for_s / 3600.0:.3g} h{longer}"
+        recorded = f", of which {in_digits(self.recorded_s / 3600.0, 3)} h were recorded," if holed else ","
+        held = f"PV has held {told} for the last {in_digits(self.for_s / 3600.0, 3)} h{longer}"
         return f"{held}{recorded} up to the end, while OP {ends}"
 
 

@@ -9,7 +9,7 @@ from app.engine.causality.coupling import strangers_chance, strangers_chance_fin
 from app.engine.causality.hidden_band import HiddenBand
 from app.engine.causality.own_cycle import OwnCycle
 from app.engine.codes import UNANSWERED, Cause, CheckCode
-from app.engine.evidence import Finding, Measured, Operator, Reason, reason_of
+from app.engine.evidence import Finding, Measured, Operator, Reason, in_digits, reason_of
 from app.engine.fitness import Fitness
 from app.engine.judgement import (
     FOREIGN_CYCLE,
@@ -153,14 +153,16 @@ class Lost:
 
 def lost_of(fitness: Fitness) -> Lost | None:
     if fitness.pv_dead_s is not None:
+        hours = in_digits(fitness.pv_dead_s / 3600.0, 2)
         text = (
-            f"PV has held one value for the last {fitness.pv_dead_s / 3600.0:.2g} h while OP moved, and never for so "
+            f"PV has held one value for the last {hours} h while OP moved, and never for so "
             "long before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
         )
         return Lost(Reason(PV_STANDS, text), UNANSWERED)
     if fitness.wound_up_s is not None:
+        hours = in_digits(fitness.wound_up_s / 3600.0, 2)
         text = (
-            f"OP has mostly stood at its limit for the last {fitness.wound_up_s / 3600.0:.2g} h, as never before, and "
+            f"OP has mostly stood at its limit for the last {hours} h, as never before, and "
             "PV does not come back for it: the valve may stand fast by now, or be too small for the load"
         )
         return Lost(Reason(WOUND_UP, text), SATURATED)

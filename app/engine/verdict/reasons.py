@@ -5,7 +5,7 @@ import numpy as np
 from app.engine.causality.own_cycle import OwnCycle
 from app.engine.codes import shape_code
 from app.engine.corroborate import Corroboration
-from app.engine.evidence import Measured, Operator, Reason, measured_of
+from app.engine.evidence import Measured, Operator, Reason, in_digits, measured_of
 from app.engine.features import NAMES
 from app.engine.fitness import Fitness
 from app.engine.judgement import (
@@ -35,8 +35,8 @@ def stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
     whole = fitness.speaks_for
     if whole is None:
         return ()
-    length_h = fitness.audited.samples * fitness.audited.sampling_interval_s / 3600.0
-    text = f"{whole.judged} stretches of {length_h:.2g} h were judged each by itself; the middle one of them is shown"
+    hours = in_digits(fitness.audited.samples * fitness.audited.sampling_interval_s / 3600.0, 2)
+    text = f"{whole.judged} stretches of {hours} h were judged each by itself; the middle one of them is shown"
     text += f"; {whole.standing} more are left out, because PV or OP stood still" if whole.standing else ""
     return (Reason("stretches", text),)
 

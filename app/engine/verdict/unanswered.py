@@ -4,7 +4,7 @@ import numpy as np
 
 from app.engine.causality.stuck_stem import StuckStem
 from app.engine.codes import UNANSWERED
-from app.engine.evidence import Reason
+from app.engine.evidence import Reason, in_digits
 from app.engine.fitness.config import FEWEST_VALUES
 from app.engine.fitness.standstill import Standstill
 from app.engine.judgement import ANSWERS_NO_MORE, PV_STANDS, Judgement
@@ -42,8 +42,9 @@ def stuck(found: StuckStem) -> Judgement:
     """The judgement on a record in which PV, though it moves, has stopped to answer OP, whatever was before."""
     by = "neither OP nor SP" if found.sp_moved else "OP no more"
     text = (
-        f"PV has answered {by} for the last {found.for_s / 3600.0:.3g} h, while OP went over {found.times:.2g} times "
-        "as much as before and PV stayed away: the stem stands, or the transmitter reads something else; look at both"
+        f"PV has answered {by} for the last {in_digits(found.for_s / 3600.0, 3)} h, while OP went over "
+        f"{in_digits(found.times, 2)} times as much as before and PV stayed away: "
+        "the stem stands, or the transmitter reads something else; look at both"
     )
     return _between_the_two(Reason(ANSWERS_NO_MORE, text), found.for_s, found.since_s)
 
