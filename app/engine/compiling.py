@@ -7,7 +7,8 @@ import numpy as np
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
 from app.engine.causality.own_cycle import own_cycle
-from app.engine.judged import identified_part
+from app.engine.long_records.stretches import newest_moving
+from app.engine.preparation import prepare
 from app.engine.recording import FloatArray, Recording, UniformRecord
 from app.engine.reference.reliability import climb
 
@@ -26,8 +27,7 @@ def identifications() -> None:
     """The reference alone: half of the work of compiling."""
     config = AuditConfig()
     for recording in recordings():
-        part = identified_part(recording, config.max_samples)
-        assert part is not None  # noqa: S101 - both of them swing
+        part = newest_moving(prepare(recording).fitness.audited, config.max_samples)  # which takes no verdict
         climb(part, config.ladder, config.hammerstein)
 
 
