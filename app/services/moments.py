@@ -47,6 +47,10 @@ class PlantClock:
         """The day that it is there."""
         return self.at(moment).date().isoformat()
 
+    def date_of_run(self, night: str | None, begun: datetime) -> str:
+        """The date that a run counts for: of its night, which may begin after midnight, else the day that it began."""
+        return night or self.date(begun)
+
     def short(self, iso: str | None) -> str:
         """2026-01-31T03:00:00Z as 2026-01-31 04:00 in Berlin, for places that say by which clock; a dash where there is
         none."""

@@ -12,7 +12,7 @@ from app.storage.tables import audits, loops, verdicts
 
 class NightRow(NamedTuple):
     """A verdict of a loop; input_end_ns: the last sample that it was made of; window_end: of what was judged;
-    nightly_for: the date whose night its run is, None: no night's."""
+    run_begun: when its run began; nightly_for: the date whose night that is, None: no night's."""
 
     tag: str
     audited_at: datetime
@@ -20,6 +20,7 @@ class NightRow(NamedTuple):
     reliability: str
     input_end_ns: int | None
     window_end: datetime | None
+    run_begun: datetime
     nightly_for: str | None
 
 
@@ -39,7 +40,7 @@ def recent(connection: Connection, tags: Sequence[str], each: int, until: int | 
     lasts, theirs = last_of(
         each, loops.c.tag.in_(tags), lambda said, _: () if until is None else (said.c.audit_id <= until,)
     )
-    told = (*(verdicts.c[name] for name in NightRow._fields[1:-1]), audits.c.nightly_for)
+    told = (*(verdicts.c[name] for name in NightRow._fields[1:-2]), audits.c.created_at, audits.c.nightly_for)
     query = (
         select(lasts.c.tag, *told).join_from(lasts, verdicts, theirs).join(audits, audits.c.id == verdicts.c.audit_id)
     )

@@ -20,7 +20,7 @@ from app.services.reports.documents import plant_report
 from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
-from app.storage.tables import loops, verdicts
+from app.storage.tables import audits, loops, verdicts
 from tests.services.conftest import MINUTE, START_NS
 from tests.services.spoiled import loop_id_of, spoil
 
@@ -100,8 +100,9 @@ def test_a_loop_that_is_back_in_automatic_did_not_go_to_manual(backend: Backend,
 
 def test_the_same_window_is_no_other_night(backend: Backend, left: tuple[int, int]) -> None:
     with backend.database.write() as connection:
-        yesterday = update(verdicts).where(verdicts.c.audit_id == left[0])
-        connection.execute(yesterday.values(audited_at=datetime.now(UTC) - timedelta(days=1)))
+        yesterday = datetime.now(UTC) - timedelta(days=1)
+        connection.execute(update(audits).where(audits.c.id == left[0]).values(created_at=yesterday))
+        connection.execute(update(verdicts).where(verdicts.c.audit_id == left[0]).values(audited_at=yesterday))
     marks = {tag: [night.mark for night in told] for tag, told in nights(backend, ["A", "B"]).items()}
     assert marks["A"] == ["S", "="]
     assert "=" not in marks["B"]

@@ -9,8 +9,9 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.moments import ns_of
+from app.services.plant.course import course
 from app.services.plant.nights import NIGHTS, Night, nights
-from app.storage.tables import verdicts
+from app.storage.tables import audits, verdicts
 
 AddLoops = Callable[..., dict[str, int]]
 FIRST = datetime(2026, 3, 1, 3, tzinfo=UTC)
@@ -22,6 +23,7 @@ def audited(backend: Backend, at: datetime, *, fresh: bool = True, **told: str) 
     audit_chunk(backend, run, "test")
     with backend.database.write() as connection:
         mine = verdicts.c.audit_id == run
+        connection.execute(update(audits).where(audits.c.id == run).values(created_at=at))
         connection.execute(update(verdicts).where(mine).values(audited_at=at, **told))
         if fresh:
             connection.execute(update(verdicts).where(mine).values(input_end_ns=ns_of(at), window_end=at))
@@ -63,3 +65,13 @@ def test_the_newest_nights_are_kept(backend: Backend, add_loops: AddLoops) -> No
     for day in range(NIGHTS + 2):
         audited(backend, FIRST + timedelta(days=day), verdict="no_stiction", reliability="reliable")
     assert [night.date for night in nights(backend, ["A"])["A"]] == [f"2026-03-{day:02d}" for day in range(3, 10)]
+
+
+def test_a_run_across_midnight_is_of_one_date(backend: Backend, add_loops: AddLoops) -> None:
+    """The one that the plant's nights and the digest give it, for whichever loop it came to late."""
+    add_loops("A", n=120)
+    audited(backend, FIRST, verdict="no_stiction", reliability="reliable")
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(audited_at=FIRST + timedelta(days=1)))
+    dates = [night.date for night in nights(backend, ["A"])["A"]]
+    assert dates == ["2026-03-01"] == [night.date for night in course(backend)]

@@ -35,7 +35,7 @@ def subject(digest: Digest) -> str:
     new = [change.reliability == "reliable" for change in digest.changes if change.kind == "new"]
     of_them = "" if digest.new_besides or all(new) else f" ({sum(new)} can be relied on)"
     news = f", {len(digest.new)} new{of_them}" if digest.new else ""
-    day = digest.run.night or digest.clock.date(datetime.fromisoformat(digest.run.created_at))
+    day = digest.clock.date_of_run(digest.run.night, datetime.fromisoformat(digest.run.created_at))
     return f"{words}: {sticking} {'valve sticks' if sticking == 1 else 'valves stick'}{relied}{news} ({day})"
 
 

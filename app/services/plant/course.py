@@ -51,7 +51,7 @@ def course(backend: Backend) -> list[Night]:
     """The oldest first; some queries a night."""
     with backend.database.read() as connection:
         runs = reversed(plant.whole_runs(connection, RUNS))
-        dated = {run.nightly_for or backend.clock.date(run.created_at): run for run in runs}
+        dated = {backend.clock.date_of_run(run.nightly_for, run.created_at): run for run in runs}
         newest, last = sorted(dated)[-NIGHTS:], run_to_work_by(connection) or 0
         return [_night(connection, date, dated[date], last) for date in newest]
 

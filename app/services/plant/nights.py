@@ -22,7 +22,7 @@ NOTHING_NEW = "="
 
 @dataclass(frozen=True)
 class Night:
-    """The last verdict of one date, by the plant's clock, or of its night. again: why it is the same as before; empty:
+    """The last verdict of one date, by the plant's clock. again: why it is the same as before; empty:
     it is not."""
 
     date: str
@@ -50,7 +50,7 @@ def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
         rows = stored.recent(connection, [*tags, *before], AUDITS, until)
     by_tag: dict[str, dict[str, NightRow]] = {}
     for row in rows:
-        by_tag.setdefault(row.tag, {})[row.nightly_for or backend.clock.date(row.audited_at)] = row
+        by_tag.setdefault(row.tag, {})[backend.clock.date_of_run(row.nightly_for, row.run_begun)] = row
     found = {tag: _together([by_tag.get(one, {}) for one in (*chains.get(tag, ())[::-1], tag)]) for tag in tags}
     found = {tag: dated for tag, dated in found.items() if dated}
     return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
