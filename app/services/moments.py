@@ -120,9 +120,9 @@ def ns_of(moment: datetime) -> int:
     return max(-FARTHEST_NS, min(FARTHEST_NS, span_ns(aware - EPOCH)))
 
 
-def latest_ns() -> int:
-    """Up to when samples are looked at now."""
-    return ns_of(datetime.now(UTC) + AHEAD)
+def latest_ns(at: datetime | None = None) -> int:
+    """Up to when samples are looked at by a clock that shows `at`; None: now."""
+    return ns_of((at or datetime.now(UTC)) + AHEAD)
 
 
 def span_ns(span: timedelta) -> int:

@@ -18,7 +18,7 @@ from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
 from app.services.backend import DATABASE_AWAY, Backend, commit_lost, no_room
-from app.services.moments import AHEAD, PlantClock, moment_of, ns_of
+from app.services.moments import PlantClock, latest_ns, moment_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdict_writing
 from app.storage.audits import AuditRow
@@ -167,7 +167,7 @@ def _windows_together(
 
 
 def _windows(backend: Backend, run: AuditRow, config: AuditConfig, known: Mapping[int, LoopRow]) -> dict[int, Window]:
-    hold_days, until_ns = backend.settings.hold_days, ns_of(now() + AHEAD)
+    hold_days, until_ns = backend.settings.hold_days, latest_ns()
     with backend.database.read() as connection:
         samples = series.windows(connection, known, run.window_h, run.window_samples, hold_days, until_ns)
         found = windows_since_repair(connection, known, samples, hold_days, config)

@@ -51,13 +51,13 @@ def arrivals(backend: Backend, audit_id: int | None = None, at: datetime | None 
     """Of all that is stored, as it is now; or of what a run was given that began `at`."""
     at = at or datetime.now(UTC)
     with backend.database.read() as connection:
-        newest_ns = stored.newest(connection, DATED_NS, ns_of(at + AHEAD), audit_id)
+        newest_ns = stored.newest(connection, DATED_NS, latest_ns(at), audit_id)
 
         def ending(since_ns: int, before_ns: int) -> tuple[int, tuple[tuple[str, str], ...]]:
             count, ends = stored.ending(connection, since_ns, before_ns, NAMED, audit_id)
             return count, tuple((tag, iso_utc(moment_of(end_ns)) or "") for tag, end_ns in ends)
 
-        beside = (*ending(ns_of(at + AHEAD) + 1, EVER_NS), *ending(-EVER_NS, DATED_NS))
+        beside = (*ending(latest_ns(at) + 1, EVER_NS), *ending(-EVER_NS, DATED_NS))
         if newest_ns is None:
             return Arrivals(None, timedelta(0), 0, (), *beside)
         behind = ending(DATED_NS, newest_ns - span_ns(LATE))

@@ -1,11 +1,11 @@
 """Loops that stopped while the others went on, told the morning after: by how far each is usually behind the others."""
 
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from statistics import median_low
 
 from app.services.backend import Backend
-from app.services.moments import AHEAD, iso_utc, moment_of, ns_of, span_ns
+from app.services.moments import iso_utc, latest_ns, moment_of, span_ns
 from app.services.plant.arrivals import Arrivals, listed, nothing_new, sentences
 from app.services.recency import DATED_NS, LATE
 from app.services.telling.naming import NAMED
@@ -55,7 +55,7 @@ def silent(
     backend: Backend, since_ns: int | None, audit_id: int | None = None, at: datetime | None = None
 ) -> list[tuple[str, str]]:
     """Their tags and newest samples, the weightiest first."""
-    until_ns = ns_of((at or datetime.now(UTC)) + AHEAD)
+    until_ns = latest_ns(at)
     with backend.database.read() as connection:
         plant = stored.middle(connection, DATED_NS, until_ns, audit_id)
         if plant is None:

@@ -3,10 +3,10 @@
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
 from typing import Literal
 
 from app.services.backend import Backend
+from app.services.moments import seconds_of
 from app.services.plant.arrivals import Arrivals, arrivals
 from app.storage import figures
 from app.storage.figures import EndedRun, Figures
@@ -86,7 +86,7 @@ def _work(found: Figures) -> tuple[Metric, ...]:
 
 def _reach(found: Arrivals) -> tuple[Metric, ...]:
     """How far the records reach."""
-    newest_s = None if found.recorded_to is None else datetime.fromisoformat(found.recorded_to).timestamp()
+    newest_s = None if found.recorded_to is None else seconds_of(found.recorded_to)
     return (
         _gauge(
             "loopaudit_newest_sample_timestamp_seconds",

@@ -14,7 +14,7 @@ from app.services.access.identity import SCHEDULE
 from app.services.auditing.nightly import latest_hour
 from app.services.backend import Backend
 from app.services.intake.uploads import stored_files
-from app.services.moments import AHEAD, ns_of
+from app.services.moments import latest_ns
 from app.settings import Settings
 from app.storage import retention, uploads
 from app.storage.types import now
@@ -76,7 +76,7 @@ def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
 
     if kept.keep_series_days:
         kept_h = max(24.0 * kept.keep_series_days, kept.window_h)  # never what the next audit would look at
-        until_ns = ns_of(now() + AHEAD)
+        until_ns = latest_ns()
         yield "series", lambda connection: retention.drop_series(connection, kept_h, batch, until_ns)
     if kept.keep_details_days:
         yield "details", older(kept.keep_details_days, retention.drop_details)
