@@ -358,7 +358,7 @@ def _made(read: _Read, clock: PlantClock) -> Digest:
         clock=clock,
         retired=read.retired,
         why_old=_why_old(read.since_ns, clock) if read.old else "",
-        reliable=told.reliable.get("stiction", 0),
+        reliable=told.sticking,
     )
 
 

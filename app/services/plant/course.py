@@ -1,6 +1,6 @@
 """The plant night by night, as far back as a report looks: valves that stick, health, loops that are not judged."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +14,8 @@ from app.services.recency import OLD_FROM
 from app.services.results import Night, NightOfUnit
 from app.storage import plant, set_apart
 from app.storage.continuing import counts_in
-from app.storage.plant import RunOfNight
+from app.storage.plant import RunOfNight, UnitCount
+from app.storage.set_apart import SetApart
 
 NOT_IN_AUTOMATIC: Cause = "not_in_automatic"
 NIGHTS = 14
@@ -61,20 +62,25 @@ def _night(connection: Connection, date: str, run: RunOfNight, last: int) -> Nig
     counted = plant.counts_of_run(connection, run.id)
     until = run.ended_at if run.id < last else None
     apart = set_apart.of_run(connection, run.id, OLD_FROM, until, counts_in(run.id))
-    told, of_units = tally(counted, apart), Counter[str | None]()
-    for row in counted:
-        of_units[row.unit] += row.loops * (row.verdict == "stiction" and row.reliability == "reliable")
-    for one in apart:
-        of_units[one.unit] -= one.loops * (one.verdict == "stiction")
+    told = tally(counted, apart)
     return Night(
         date=date,
         run=str(run.id),
         audited=sum(told.verdicts.values()),
-        sticking=told.reliable.get("stiction", 0),
+        sticking=told.sticking,
         apart=sum(told.apart.get("stiction", {}).values()),
         health=mean_health(counted),
         in_manual=told.refused.get(NOT_IN_AUTOMATIC, 0),
-        units=tuple(
-            NightOfUnit(unit, of_units[unit]) for unit in sorted(of_units, key=lambda one: (one is None, one or ""))
-        ),
+        units=_of_units(counted, apart),
     )
+
+
+def _of_units(counted: Sequence[UnitCount], apart: Sequence[SetApart]) -> tuple[NightOfUnit, ...]:
+    """By name, loops without a unit last."""
+    of_unit: defaultdict[str | None, tuple[list[UnitCount], list[SetApart]]] = defaultdict(lambda: ([], []))
+    for row in counted:
+        of_unit[row.unit][0].append(row)
+    for one in apart:
+        of_unit[one.unit][1].append(one)
+    named = sorted(of_unit, key=lambda unit: (unit is None, unit or ""))
+    return tuple(NightOfUnit(unit, tally(*of_unit[unit]).sticking) for unit in named)

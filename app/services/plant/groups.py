@@ -13,6 +13,7 @@ from app.services.found_groups import Groups, State
 from app.services.moments import iso_utc, moment_of
 from app.services.plant.set_points import set_points_together
 from app.services.results import EVEN, GroupMember, GroupView
+from app.services.telling.wording import sticks_for_sure
 from app.storage import verdicts
 from app.storage.verdicts import SwingRow
 
@@ -89,7 +90,7 @@ def groups_of(found: Groups | None, tag: str) -> list[GroupView]:
 def shaken_by(groups: Sequence[GroupView], row: Mapping[str, Any]) -> str | None:
     """The source that may be what shakes a loop, of the groups that it belongs to. None where its own record tells
     reliably that its valve sticks: nobody is then sent elsewhere first."""
-    if row["verdict"] == "stiction" and row["reliability"] == "reliable":
+    if sticks_for_sure(row):
         return None
     for group in groups:
         own = next((member for member in group.members if member.loop == row["loop"]), None)

@@ -51,6 +51,11 @@ class Tally:
     refused: dict[str, int]
     apart: dict[str, dict[str, int]]
 
+    @property
+    def sticking(self) -> int:
+        """Valves that stick, to be relied on."""
+        return self.reliable.get("stiction", 0)
+
 
 def tally(counted: Iterable[UnitCount | CountRow], not_now: Iterable[SetApart]) -> Tally:
     verdicts, reliable, refused = Counter[str](), Counter[str](), Counter[str]()

@@ -12,9 +12,9 @@ from app.errors import NotFoundError, RequestError
 from app.services.backend import Backend
 from app.services.moments import PlantClock, iso_utc
 from app.services.telling.naming import one_line
-from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, looked_at_today
+from app.services.telling.wording import UNANSWERED, VERDICT_WORDS, brief, looked_at_today, sticks_for_sure
 from app.storage import notes, shelvings
-from app.storage.shelvings import ShelvedRow
+from app.storage.shelvings import SaidOf, ShelvedRow
 
 LONGEST = timedelta(days=366)
 STICKS = "sticks"
@@ -109,7 +109,7 @@ def check_shelving(backend: Backend, until: datetime | None, repaired_at: dateti
 def kind_at(connection: Connection, loop_id: int) -> str:
     """What is wrong with the loop by its newest verdict, as a note keeps it; empty: nothing of `WORSE_WORDS`."""
     said = shelvings.newest_said(connection, loop_id)
-    return "" if said is None else _kind(said.verdict, said.reliability, said.likely_cause)
+    return "" if said is None else _kind(said)
 
 
 def withdraw_shelving(backend: Backend, loop_id: int, tag: str, note_id: int, withdrawn_by: str) -> None:
@@ -122,14 +122,15 @@ def withdraw_shelving(backend: Backend, loop_id: int, tag: str, note_id: int, wi
         shelvings.withdraw(connection, loop_id, note_id, withdrawn_by)
 
 
-def _kind(verdict: str | None, reliability: str | None, likely_cause: str | None) -> str:
-    if verdict == "stiction" and reliability == "reliable":
+def _kind(said: ShelvedRow | SaidOf) -> str:
+    row = {"verdict": said.verdict, "reliability": said.reliability, "likely_cause": said.likely_cause}
+    if sticks_for_sure(row):
         return STICKS
-    return UNANSWERED if looked_at_today({"verdict": verdict, "likely_cause": likely_cause}) else ""
+    return UNANSWERED if looked_at_today(row) else ""
 
 
 def _view(row: ShelvedRow) -> Shelved:
-    kind = _kind(row.verdict, row.reliability, row.likely_cause)
+    kind = _kind(row)
     return Shelved(
         loop=row.tag,
         unit=row.unit,

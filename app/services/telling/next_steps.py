@@ -20,6 +20,7 @@ from app.services.telling.wording import (
     SHAKEN_BY_NEIGHBOUR,
     STOOD_TOGETHER,
     codes_of,
+    sticks_for_sure,
 )
 
 
@@ -297,7 +298,7 @@ def in_hours(seconds: float) -> str:
 def _by_verdict(row: Mapping[str, Any], reasons: Sequence[str]) -> Ask:
     if first := next((step for reason, step in BY_REASON.items() if reason in reasons), None):
         return first
-    if row["verdict"] == "stiction" and row["reliability"] == "reliable":
+    if sticks_for_sure(row):
         return Ask.STICKS
     if BEGAN in reasons:
         return Ask.BEGAN_TO_STICK

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from app.engine.codes import CheckCode, ReasonCode
 from app.services.telling.stored_evidence import explained, votes
-from app.services.telling.wording import LIKELY, STICKS, cause_words, measured_probability, probability
+from app.services.telling.wording import LIKELY, STICKS, cause_words, measured_probability, probability, sticks_for_sure
 
 Says = Literal["agrees", "otherwise", "nothing"]
 MARKS: dict[Says, str] = {"agrees": "✓", "otherwise": "✗", "nothing": "·"}
@@ -136,7 +136,7 @@ def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None)
 def names_otherwise(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
     """Says which to follow where a valve sticks, to be relied on, and the newest explanation names no valve."""
     likeliest = _likeliest(explanation)
-    if (row["verdict"], row["reliability"]) != ("stiction", "reliable") or likeliest is None:
+    if not sticks_for_sure(row) or likeliest is None:
         return None
     if not {likeliest["effect"], *likeliest.get("alternatives", ())}.isdisjoint(AT_THE_VALVE):
         return None

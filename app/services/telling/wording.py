@@ -194,6 +194,11 @@ def measured_probability(row: Mapping[str, Any]) -> float | None:
     return None if PRIOR_ONLY in codes_of(row) else row["stiction_probability"]
 
 
+def sticks_for_sure(row: Mapping[str, Any]) -> bool:
+    """Whether a verdict that the valve sticks is to be relied on: it is taken out without a look at anything else."""
+    return row["verdict"] == "stiction" and row["reliability"] == "reliable"
+
+
 def weakly(row: Mapping[str, Any]) -> bool:
     """Whether a verdict is not to be relied on and its probability is so near one half that it could as well have been
     the other one: what shows it in a colour shows it pale."""
