@@ -1,7 +1,6 @@
 """Wide, with the names in two rows: tags in one, signals in the other, as in `FIC101,,TIC2,` above `PV,OP,PV,OP`. A
 name may stand above its first column alone, as merged cells are exported."""
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -11,11 +10,10 @@ from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions, Signal
 from app.ingest.numbers.units import is_unit
-from app.ingest.tags.grouping import AUDITED, place
+from app.ingest.tags.grouping import AUDITED, like_a_tag, place, share_like_tags
 
 _MOST_WORDS = 500  # that differ in a row of signals, which may have units
 _SHOWN = 3
-_TAG = re.compile(r"\S*\d\S*")
 
 
 @dataclass(frozen=True)
@@ -36,9 +34,7 @@ class Names:
 
     @property
     def like_tags(self) -> float:
-        """The share of tags that look like ones; a row of descriptions may stand beside them."""
-        tags = set(self.tags.values())
-        return sum(bool(_TAG.fullmatch(tag)) for tag in tags) / len(tags)
+        return share_like_tags(set(self.tags.values()))
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
@@ -121,7 +117,7 @@ def _is_certain(names: Names, signals: Mapping[str, Signal], above: bool) -> boo
     pv, op = ({tag for tag, signal in pairs if signal == wanted} for wanted in ("PV", "OP"))
     if not op or not op <= pv:
         return False
-    return len(tags) > 1 or (above and _TAG.fullmatch(next(iter(tags))) is not None)
+    return len(tags) > 1 or (above and like_a_tag(next(iter(tags))))
 
 
 def _may_be_tag(text: str) -> bool:

@@ -1,7 +1,6 @@
 """Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
 apart are of this form."""
 
-import re
 from dataclasses import replace
 
 from app.ingest.columns.clocks import date_and_clock
@@ -21,9 +20,8 @@ from app.ingest.columns.of_words import column_that_sorts, column_that_takes_tur
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
-from app.ingest.tags.grouping import AUDITED, place
+from app.ingest.tags.grouping import AUDITED, place, share_like_tags
 
-_TAG = re.compile(r"\S*\d\S*")
 _MOST_OF_TIMES = 2  # columns: date and clock
 _FEW_ROWS = 8
 _MOST_STAMPS = 0.75  # of the rows, where those of a stamp may be told apart by a word
@@ -90,7 +88,7 @@ def _of_times(plan: WidePlan, head: Head, names: tuple[str, ...]) -> WidePlan | 
 def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
     """Whether the names stand in the lower row: a row of descriptions or units below them may be the wider one too."""
     above, below = audited_signals(names), audited_signals(row)
-    if _as_wide(row, names) and below > above and like_tags(row) > like_tags(names):
+    if _as_wide(row, names) and below > above and share_like_tags(row) > share_like_tags(names):
         return True
     if not time_columns(row):
         return False
@@ -113,12 +111,6 @@ def _with_name_of_times(head: Head, names: tuple[str, ...], at: int) -> tuple[st
 def _as_wide(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
     """Whether a row names as many columns as another one, but for those of times."""
     return len(row) == len(names) and abs(sum(map(bool, row)) - sum(map(bool, names))) <= _MOST_OF_TIMES
-
-
-def like_tags(names: tuple[str, ...]) -> float:
-    """The share of names that look like tags: without a blank, with a digit."""
-    given = [name for name in names if name]
-    return sum(bool(_TAG.fullmatch(name)) for name in given) / max(1, len(given))
 
 
 def audited_signals(names: tuple[str, ...]) -> int:

@@ -81,6 +81,7 @@ _DESCRIBED = re.compile(r"^(?P<name>[^ ]+[._/][A-Za-z]+) +[-–] +[^ ].*$")  # F
 _BRACKET = re.compile(r"[\[(].*$")
 _NO_LETTER = re.compile(r"[\W\d_]+")
 SERVER = re.compile(r"^\\\\[^\\]+\\")
+_LIKE_TAG = re.compile(r"\S*\d\S*")
 _NUMBERED = re.compile(r"\D*(\d+)\D*")
 
 
@@ -349,6 +350,17 @@ def _by_start(tag: str, name: str) -> Place | None:
     if not found or not signal or found["loop"].lower() in SIMULATED:
         return None
     return Place(tag, found["loop"], signal)
+
+
+def like_a_tag(name: str) -> bool:
+    """Without a blank, with a digit: a row of descriptions may stand beside the one of tags."""
+    return _LIKE_TAG.fullmatch(name) is not None
+
+
+def share_like_tags(names: Iterable[str]) -> float:
+    """How many of the names, of columns that have one, are like tags, 0 to 1."""
+    given = [name for name in names if name]
+    return sum(map(like_a_tag, given)) / max(1, len(given))
 
 
 def number_of(tag: str) -> str:
