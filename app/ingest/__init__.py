@@ -37,6 +37,7 @@ from app.ingest.exports.reading import is_export_name, is_read_packed, read_expo
 from app.ingest.files.unpacking import GZIP, Unpacking
 from app.ingest.inspection import InspectReport, LoopReport, inspect
 from app.ingest.model import (
+    NO_TIME,
     FileSummary,
     IngestOptions,
     LoopSamples,
@@ -63,7 +64,7 @@ from app.ingest.tags.grouping import (
 from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
 from app.ingest.tags.loops import group
 from app.ingest.telling import without_controls
-from app.ingest.times.stamps import NO_TIME, check_time_zone
+from app.ingest.times.stamps import check_time_zone
 
 __all__ = [
     "BEYOND",

@@ -14,6 +14,9 @@ Signal = Literal["PV", "OP", "SP", "MODE", "OTHER"]
 SIGNALS: tuple[Signal, ...] = ("PV", "OP", "SP", "MODE", "OTHER")
 
 TimeArray = NDArray[np.int64]
+NO_TIME = np.iinfo(np.int64).min
+"""Among times, where a row has none that can be read."""
+
 FloatArray = NDArray[np.float64]
 
 

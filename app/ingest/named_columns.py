@@ -15,14 +15,14 @@ from app.ingest.columns.names import may_be_times, stamps_in, time_columns, time
 from app.ingest.columns.plans import name_of
 from app.ingest.files.head import HEAD_ROWS, Head, split_line
 from app.ingest.files.opening import TextFile
-from app.ingest.model import FloatArray, IngestOptions, Signal, TimeArray
+from app.ingest.model import NO_TIME, FloatArray, IngestOptions, Signal, TimeArray
 from app.ingest.numbers.marks import POINTED, DoubtfulMarks
 from app.ingest.numbers.values import odd_numbers, same_tag, tagged
 from app.ingest.numbers.writing import MARKED, Writing
 from app.ingest.tables.frames import UNREADABLE, quotes_close
 from app.ingest.tables.line_widths import uneven_lines
 from app.ingest.tags.loops import signals_of
-from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, find_form
+from app.ingest.times.stamps import TimeForm, TimeReader, find_form
 from app.nanoseconds import NS_PER_S
 
 SEPARATORS = ",;\t"

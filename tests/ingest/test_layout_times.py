@@ -5,7 +5,8 @@ import polars as pl
 import pytest
 
 from app.ingest import IngestOptions
-from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
+from app.ingest.model import NO_TIME
+from app.ingest.times.stamps import TimeForm, TimeReader
 
 from .conftest import Read
 

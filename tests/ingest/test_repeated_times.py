@@ -9,10 +9,11 @@ import pytest
 from app.ingest import IngestOptions
 from app.ingest.files.ahead import SIDE_BY_SIDE
 from app.ingest.files.opening import TextFile, count_lines
+from app.ingest.model import NO_TIME
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import NUMBERED, Dialect, FrameReader
 from app.ingest.times import stamps
-from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
+from app.ingest.times.stamps import TimeForm, TimeReader
 from tests.ingest.conftest import Read
 
 MINUTE = 60 * 10**9

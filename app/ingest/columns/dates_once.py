@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from app.ingest.columns.clocks import joined_times
 from app.ingest.columns.plans import name_of
-from app.ingest.model import TimeArray
-from app.ingest.times.stamps import NO_TIME
+from app.ingest.model import NO_TIME, TimeArray
 
 
 class DatesOnce:

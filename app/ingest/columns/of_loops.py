@@ -10,8 +10,8 @@ from app.ingest.columns.clocks import MOST, joined_stamp
 from app.ingest.columns.names import ONE_WAY, TAG_NAMES, plain
 from app.ingest.columns.of_words import lie_among, states_among, take_turns, times_by_word
 from app.ingest.files.head import Head, is_number
-from app.ingest.model import IngestOptions
-from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader
+from app.ingest.model import NO_TIME, IngestOptions
+from app.ingest.times.stamps import TimeForm, TimeReader
 
 LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
 _OF_TAGS = TAG_NAMES | {"controller", "controllername", "block", "blockname"}

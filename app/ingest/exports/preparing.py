@@ -11,12 +11,12 @@ from app.errors import DataError
 from app.ingest.columns.clocks import joined_stamp
 from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
-from app.ingest.model import IngestOptions, TimeArray
+from app.ingest.model import NO_TIME, IngestOptions, TimeArray
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.spreading import SPREAD_NOTE, come_in_threes, shown_resolution, stamps_are_cut
 from app.ingest.tags.grouping import place
 from app.ingest.tags.loops import Grouping
-from app.ingest.times.stamps import NO_TIME, TimeForm, TimeReader, as_formatted, parse_text
+from app.ingest.times.stamps import TimeForm, TimeReader, as_formatted, parse_text
 
 
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:

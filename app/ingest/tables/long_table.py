@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.errors import DataError
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.plans import LongPlan, name_of
-from app.ingest.model import FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.kinds import IN_DOUBT, tells_nothing
 from app.ingest.numbers.marks import marked
 from app.ingest.numbers.values import odd_numbers, refused_as
@@ -29,7 +29,7 @@ from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
 from app.ingest.tags.settling import family
-from app.ingest.times.stamps import NO_TIME, TimeReader
+from app.ingest.times.stamps import TimeReader
 
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
 

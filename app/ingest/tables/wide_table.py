@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
-from app.ingest.model import FloatArray, IngestOptions, SignalBlock
+from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock
 from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
@@ -29,7 +29,7 @@ from app.ingest.tags.modes import UNKNOWN_MODE
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
 from app.ingest.times.order import in_order, last_of_repeats, runs_back, without_stutter
-from app.ingest.times.stamps import NO_TIME, TimeReader, to_numbers
+from app.ingest.times.stamps import TimeReader, to_numbers
 
 
 class WideTable:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.model import FloatArray, IngestOptions, TimeArray
+from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.remembering import remembered
 from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose, in_other_order
@@ -29,7 +29,6 @@ LONGEST_KEPT, LONGEST_PROBE = 1 << 16, 64
 """Characters of a sample with its name, and of a probe with its separator, whose form is kept: comments would stay in
 memory by the MB."""
 
-NO_TIME = np.iinfo(np.int64).min
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
 _ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")

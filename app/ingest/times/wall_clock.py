@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.model import TimeArray
+from app.ingest.model import NO_TIME, TimeArray
 from app.nanoseconds import NS_PER_S
 
 DISORDER_NS = 600 * NS_PER_S  # rows may be so much out of order; a larger step within the hour is the clock's
@@ -41,17 +41,17 @@ class WallClock:
         """(n,) ns since 1970 UTC; NO_TIME stays, and takes the place of times that no clock showed."""
         if self._zone == "UTC" or not len(local):
             return local
-        good = local != _NO_TIME
+        good = local != NO_TIME
         early, late = self._as_utc(local, good, "earliest"), self._as_utc(local, good, "latest")
-        good &= early != _NO_TIME
+        good &= early != NO_TIME
         twice = good & (early != late)
         chosen = np.where(self._passes(local, good, twice) == SECOND, late, early)
-        return np.where(good, chosen, _NO_TIME)
+        return np.where(good, chosen, NO_TIME)
 
     def _as_utc(self, local: TimeArray, good: NDArray[np.bool_], which: Literal["earliest", "latest"]) -> TimeArray:
         naive = pl.Series(np.where(good, local, 0)).cast(pl.Datetime("ns"))
         zoned = naive.dt.replace_time_zone(self._zone, ambiguous=which, non_existent="null")
-        return zoned.dt.convert_time_zone("UTC").cast(pl.Int64).fill_null(_NO_TIME).to_numpy()
+        return zoned.dt.convert_time_zone("UTC").cast(pl.Int64).fill_null(NO_TIME).to_numpy()
 
     def _passes(self, local: TimeArray, good: NDArray[np.bool_], twice: NDArray[np.bool_]) -> NDArray[np.int8]:
         """(n,) which pass each row is of."""
@@ -91,6 +91,3 @@ def _of_beginning(local: TimeArray, twice: NDArray[np.bool_], next_step: int) ->
         return FIRST if next_step < 0 else SECOND
     outside = np.flatnonzero(~twice)
     return SECOND if len(outside) and local[outside[0]] > local[0] else FIRST
-
-
-_NO_TIME = np.iinfo(np.int64).min
