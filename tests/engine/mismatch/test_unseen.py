@@ -9,11 +9,11 @@ from scipy.signal import lfilter
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.compare.comparison import given_of, record_of
 from app.engine.mismatch.compare.preparing import prepare
-from app.engine.mismatch.explanation import given_run
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.refitting import PARAMETERS, freed
 from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.free_runs import given_run
 from app.engine.mismatch.judge.conclude import held_out_worse
 from app.engine.mismatch.judge.holdout import FitMeasures, Unseen, judge, refit_without, stretches
 from app.engine.mismatch.judge.result import Effect, Improvement

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.engine.mismatch.compare.comparison import Comparison, record_of
+from app.engine.mismatch.compare.comparison import Comparison, record_of, shortened
 from app.engine.mismatch.loop.experiment import Experiment, Finer, alike
 from app.engine.recording import BoolArray, FloatArray, IntArray
 
@@ -170,3 +170,8 @@ def means_from(signal: FloatArray, instants: FloatArray, interval: float) -> Flo
         return np.interp(end, np.arange(len(sums)), sums) + beyond * (signal[-1] - signal[0])
 
     return signal[0] + (until(instants + interval) - until(instants)) / interval
+
+
+def as_compared(comparison: Comparison, taken: Taken | None) -> Comparison:
+    """The comparison where PV was taken, and no longer than can be fitted."""
+    return shortened(comparison if taken is None else taken.comparison)

@@ -2,6 +2,7 @@
 there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,7 +110,7 @@ def worse(errors: Unseen, gain: float, *, integrating: bool) -> bool:
     return errors.explained > (WORSE_UNSEEN if gain <= 0.0 else far) * errors.refitted
 
 
-def mostly_worse(pv: FloatArray, runs: list[FreeRuns]) -> bool:
+def mostly_worse(pv: FloatArray, runs: Sequence[FreeRuns]) -> bool:
     """Whether the explained model runs worse than the refit over most of the stretches that have samples: where OP
     goes, over one of them, as it does nowhere else, a true name may run astray there.
     """
