@@ -85,7 +85,7 @@ def _leaves_newer(recording: Recording, found: Judged, config: AuditConfig) -> b
     whole = found.fitness.whole
     if found.of_record is None or whole is None:
         return False
-    end_s = float(recording.time_s[0]) + whole.start_s + whole.samples * whole.sampling_interval_s
+    end_s = float(recording.time_s[0]) + whole.start_s + whole.length_s
     return recording.samples - int(np.searchsorted(recording.time_s, end_s)) >= config.judgement.min_samples
 
 
@@ -99,7 +99,7 @@ def _of_both(longest: Judged, newest: Judged) -> Judged:
     before, since = longest.fitness.looked_at, newest.fitness.looked_at
     if since.start_s <= before.start_s:
         return longest
-    hours = in_digits(since.samples * since.sampling_interval_s / 3600.0, 2)
+    hours = in_digits(since.length_s / 3600.0, 2)
     told = f"the newest stretch, {since.samples} samples in {hours} h,"
     cleared = (said.verdict, said.reliability) == ("no_stiction", "reliable")
     if now.reliability == "reliable" and (now.verdict == "stiction" or cleared):
@@ -195,8 +195,7 @@ def _stuck_stem(recording: Recording, prepared: Preparation) -> StuckStem | None
 
 def ends_with(record: UniformRecord, recording: Recording) -> bool:
     """Whether a stretch goes up to the end of the recording that it is of."""
-    length_s = record.samples * record.sampling_interval_s
-    return record.start_s + length_s >= float(recording.time_s[-1] - recording.time_s[0])
+    return record.end_s >= float(recording.time_s[-1] - recording.time_s[0])
 
 
 def _refusal(recording: Recording, fitness: Fitness) -> Judgement:

@@ -86,7 +86,7 @@ def _alone(
     oscillation = detect(rest)
     if not _can_be_limit_cycle(oscillation):
         return None
-    part = _between(recording, rest.start_s, rest.start_s + rest.samples * rest.sampling_interval_s)
+    part = _between(recording, rest.start_s, rest.end_s)
     own = assess(part, config)
     if own.record is None:
         return None

@@ -155,6 +155,16 @@ class UniformRecord:
     def samples(self) -> int:
         return len(self.pv)
 
+    @property
+    def length_s(self) -> float:
+        """Each sample stands for an interval."""
+        return self.samples * self.sampling_interval_s
+
+    @property
+    def end_s(self) -> float:
+        """When the interval of the last sample ends, in seconds from the start of the recording."""
+        return self.start_s + self.length_s
+
     def part(self, which: slice) -> "UniformRecord":
         """Those samples alone; the slice has a start."""
         return UniformRecord(

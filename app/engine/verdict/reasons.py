@@ -35,7 +35,7 @@ def stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
     whole = fitness.speaks_for
     if whole is None:
         return ()
-    hours = in_digits(fitness.audited.samples * fitness.audited.sampling_interval_s / 3600.0, 2)
+    hours = in_digits(fitness.audited.length_s / 3600.0, 2)
     text = f"{whole.judged} stretches of {hours} h were judged each by itself; the middle one of them is shown"
     text += f"; {whole.standing} more are left out, because PV or OP stood still" if whole.standing else ""
     return (Reason("stretches", text),)
