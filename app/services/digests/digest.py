@@ -371,10 +371,20 @@ def _manual_words(found: Sequence[ToManual], clock: PlantClock) -> list[str]:
 
 
 def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop:
-    why = reasons_of(row._asdict())[0][:LONGEST_WHY]
-    shown = (row.verdict, row.reliability, row.stiction_probability, row.likely_cause, row.health, row.importance)
-    measured = PRIOR_ONLY not in codes_in(row.reasons)
-    return DigestLoop(row.tag, *shown, why, loop_address(url, row.tag), of_time, measured, shelved)
+    return DigestLoop(
+        loop=row.tag,
+        verdict=row.verdict,
+        reliability=row.reliability,
+        stiction_probability=row.stiction_probability,
+        likely_cause=row.likely_cause,
+        health=row.health,
+        importance=row.importance,
+        why=reasons_of(row._asdict())[0][:LONGEST_WHY],
+        address=loop_address(url, row.tag),
+        judged=of_time,
+        measured=PRIOR_ONLY not in codes_in(row.reasons),
+        shelved=shelved,
+    )
 
 
 def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
