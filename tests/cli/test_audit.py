@@ -66,7 +66,9 @@ def test_two_processes_say_the_same_in_the_same_order(folder):
 
 
 def test_the_lines_have_the_fields_of_the_contract(folder):
-    for line in lines(audit(folder / "L0.csv", folder / "L1.csv", "--format", "jsonl")):
+    told = lines(audit(folder / "L0.csv", folder / "L1.csv", "--format", "jsonl"))
+    assert len(told) == 2
+    for line in told:
         assert set(line) >= CONTRACT
         assert set(line["hammerstein"]) >= HAMMERSTEIN
         assert line["verdict"] in {"stiction", "no_stiction", "inconclusive", "not_auditable"}

@@ -79,7 +79,9 @@ def test_the_service_says_the_same_of_the_file(export: Path, open_plant: Any, wa
     reading.read_upload(backend, int(received.id), owner="test")
     audit_chunk(backend, int(start_audit(backend).id), "test")
     rows = {row["loop"]: row for row in reliability_page(backend).rows}
-    for tag, line in audited(export).items():
+    alone = audited(export)
+    assert alone.keys() == rows.keys()
+    for tag, line in alone.items():
         alike = ("verdict", "stiction_probability", "reliability", "health")
         assert {name: rows[tag][name] for name in alike} == {name: line[name] for name in alike}
         assert rows[tag]["reasons_text"] == flat_reasons(line["reasons"])["reasons_text"]

@@ -83,6 +83,7 @@ def test_every_command_teaches_by_an_example_of_itself(command):
 def test_help_is_broken_only_where_the_terminal_ends(columns):
     told = CliRunner().invoke(cli, ["explain", "--help"], env={"COLUMNS": columns}).output.partition("Examples")[0]
     lines = [line.rstrip() for line in told.splitlines()]
+    assert sum(map(bool, lines)) > 2
     for line, below in pairwise(lines):
         word = below.split()[:1]
         assert not line or not word or len(f"{line} {word[0]}") >= int(columns), line

@@ -23,6 +23,7 @@ def test_has_the_columns_of_a_recording_and_as_many_samples_as_asked():
 
 def test_a_valve_without_stiction_is_where_op_says():
     rows = simulated("--samples", "200", "--with-valve")
+    assert len(rows) == 200
     assert all(abs(float(row["V"]) - float(row["OP"])) < 1e-6 for row in rows)
 
 

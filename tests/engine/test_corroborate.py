@@ -207,7 +207,9 @@ def test_a_signal_that_stands_still_is_refused(which):
 
 
 def test_every_answer_carries_its_source():
-    for c in corroborate(record(SIN, COS), detect(record(SIN, COS)), False):
+    found = corroborate(record(SIN, COS), detect(record(SIN, COS)), False)
+    assert {c.method for c in found} >= set(SHAPE_METHODS)
+    for c in found:
         assert c.source
         assert c.text
         assert c.doi is None or c.doi.startswith("10.")

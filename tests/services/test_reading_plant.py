@@ -127,7 +127,9 @@ def test_every_field_of_the_row_that_has_a_column_can_be_sorted_by(plant: Backen
 
 
 def test_rows_have_the_fields_of_the_contract(plant: Backend) -> None:
-    for row in reliability.reliability_page(plant).rows:
+    rows = reliability.reliability_page(plant).rows
+    assert len(rows) == len(TAGS)
+    for row in rows:
         assert set(row) == set(TableRow.model_fields)
 
 

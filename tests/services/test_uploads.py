@@ -247,7 +247,9 @@ def test_uploads_are_listed_by_the_page(backend: Backend) -> None:
 
 
 def test_the_shared_exports_are_read_whole(backend: Backend, shared_dir: Path) -> None:
-    for path in sorted((shared_dir / "exports").glob("*.[ct]*")):
+    paths = sorted((shared_dir / "exports").glob("*.[ct]*"))
+    assert paths
+    for path in paths:
         done = read(backend, uploads.receive_file(backend, path).upload)
         assert done.state == "done"
         assert done.rows_kept > 700

@@ -26,9 +26,12 @@ from tests.web.conftest import HOSTILE, HOSTILE_PAGE, Seen, seen, wide
 
 def test_a_loop_s_page_leads_to_its_parts_and_to_the_loops_beside_it(client):
     page = client.get("/loops/LIC7").text
-    for place in re.findall(r'href="#([^"]+)"', page):
+    places = re.findall(r'href="#([^"]+)"', page)
+    assert places
+    for place in places:
         assert f'id="{place}"' in page
     worst = [link for link in seen(client, "/").links if link.startswith("/loops/")][:3]
+    assert len(worst) == 3
     for at, path in enumerate(worst):
         text = client.get(path).text
         assert re.findall(r'rel="prev" href="([^"]+)"', text) == worst[:at][-1:]

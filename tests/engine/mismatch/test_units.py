@@ -53,6 +53,7 @@ def test_a_pulse_is_looked_at_in_its_own_size() -> None:
         for block in library(record)
         if block.name == name
     }
+    assert sizes.keys() == {"valve.deadband", "valve.stiction/he"}
     assert all(0.05 < starts.min() < starts.max() < 15.0 for starts in sizes.values())
 
 
