@@ -40,19 +40,11 @@ def start_audit(
     wanted: LoopFilter | None = None,
     *,
     trigger: str = "request",
-    nightly_for: str | None = None,
     started_by: str = "",
     unless_going_on: bool = False,
 ) -> AuditView:
-    """The run of `started`, whoever planned it."""
-    return started(
-        backend,
-        wanted,
-        trigger=trigger,
-        nightly_for=nightly_for,
-        started_by=started_by,
-        unless_going_on=unless_going_on,
-    ).run
+    """The run of `started`, whoever planned it; of no night."""
+    return started(backend, wanted, trigger=trigger, started_by=started_by, unless_going_on=unless_going_on).run
 
 
 def started(

@@ -195,7 +195,7 @@ def measured_probability(row: Mapping[str, Any]) -> float | None:
 
 
 def sticks_for_sure(row: Mapping[str, Any]) -> bool:
-    """Whether a verdict that the valve sticks is to be relied on: it is taken out without a look at anything else."""
+    """Whether a verdict that the valve sticks is to be relied on: nobody is sent to look elsewhere first."""
     return row["verdict"] == "stiction" and row["reliability"] == "reliable"
 
 
