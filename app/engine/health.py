@@ -25,6 +25,10 @@ UNANSWERED_TEXT = "PV {since}: the valve is stuck, or the transmitter is dead"
 """Whichever it is, nothing controls there: the valve's weight is taken off whole, and that of being in automatic where
 the loop is."""
 
+CHANCE_STRENGTH, SURE_STRENGTH = 0.3, 0.6
+"""An oscillation counts for nothing up to the first, whole from the second: a healthy loop under a load that wanders
+shows a regular one, of strength 0.2 in the middle and up to 0.55, because the best of twelve functions is kept."""
+
 FULL_SATURATION_PCT = 50.0
 FULL_ERROR_PCT = 5.0
 
@@ -61,10 +65,11 @@ def health(judgement: Judgement, figures: KeyFigures, oscillation: Oscillation |
     or of which the record shows nothing loses half of the weight, and all of it where PV does not answer OP, whether
     that is a verdict or what keeps from one, and however long it answered before: whichever of stuck valve and dead
     transmitter it is, the loop is not controlled, and being in automatic counts for nothing. Oscillation counts by its
-    strength where it is regular; time out of automatic, time of OP at a limit (50 % of the time is full; its own
-    extremes where no span is known), mean control error (5 % of PV's span is full) and missing samples in proportion. A
-    figure that is not known takes nothing off, and says so; where too few samples have PV and OP there is no health at
-    all, only the reason. Misleads where a loop is meant to swing (averaging level control) or to be in manual.
+    strength where it is regular and more than chance (CHANCE_STRENGTH); time out of automatic, time of OP at a limit
+    (50 % of the time is full; its own extremes where no span is known), mean control error (5 % of PV's span is full)
+    and missing samples in proportion. A figure that is not known takes nothing off, and says so; where too few samples
+    have PV and OP there is no health at all, only the reason. Misleads where a loop is meant to swing (averaging level
+    control) or to be in manual.
     """
     because = _too_little(judgement)
     if because is not None:
@@ -134,9 +139,12 @@ def _oscillation(oscillation: Oscillation | None) -> HealthPart:
     period_s = oscillation.period_s
     if not oscillation.regular or period_s is None:
         return _part("oscillation", 0.0, "no regular oscillation")
+    strength = oscillation.strength
+    if strength <= CHANCE_STRENGTH:
+        return _part("oscillation", 0.0, f"no oscillation beyond what noise shows, strength {strength:.2f}")
     told = f"{period_s:.0f}" if period_s >= 10.0 else f"{period_s:.3g}"
-    text = f"oscillates with a period of {told} s, strength {oscillation.strength:.2f}"
-    return _part("oscillation", oscillation.strength, text)
+    counts = min((strength - CHANCE_STRENGTH) / (SURE_STRENGTH - CHANCE_STRENGTH), 1.0)
+    return _part("oscillation", counts * strength, f"oscillates with a period of {told} s, strength {strength:.2f}")
 
 
 def _unanswered(judgement: Judgement) -> bool:
