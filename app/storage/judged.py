@@ -15,13 +15,14 @@ before = verdicts.alias("judged_before")
 
 
 class SpanRow(NamedTuple):
-    """The window that a verdict is of, and the newest sample that the engine was given."""
+    """The window that a verdict is of, the newest sample that the engine was given, and the codes of its reasons."""
 
     tag: str
     loop_id: int
     window_start: datetime | None
     window_end: datetime | None
     input_end_ns: int | None
+    reasons: str | None
 
 
 class NoFurther(NamedTuple):
@@ -35,7 +36,7 @@ class NoFurther(NamedTuple):
     given_before: int | None
 
 
-_SPAN = (now.c.loop_id, now.c.window_start, now.c.window_end, now.c.input_end_ns)
+_SPAN = (now.c.loop_id, now.c.window_start, now.c.window_end, now.c.input_end_ns, now.c.reasons)
 
 
 def spans(connection: Connection, tags: Sequence[str], audit_id: int | None = None) -> list[SpanRow]:

@@ -84,6 +84,19 @@ def test_what_could_be_judged_since_is_not_said_to_be_beyond_judgement(backend: 
     assert told == "judged 2025-06-15 15:06 to 2025-06-16 06:05; what was recorded since was not judged"
 
 
+def test_what_was_judged_since_and_says_otherwise_is_not_said_to_be_unjudged(
+    backend: Backend, add_loops: AddLoops
+) -> None:
+    of = add_loops("A", n=0)["A"]
+    for first, count, automatic in ((0, 900, 1.0), (900, 100, 0.0), (1000, 400, 1.0)):
+        record(backend, of, first, count, automatic)
+    run(backend, start_audit(backend).id)
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(reasons="shape_path;newer_disagrees"))
+    told = judged(backend, ["A"])["A"].words(backend.clock)
+    assert told.endswith("; what was recorded since is shorter, and says otherwise")
+
+
 def test_a_loop_that_is_back_in_automatic_did_not_go_to_manual(backend: Backend, left: tuple[int, int]) -> None:
     """Though most of the time since was in manual, as of a unit that stood for a night and runs again."""
     of = loop_id_of(backend, "A")

@@ -10,12 +10,16 @@ from sqlalchemy import Connection
 from app.services.backend import Backend
 from app.services.damage import damage_in_words
 from app.services.moments import PlantClock, iso_utc, moment_of, ns_of
+from app.services.telling.wording import codes_in
 from app.storage import judged as stored
 from app.storage import series
 from app.storage.judged import SpanRow
 
 LEFT_OUT = timedelta(hours=1)
 """Newer samples than what was judged are told of where they are of an hour or more."""
+
+NOT_JUDGED = "what was recorded since was not judged"
+NEWER_DISAGREES = "what was recorded since is shorter, and says otherwise"
 
 LOOKED_AT = 200
 """So many loops, the weightiest, are looked through for those that went to manual."""
@@ -25,16 +29,18 @@ LOOKED_AT = 200
 class Judged:
     """A judged window (ISO 8601, UTC) that ends well before the newest sample that the engine was given. manual:
     whether the loop is in manual, by its recorded mode, and was for most of the time since. damaged: from when to when
-    (ns) what was recorded since cannot be read."""
+    (ns) what was recorded since cannot be read. disagrees: whether what was recorded since was judged too, and says
+    otherwise."""
 
     start: str
     end: str
     manual: bool
     damaged: tuple[tuple[int, int], ...] = ()
+    disagrees: bool = False
 
     def words(self, clock: PlantClock) -> str:
         """ "judged 2026-11-24 22:00 to 23:59; in manual since"."""
-        since = "in manual since" if self.manual else "what was recorded since was not judged"
+        since = "in manual since" if self.manual else NEWER_DISAGREES if self.disagrees else NOT_JUDGED
         damage = damage_in_words(self.damaged, clock).removesuffix(".")
         return f"judged {clock.span(self.start, self.end)}; {since}{f'. {damage}' if damage else ''}"
 
@@ -83,4 +89,5 @@ def _judged(connection: Connection, row: SpanRow, hold_days: float) -> Judged | 
     mode = None if later.samples is None else later.samples.signals.get("automatic")
     known = np.array([]) if mode is None else mode[np.isfinite(mode)]
     manual = bool(len(known)) and float(np.mean(known)) < 0.5 and not known[-1]
-    return Judged(iso_utc(row.window_start) or "", iso_utc(row.window_end) or "", manual, later.damaged)
+    disagrees = "newer_disagrees" in codes_in(row.reasons)
+    return Judged(iso_utc(row.window_start) or "", iso_utc(row.window_end) or "", manual, later.damaged, disagrees)
