@@ -1,5 +1,6 @@
 """What a feature says for or against stiction, in an engineer's words."""
 
+import math
 import re
 
 _FIGURE = re.compile(r"\{[^}]*\}")
@@ -15,8 +16,8 @@ _FOR = {
     "leg_contrast": "PV differs between rising and falling legs of OP by {value:.1f} standard deviations",
     "flat_eighth": "{percent:.0f} % of the travel of OP finds PV standing still",
     "flat_quarter": "{percent:.0f} % of the travel of OP finds PV standing still for a quarter of a swing",
-    "gain": "a sticky valve explains PV better than a linear one in free run (log misfit ratio {value:.2f})",
-    "causal_gain": "a sticky valve closes the loop better than a linear one in free run ({value:.2f})",
+    "gain": "in free run a linear valve leaves {ratio:.2f} times as much of PV unexplained as a sticky one",
+    "causal_gain": "closing the loop, a linear valve leaves {ratio:.2f} times as much of PV as a sticky one",
     "causal_sticky": "a sticky valve explains {percent:.0f} % of PV in free run",
     "held_sticky": "a sticky valve explains {percent:.0f} % of PV on halves that were not fitted",
     "op_kurtosis": "OP has the spread of a triangle or sine, not of noise",
@@ -44,8 +45,8 @@ _AGAINST = {
     "leg_contrast": "PV is the same on rising and falling legs of OP",
     "flat_eighth": "PV hardly ever stands still while OP travels ({percent:.0f} %)",
     "flat_quarter": "PV hardly ever stands still for a quarter of a swing while OP travels ({percent:.0f} %)",
-    "gain": "a sticky valve explains PV no better than a linear one in free run (log misfit ratio {value:.2f})",
-    "causal_gain": "a sticky valve closes the loop no better than a linear one in free run ({value:.2f})",
+    "gain": "in free run a linear valve leaves hardly more of PV unexplained than a sticky one ({ratio:.2f} times)",
+    "causal_gain": "closing the loop, a linear valve leaves hardly more of PV than a sticky one ({ratio:.2f} times)",
     "causal_sticky": "even with a sticky valve only {percent:.0f} % of PV follows from OP",
     "held_sticky": "the sticky valve does not hold on halves that were not fitted",
     "op_kurtosis": "OP is spread like noise",
@@ -78,7 +79,7 @@ def is_spoken(name: str, speaks_for: bool) -> bool:
 
 def sentence(name: str, speaks_for: bool, value: float) -> str:
     """What a feature of this value says; KeyError where it has no sentence on that side."""
-    return (_FOR if speaks_for else _AGAINST)[name].format(value=value, percent=100.0 * value)
+    return (_FOR if speaks_for else _AGAINST)[name].format(**_as_told(value))
 
 
 def figure(name: str, value: float) -> str | None:
@@ -86,8 +87,13 @@ def figure(name: str, value: float) -> str | None:
     for said in (_FOR, _AGAINST):
         if found := _FIGURE.search(said.get(name, "")):
             unit = " %" if found[0].startswith("{percent") else ""
-            return found[0].format(value=value, percent=100.0 * value) + unit
+            return found[0].format(**_as_told(value)) + unit
     return None
+
+
+def _as_told(value: float) -> dict[str, float]:
+    """ratio: of a value that is a logarithm."""
+    return {"value": value, "percent": 100.0 * value, "ratio": math.exp(value)}
 
 
 def sentence_without_value(name: str, speaks_for: bool) -> str:
