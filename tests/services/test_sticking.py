@@ -32,6 +32,6 @@ def test_all_of_them_are_listed_with_what_a_work_order_needs(backend: Backend, a
 
 def test_a_size_is_told_with_its_interval() -> None:
     row = {"stiction_S": 5.02, "stiction_S_low": 4.714, "stiction_S_high": 5.333, "stiction_S_pct_of_span": 5.02}
-    assert size_with_interval(row) == "S 5.02 (4.71 to 5.33), 5.0 % of OP's span"
-    assert size_with_interval(row | {"stiction_S_pct_of_span": None}) == "S 5.02 (4.71 to 5.33)"
+    assert size_with_interval(row) == "S 5.02 (4.71 to 5.33) units of OP, 5.0 % of OP's span"
+    assert size_with_interval(row | {"stiction_S_pct_of_span": None}) == "S 5.02 (4.71 to 5.33) units of OP"
     assert size_with_interval(row | {"stiction_S": None}) == ""

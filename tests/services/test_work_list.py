@@ -71,7 +71,7 @@ def test_since_when(loop, last, since):
 
 def test_a_size_is_told_of_a_valve_that_sticks_where_it_is_known():
     assert _size(row()) == ""
-    assert _size(row(stiction_S=2.468)) == "S 2.47"
+    assert _size(row(stiction_S=2.468)) == "S 2.47 units of OP"
     assert _size(row(stiction_S=2.468, stiction_S_pct_of_span=4.94)) == "S 4.9 % of OP's span"
     assert _size(row("inconclusive", stiction_S=2.468)) == ""
 

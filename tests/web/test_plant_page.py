@@ -80,7 +80,7 @@ def test_while_a_run_goes_on_its_link_stands_in_place_of_the_button(client, web_
     run = start_audit(web_backend)
     told = " ".join(seen(client, "/").texts)
     assert f"run {run.id} of " in told
-    assert " goes on, 0 of 3 loops are audited; what is said of the others is of earlier runs" in told
+    assert " goes on, 0 of 3 loops audited; what is said of the others is of earlier runs" in told
     for path in ("/", "/runs"):
         page = client.get(path).text
         assert BUTTON not in page

@@ -44,18 +44,22 @@ def _any_before(backend: Backend, run: AuditView) -> bool:
 
 
 def _in_words(run: AuditView, any_before: bool, clock: PlantClock) -> str:
-    """run 812 of 2026-11-26 02:00 goes on, 9,100 of 14,000 loops are audited; what is said of the
+    """run 812 of 2026-11-26 02:00 goes on, 9,100 of 14,000 loops audited; what is said of the
     others is of earlier runs."""
     name = f"run {run.id} of {clock.short(run.created_at)}"
-    audited = f"{run.done:,} of {run.total:,} loops"
+    audited = f"{run.done:,} of {_loops(run.total)}"
     of_others = "; what is said of the others is of earlier runs" if any_before else ""
     if not run.ended:
-        return f"{name} goes on, {audited} are audited{of_others}"
+        return f"{name} goes on, {audited} audited{of_others}"
     if run.cancelled:
-        return f"{name} was cancelled, {audited} were audited{of_others}"
+        return f"{name} was cancelled, {audited} audited{of_others}"
     if run.failed:
         return f"{name} audited {audited}, {run.failed:,} failed{of_others}"
-    return f"{name} audited all of its {run.total:,} loops"
+    return f"{name} audited {'its only loop' if run.total == 1 else f'all of its {_loops(run.total)}'}"
+
+
+def _loops(count: int) -> str:
+    return "1 loop" if count == 1 else f"{count:,} loops"
 
 
 def _missed(backend: Backend, run: AuditView | None, now: datetime) -> str:

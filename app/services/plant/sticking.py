@@ -55,9 +55,9 @@ def _of_then(row: Mapping[str, Any]) -> bool:
 
 
 def size_with_interval(row: Mapping[str, Any]) -> str:
-    """ "S 5.02 (4.71 to 5.33), 5.0 % of OP's span"."""
+    """ "S 5.02 (4.71 to 5.33) units of OP, 5.0 % of OP's span"."""
     if row["stiction_S"] is None:
         return ""
     size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
     share = row["stiction_S_pct_of_span"]
-    return f"S {size} ({low} to {high})" + ("" if share is None else f", {share:.1f} % of OP's span")
+    return f"S {size} ({low} to {high}) units of OP" + ("" if share is None else f", {share:.1f} % of OP's span")

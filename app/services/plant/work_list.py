@@ -141,7 +141,7 @@ def _size(row: Mapping[str, Any]) -> str:
     size, of_span = row["stiction_S"], row["stiction_S_pct_of_span"]
     if size is None or row["verdict"] != "stiction":
         return ""
-    return f"S {size:.3g}" if of_span is None else f"S {of_span:.1f} % of OP's span"
+    return f"S {size:.3g} units of OP" if of_span is None else f"S {of_span:.1f} % of OP's span"
 
 
 def _since(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset | None = None) -> str:
