@@ -26,7 +26,8 @@ def said(*verdicts):
     [
         (row(), said("no_stiction", "stiction", "stiction"), "first said on 2026-03-02"),
         (row(), said(*["stiction"] * NIGHTS), "first said on 2026-03-01 or before"),
-        (row(), said("stiction"), "first said on 2026-03-01"),
+        (row(), said("stiction"), "said since its first night, 2026-03-01"),
+        (row(), said("stiction", "stiction"), "said since its first night, 2026-03-01"),
         (row(), (), ""),
         (
             row(reasons="stiction_began", episode_start="2026-03-05T04:30:00Z"),
@@ -62,7 +63,11 @@ def said(*verdicts):
             "first said on 2026-03-02, still after the repair of 2026-03-03",
         ),
         (row(repaired_at="2026-03-01T08:00:00Z"), said("no_stiction", "stiction"), "first said on 2026-03-02"),
-        (row(repaired_at="2026-03-03T08:00:00Z", of_before_repair=True), said("stiction"), "first said on 2026-03-01"),
+        (
+            row(repaired_at="2026-03-03T08:00:00Z", of_before_repair=True),
+            said("stiction"),
+            "said since its first night, 2026-03-01",
+        ),
     ],
 )
 def test_since_when(loop, last, since):
@@ -84,12 +89,12 @@ def test_a_size_is_told_of_a_valve_that_sticks_where_it_is_known():
         (
             Onset("2026-02-20T02:00:00Z", False, True),
             said(*["stiction"] * NIGHTS),
-            "first said on 2026-02-20 or before",
+            "said since its first night, 2026-02-20",
         ),
         (
             Onset("2026-03-02T02:00:00Z", False, True),
             said("stiction", "stiction"),
-            "first said on 2026-03-01 or before",
+            "said since its first night, 2026-03-01",
         ),
     ],
 )

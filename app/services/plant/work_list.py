@@ -25,7 +25,9 @@ from app.storage.verdicts import RowFilter
 
 MOST, MOST_TODAY = 10, 5
 LOOKED_AT = 200
-OR_BEFORE = " or before"
+FIRST_SAID, OR_BEFORE = "first said on", " or before"
+FROM_THE_FIRST = "said since its first night,"
+"""Of a loop of which nothing else is on record: what came before it nobody knows."""
 BEFORE_THE_DATE = re.compile(r"^\D*")
 
 
@@ -163,8 +165,11 @@ def _since_night(row: Mapping[str, Any], last: Sequence[Night], clock: PlantCloc
     same = list(takewhile(lambda night: night.verdict in alike, reversed(last)))
     if not same:
         return ""
-    longer = OR_BEFORE if len(same) in (len(last), NIGHTS) and len(last) > 1 else ""
-    return f"first said on {same[-1].date}{longer}{_over(row, same[-1].date, clock)}"
+    day = same[-1].date
+    over = _over(row, day, clock)
+    if len(same) == NIGHTS:
+        return f"first said on {day}{OR_BEFORE}{over}"
+    return f"{FROM_THE_FIRST if len(same) == len(last) else FIRST_SAID} {day}{over}"
 
 
 def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset) -> str:
@@ -175,8 +180,7 @@ def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantCloc
     if onset.seen:
         began = clock.short(onset.at)
         return f"since {began}{_over(row, began, clock)}"
-    before = OR_BEFORE if onset.first and len(last) > 1 else ""
-    return f"first said on {day}{before}{_over(row, day, clock)}"
+    return f"{FROM_THE_FIRST if onset.first else FIRST_SAID} {day}{_over(row, day, clock)}"
 
 
 def _over(row: Mapping[str, Any], since: str, clock: PlantClock) -> str:
