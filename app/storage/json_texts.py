@@ -3,6 +3,7 @@
 Null says "not known", on purpose, by whoever measured (`number`, `numbers`): a NaN that became one would hide a fault.
 """
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
@@ -31,12 +32,20 @@ def check_finite(value: Any, name: str = "") -> None:
         for key, part in value.items():
             if not _is_plain(part):
                 check_finite(part, f"{name}.{key}")
-    elif isinstance(value, (list, tuple)):
+    elif isinstance(value, (list, tuple)) and not _sums_up(value):
         for part in value:
             if not _is_plain(part):
                 check_finite(part, f"{name}[]")
     elif isinstance(value, (float, np.floating, np.ndarray)) and not np.isfinite(value).all():
         raise ValueError(f"{name or 'value'} is {value}, no number that could be stored")
+
+
+def _sums_up(values: Sequence[Any]) -> bool:
+    """Whether they are numbers, or unknown, and none is without end: long lists of them are most of a verdict."""
+    try:
+        return isfinite(sum(filter(None, values)))
+    except (TypeError, ValueError, OverflowError):  # texts, tables, arrays; each is then looked at for itself
+        return False
 
 
 def _is_plain(value: Any) -> bool:

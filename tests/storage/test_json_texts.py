@@ -19,3 +19,14 @@ def test_what_is_no_number_is_refused_with_its_place(odd):
 
 def test_what_an_older_release_stored_is_null():
     assert stored_json({"health": float("nan")}) == b'{"health":null}'
+
+
+@pytest.mark.parametrize("odd", [[1.0, None, np.nan], [np.inf, -np.inf], ["", np.nan], [[1.0], [0.0, np.nan]]])
+def test_what_is_no_number_is_refused_in_a_list_too(odd):
+    with pytest.raises(ValueError, match=r"^\.rmse(\[\]){1,2} is "):
+        short_json({"unknown": None, "rmse": odd})
+
+
+@pytest.mark.parametrize("known", [[], [1.5e308, 1.5e308], [2**63, None, 0.5], ["a", True], [[1, 2], [3, None]]])
+def test_a_list_whose_sum_is_no_number_may_hold_numbers(known):
+    assert short_json({"unknown": None, "rmse": known})

@@ -10,7 +10,7 @@ from app.engine.recording import FloatArray
 from app.engine.reference.hammerstein import OneParameterResult, TwoParameterResult
 from app.engine.reference.reliability import Rung
 from app.services.audit_json.line import episode_line, rival_line, space_of
-from app.services.audit_json.numbers import scalars, short
+from app.services.audit_json.numbers import scalars, short, short_together
 from app.services.audit_json.size import stiction_size_detail
 from app.services.audit_json.spectra import spectra
 
@@ -66,10 +66,7 @@ def _rung(rung: Rung) -> dict[str, Any]:
 
 def _curve(one: OneParameterResult) -> dict[str, Any]:
     return {
-        "d": short(one.d),
-        "rmse": short(one.rmse),
-        "rmse_refined": short(one.rmse_refined),
-        "aic": short(one.aic),
+        **short_together(d=one.d, rmse=one.rmse, rmse_refined=one.rmse_refined, aic=one.aic),
         "orders": np.stack([one.na, one.nb, one.nc], axis=1).tolist(),
         "best": int(one.best),
         "stiction": bool(one.stiction),
@@ -78,10 +75,7 @@ def _curve(one: OneParameterResult) -> dict[str, Any]:
 
 def _surface(two: TwoParameterResult) -> dict[str, Any]:
     return {
-        "S": short(two.S),
-        "J": short(two.J),
-        "rmse": short(two.rmse),
-        "rmse_refined": short(two.rmse_refined),
+        **short_together(S=two.S, J=two.J, rmse=two.rmse, rmse_refined=two.rmse_refined),
         "best": int(two.best),
         "stiction": bool(two.stiction),
     }

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from app.engine.reference.yper import YperResult
-from app.services.audit_json.numbers import short
+from app.services.audit_json.numbers import short_together
 
 STORED_FREQUENCIES = 256
 
@@ -13,13 +13,10 @@ STORED_FREQUENCIES = 256
 def spectra(yper: YperResult) -> dict[str, Any]:
     """Of each group of neighbouring frequencies the highest line of PV, OP and the threshold."""
     groups = _groups(len(yper.frequency_hz))
-    amplitudes = (yper.pv_amplitude, yper.op_amplitude, yper.threshold_amplitude)
-    pv, op, threshold = (short(np.maximum.reduceat(amplitude, groups)) for amplitude in amplitudes)
+    names = ("pv_amplitude", "op_amplitude", "threshold_amplitude")
+    highest = {name: np.maximum.reduceat(getattr(yper, name), groups) for name in names}
     return {
-        "frequency_hz": short(yper.frequency_hz[groups]),
-        "pv_amplitude": pv,
-        "op_amplitude": op,
-        "threshold_amplitude": threshold,
+        **short_together(frequency_hz=yper.frequency_hz[groups], **highest),
         "significant": np.logical_or.reduceat(yper.significant, groups).tolist(),
     }
 
