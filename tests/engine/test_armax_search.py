@@ -244,3 +244,17 @@ def test_filter_by_c_is_a_recursive_filter(order, samples):
     assert np.allclose(out, expected, atol=1e-12)
     filter_by_c(x, c, x)
     assert np.array_equal(x, out)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, 0.1, -1.7356478123, 1e6 / 3.0])
+def test_a_valve_that_never_moves_tells_nothing_wherever_it_stands(value):
+    """Rounding of its mean left the same of it at each sample, which was fitted as an intercept: RMSE 2 % less."""
+    y, _ = armax_record(samples=1196, seed=3)
+    y[200:] += 0.4  # the mean of what is judged is not that of the whole
+    space, stands = SearchSpace(5, 5, 10), np.full((1, len(y)), value)
+    found, nothing = search_orders(y, stands, space), search_orders(y, 0.0 * stands, space)
+    assert (found.rmse[0], found.aic[0]) == (nothing.rmse[0], nothing.aic[0])
+    assert not found.b.any()
+    exact = refine(y, stands[0], Order(2, 1, 1))
+    assert exact.rmse == refine(y, 0.0 * stands[0], Order(2, 1, 1)).rmse
+    assert exact.b.tolist() == [0.0]

@@ -4,7 +4,7 @@ import numpy as np
 
 from app.engine.armax.kernel import SMALLEST_RESIDUAL, criterion_value
 from app.engine.armax.minimise import TOLERANCE, minimise
-from app.engine.armax.model import ArmaxModel, Order, OrderSearch
+from app.engine.armax.model import ArmaxModel, Order, OrderSearch, mean_of
 from app.engine.armax.predict import prediction_errors
 from app.engine.armax.search import estimate_order
 from app.engine.recording import FloatArray
@@ -34,7 +34,7 @@ def refine(
     if start is None:
         start = estimate_order(y, v[None, :], order)
     a, b, c = (x[point, :n].copy() for x, n in ((start.a, order.na), (start.b, order.nb), (start.c, order.nc)))
-    y, v, errors = y - y.mean(), v - v.mean(), np.empty(len(y))
+    y, v, errors = y - y.mean(), v - mean_of(v), np.empty(len(y))
     prediction_errors(y, v, a, b, c, errors)
     total, taken, converged = minimise(y, v, a, b, c, errors, start.first_sample, steps, tolerance)
     samples = len(y) - start.first_sample

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from app.engine.armax.grid import search_grid
-from app.engine.armax.model import Criterion, Order, OrderSearch, SearchSpace, Stages
+from app.engine.armax.model import Criterion, Order, OrderSearch, SearchSpace, Stages, mean_of
 from app.engine.recording import FloatArray
 from app.errors import DataError
 
@@ -74,7 +74,7 @@ def _run(
     steps: int,
 ) -> OrderSearch:
     _check(y, v, space)
-    y, means = y - y.mean(), v.mean(axis=1)
+    y, means = y - y.mean(), mean_of(v)
     points, p = v.shape[0], long_order(len(y), space)
     chosen, figures = np.zeros((points, 3), dtype=np.int64), np.zeros((points, 2))
     a, b, c = (np.zeros((points, n)) for n in (space.na_max, space.nb_max, space.nc_max))
