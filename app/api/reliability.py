@@ -116,6 +116,11 @@ class TableQuery(RowFilters):
     byte_order_mark: bool = Field(
         False, description="As CSV: begins with the mark by which spreadsheets know UTF-8; programs want none."
     )
+    raw: bool = Field(
+        False,
+        description="As CSV: texts as they are, without the apostrophe that keeps a spreadsheet from calculating them; "
+        "for programs alone.",
+    )
 
     @property
     def taken_apart(self) -> bool:
@@ -158,9 +163,9 @@ async def reliability(
     """One row a loop, its newest verdict, or that of the run `audit_id`; where neither `retired` nor `audit_id`
     is given, none of loops that are retired. `next_cursor` is always there and null on the last page.
 
-    As CSV, texts that a spreadsheet would calculate begin with an apostrophe; the cursor is in X-Next-Cursor. It
-    has no byte order mark, which programs would take for a part of the first column's name, unless `byte_order_mark`
-    asks for it.
+    As CSV, texts that a spreadsheet would calculate begin with an apostrophe, unless `raw` asks for them as they are;
+    the cursor is in X-Next-Cursor. It has no byte order mark, which programs would take for a part of the first
+    column's name, unless `byte_order_mark` asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
     if query.taken_apart:
@@ -177,7 +182,8 @@ def as_stored(request: Request, backend: Backend, query: TableQuery) -> Response
 async def in_parts(request: Request, backend: Backend, query: TableQuery) -> Response:
     """The first part is made before anything goes out: what is wrong by then is told as it is."""
     found = await run_in_threadpool(looked_up, backend, query)
-    tag = tag_of({"rows": found.version, "as": [query.format, query.byte_order_mark, query.wanted_columns()]})
+    written = [query.format, query.byte_order_mark, query.raw, query.wanted_columns()]
+    tag = tag_of({"rows": found.version, "as": written})
     headers = {"ETag": tag, "Vary": "Accept-Encoding"}
     if known(request.headers.get("If-None-Match", ""), tag):
         return Response(status_code=304, headers=headers)
@@ -210,7 +216,7 @@ def as_csv(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
     columns, mark = query.wanted_columns() or COLUMNS, BYTE_ORDER_MARK if query.byte_order_mark else ""
 
     def text(rows: Iterable[Mapping[str, Any]]) -> bytes:
-        return "".join(csv_rows(rows, columns)).encode()
+        return "".join(csv_rows(rows, columns, raw=query.raw)).encode()
 
     head = (mark + "".join(csv_lines((), columns))).encode()
     return joined_to_first(head, map(text, found.parts()))

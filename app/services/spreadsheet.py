@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also in full width
@@ -36,9 +36,10 @@ def csv_lines(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iter
     yield from csv_rows(rows, columns)
 
 
-def csv_rows(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:
-    """The same without the header."""
-    return _lines([safe_cell(row.get(column)) for column in columns] for row in rows)
+def csv_rows(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, raw: bool = False) -> Iterator[str]:
+    """The same without the header. raw: texts as they are, for programs, which calculate nothing."""
+    written: Callable[[Any], Any] = (lambda value: value) if raw else safe_cell
+    return _lines([written(row.get(column)) for column in columns] for row in rows)
 
 
 def _lines(rows: Iterable[list[Any]]) -> Iterator[str]:

@@ -207,6 +207,16 @@ def test_every_order_is_told_and_what_stands_in_no_row(client, plant):
     assert absent == {*of_loops.split(", "), *by_words.split(", ")}
 
 
+def test_programs_get_texts_as_they_are(client, plant):
+    tags = [row["loop"] for row in client.get("/v1/reliability").json()["rows"]]
+    assert tags[0].startswith("=")
+    guarded, raw = (client.get(f"/v1/reliability?format=csv&columns=loop{more}") for more in ("", "&raw=true"))
+    given, as_it_is = (list(csv.DictReader(io.StringIO(answer.text))) for answer in (guarded, raw))
+    assert [row["loop"] for row in as_it_is] == tags
+    assert [row["loop"] for row in given] == [f"'{tags[0]}", *tags[1:]]
+    assert guarded.headers["etag"] != raw.headers["etag"]
+
+
 @pytest.mark.parametrize(
     "asked", ["format=csv&byte_order_mark=true", "columns=loop,verdict", "audit_id={id}", "format=csv&search=none"]
 )
