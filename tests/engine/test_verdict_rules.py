@@ -12,13 +12,15 @@ from app.engine.oscillation import Oscillation, detect
 from app.engine.rivals import Rival
 from app.engine.signals.surrogates import linear_surrogates
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from app.engine.verdict import judging
 from app.engine.verdict.config import VerdictConfig
 from app.engine.verdict.judging import conclude
+from app.engine.verdict.look_alikes import LookAlikes
 from app.engine.verdict.shape_model import fitted_model
 from app.engine.verdict.weighing import Weighing, weigh
 
 # Neither stems nor surrogates are asked from the lowest probability on that is reliable.
-CONFIG = VerdictConfig(reliable_own_cycle_from=0.65, sure_stiction_from=0.65)
+CONFIG = VerdictConfig(reliable_own_cycle_from=0.65, sure_stiction_from=0.65, unlike_linear_from=0.65)
 
 DISTURBANCE = Rival("disturbance", 0.9, "the load")
 
@@ -88,10 +90,17 @@ def test_stiction_is_told_from_a_linear_loop_or_not_relied_on(evidence):
     assert reason.measured.statistic > reason.measured.threshold == 0.02
 
 
-def test_what_is_sure_or_doubted_already_is_not_compared_with_a_linear_loop(evidence):
+@pytest.mark.parametrize("probability", [0.7, 0.98, 1.0 - 1e-6])
+@pytest.mark.parametrize(("chance", "doubted"), [(0.021, ["linear_look_alikes"]), (0.02, [])])
+def test_shapes_however_sticky_are_compared_with_a_linear_loop(evidence, monkeypatch, probability, chance, doubted):
+    monkeypatch.setattr(judging, "look_alikes", lambda *_: LookAlikes(chance, 5))
+    config = VerdictConfig(reliable_own_cycle_from=0.65, sure_stiction_from=0.65)
+    assert doubts(evidence.judged(probability, config=config)) == doubted
+
+
+def test_what_is_doubted_already_is_not_compared_with_a_linear_loop(evidence):
     pv, op = next(linear_surrogates(evidence.fitness.audited.pv, evidence.fitness.audited.op))
     linear = {"record": replace(evidence.fitness.audited, pv=pv, op=op)}
-    assert doubts(evidence.judged(0.98, config=VerdictConfig(), **linear)) == []
     few = evidence.judged(0.7, config=VerdictConfig(), oscillation={"cycles": 4.0}, **linear)
     assert doubts(few) == ["few_cycles"]
 

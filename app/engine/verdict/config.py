@@ -11,9 +11,10 @@ class VerdictConfig:
     """undecided_within: a probability this near to 0.5 is inconclusive.
 
     reliable_stiction_from: probability that reliable stiction needs, where linear surrogates of the record do not look
-    as sticky (`look_alikes`); sure_stiction_from: from there on they are not asked. reliable_own_cycle_from: enough for
-    it where PV shows that the cycle is the valve's (`own_cycle`); from there on it is a doubt where a long record does
-    not. reliable_no_stiction_to: what a reliable clearing needs, chosen on leave-one-valve-out scores for 97 % right.
+    as sticky (`look_alikes`), which is asked up to unlike_linear_from; sure_stiction_from: from there on no stem is
+    asked but in long records. reliable_own_cycle_from: enough for it where PV shows that the cycle is the valve's
+    (`own_cycle`); from there on it is a doubt where a long record does not. reliable_no_stiction_to: what a reliable
+    clearing needs, chosen on leave-one-valve-out scores for 97 % right.
     min_cycles: fewest cycles of the oscillation in the record for a reliable verdict. min_samples: fewest samples, as
     noise that ripples has many cycles in few: of excerpts of the real recordings with 130 to 300 samples 88 to 89 % of
     the verdicts that were otherwise reliable are right, of those with 400 and 600 92 and 94 %.
@@ -34,6 +35,7 @@ class VerdictConfig:
     undecided_within: float = 0.02
     reliable_stiction_from: float = 0.65
     sure_stiction_from: float = 0.97
+    unlike_linear_from: float = 1.0
     reliable_own_cycle_from: float = 0.6
     reliable_no_stiction_to: float = 0.25
     min_cycles: float = 5.0

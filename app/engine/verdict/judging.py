@@ -71,7 +71,7 @@ def conclude(
         *data_doubts(weighing, fitness, config),
     )
     foreign = foreign_cycle(own)
-    likely = verdict == "stiction" and probability < config.sure_stiction_from
+    likely = verdict == "stiction" and probability < config.unlike_linear_from
     if likely and not (own.shown or lost or unrelated or foreign or doubted):
         # Dear, so that it is asked of what would be relied on, and where no stem has told it already.
         doubted = alike_reason(look_alikes(fitness.audited, oscillation, weighing.log_odds_by_shapes, model))
