@@ -53,6 +53,7 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("A row of the trail", "`GET /v1/trail`", models.TrailRowOut),
 )
 SAID = "Stable codes, and what the pages say for them."
+WINDOWS = "`windows` and `held_out`, in s from the start of the recording, end before their second number."
 CODES: tuple[tuple[str, str, Mapping[str, str]], ...] = (
     ("Verdicts", SAID, wording.VERDICT_WORDS),
     ("Reliability", SAID, wording.RELIABILITY_WORDS),
@@ -64,7 +65,7 @@ CODES: tuple[tuple[str, str, Mapping[str, str]], ...] = (
         REASON_WORDS,
     ),
     ("Verdicts of an explanation", SAID, explanation_wording.VERDICT_WORDS),
-    ("Effects that a simulation lacks", SAID, explanation_wording.EFFECT_WORDS),
+    ("Effects that a simulation lacks", f"{SAID} {WINDOWS}", explanation_wording.EFFECT_WORDS),
     ("Evidence of an explanation", "`evidence` of `loopaudit explain`.", explanation_wording.EVIDENCE_WORDS),
 )
 
