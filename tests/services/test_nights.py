@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
+import pytest
 from sqlalchemy import update
 
 from app.services.auditing.audits import start_audit
@@ -52,7 +53,7 @@ def test_the_last_verdict_of_each_date_counts_the_oldest_first(backend: Backend,
     found = nights(backend, ["A"])
     assert found == {
         "A": (
-            Night("2026-03-01", "inconclusive", "not_reliable"),
+            Night("2026-03-01", "inconclusive", "not_reliable", is_first=True),
             Night("2026-03-02", "stiction", "reliable"),
         )
     }
@@ -65,6 +66,22 @@ def test_the_newest_nights_are_kept(backend: Backend, add_loops: AddLoops) -> No
     for day in range(NIGHTS + 2):
         audited(backend, FIRST + timedelta(days=day), verdict="no_stiction", reliability="reliable")
     assert [night.date for night in nights(backend, ["A"])["A"]] == [f"2026-03-{day:02d}" for day in range(3, 10)]
+
+
+def test_nights_beyond_those_looked_at_are_told_to_be_there(
+    backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a loop that is audited each hour a few dates fill what is looked at."""
+    monkeypatch.setattr("app.services.plant.nights.AUDITS", 3)
+    add_loops("A", n=120)
+    for hours in (0, 24):
+        audited(backend, FIRST + timedelta(hours=hours), verdict="inconclusive", reliability="not_reliable")
+    assert nights(backend, ["A"])["A"][0].is_first
+    for hours in (48, 50):
+        audited(backend, FIRST + timedelta(hours=hours), verdict="inconclusive", reliability="not_reliable")
+    last = nights(backend, ["A"])["A"]
+    assert [night.date for night in last] == ["2026-03-02", "2026-03-03"]
+    assert not any(night.is_first for night in last)
 
 
 def test_a_run_across_midnight_is_of_one_date(backend: Backend, add_loops: AddLoops) -> None:

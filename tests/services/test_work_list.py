@@ -17,15 +17,21 @@ def row(verdict="stiction", **told):
     return row | {"stiction_S": None, "stiction_S_pct_of_span": None} | told
 
 
-def said(*verdicts):
-    return [Night(f"2026-03-{day:02d}", verdict, "reliable") for day, verdict in enumerate(verdicts, 1)]
+def said(*verdicts, first=1):
+    """From the loop's first night on; first: its date in March, if that is another."""
+    return [
+        Night(f"2026-03-{day:02d}", verdict, "reliable", is_first=day == first)
+        for day, verdict in enumerate(verdicts, 1)
+    ]
 
 
 @pytest.mark.parametrize(
     ("loop", "last", "since"),
     [
         (row(), said("no_stiction", "stiction", "stiction"), "first said on 2026-03-02"),
-        (row(), said(*["stiction"] * NIGHTS), "first said on 2026-03-01 or before"),
+        (row(), said(*["stiction"] * NIGHTS, first=0), "first said on 2026-03-01 or before"),
+        (row(), said(*["stiction"] * NIGHTS), "said since its first night, 2026-03-01"),
+        (row(), said("stiction", "stiction", first=0), "first said on 2026-03-01 or before"),
         (row(), said("stiction"), "said since its first night, 2026-03-01"),
         (row(), said("stiction", "stiction"), "said since its first night, 2026-03-01"),
         (row(), (), ""),

@@ -1,5 +1,6 @@
 """What the last nights said of a loop: one verdict may be a bad night's, seven that agree are none."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,12 +24,13 @@ NOTHING_NEW = "="
 @dataclass(frozen=True)
 class Night:
     """The last verdict of one date, by the plant's clock. again: why it is the same as before; empty:
-    it is not."""
+    it is not. is_first: whether nothing is on record of the loop before that date."""
 
     date: str
     verdict: str
     reliability: str
     again: str = ""
+    is_first: bool = False
 
     @property
     def mark(self) -> str:
@@ -51,9 +53,11 @@ def nights(backend: Backend, tags: Sequence[str], until: int | None = None) -> d
     by_tag: dict[str, dict[str, NightRow]] = {}
     for row in rows:
         by_tag.setdefault(row.tag, {})[backend.clock.date_of_run(row.nightly_for, row.run_begun)] = row
-    found = {tag: _together([by_tag.get(one, {}) for one in (*chains.get(tag, ())[::-1], tag)]) for tag in tags}
+    full = {tag for tag, count in Counter(row.tag for row in rows).items() if count == AUDITS}
+    names = {tag: (*chains.get(tag, ())[::-1], tag) for tag in tags}
+    found = {tag: _together([by_tag.get(one, {}) for one in theirs]) for tag, theirs in names.items()}
     found = {tag: dated for tag, dated in found.items() if dated}
-    return {tag: _nights(dated)[-NIGHTS:] for tag, dated in found.items()}
+    return {tag: _nights(dated, whole=full.isdisjoint(names[tag]))[-NIGHTS:] for tag, dated in found.items()}
 
 
 def _together(parts: Sequence[Mapping[str, NightRow]]) -> dict[str, NightRow]:
@@ -63,10 +67,11 @@ def _together(parts: Sequence[Mapping[str, NightRow]]) -> dict[str, NightRow]:
     return dict(sorted(whole.items(), key=lambda item: item[1].audited_at))
 
 
-def _nights(dated: Mapping[str, NightRow]) -> tuple[Night, ...]:
+def _nights(dated: Mapping[str, NightRow], *, whole: bool) -> tuple[Night, ...]:
+    """whole: whether all that is on record was looked at."""
     earlier = [None, *dated.values()]
     return tuple(
-        Night(date, row.verdict, row.reliability, _again(row, before))
+        Night(date, row.verdict, row.reliability, _again(row, before), whole and before is None)
         for (date, row), before in zip(dated.items(), earlier, strict=False)
     )
 

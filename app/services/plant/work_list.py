@@ -12,7 +12,7 @@ from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
-from app.services.plant.nights import NIGHTS, Night, Onset, nights, onsets
+from app.services.plant.nights import Night, Onset, nights, onsets
 from app.services.plant.repaired import repairs
 from app.services.plant.stood_together import Together, as_one
 from app.services.plant.worst import asked_today, not_shelved
@@ -167,9 +167,9 @@ def _since_night(row: Mapping[str, Any], last: Sequence[Night], clock: PlantCloc
         return ""
     day = same[-1].date
     over = _over(row, day, clock)
-    if len(same) == NIGHTS:
-        return f"first said on {day}{OR_BEFORE}{over}"
-    return f"{FROM_THE_FIRST if len(same) == len(last) else FIRST_SAID} {day}{over}"
+    if same[-1].is_first:
+        return f"{FROM_THE_FIRST} {day}{over}"
+    return f"{FIRST_SAID} {day}{OR_BEFORE if len(same) == len(last) else ''}{over}"
 
 
 def _since_onset(row: Mapping[str, Any], last: Sequence[Night], clock: PlantClock, onset: Onset) -> str:
