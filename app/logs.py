@@ -12,9 +12,9 @@ import structlog
 from app.settings import Settings
 
 HIDDEN = "***"
+KEY = re.compile(r"\bla_(read|upload|audit|admin)_([a-z2-7]{4,10})_[0-9A-Za-z]{8,}")
 SECRETS = (
-    # a key, of which the role and the id may be told
-    (re.compile(r"\bla_(read|upload|audit|admin)_([a-z2-7]{4,10})_[0-9A-Za-z]{8,}"), rf"la_\1_\2_{HIDDEN}"),
+    (KEY, rf"la_\1_\2_{HIDDEN}"),  # of a key the role and the id may be told
     # the password in an address
     (re.compile(r"(\b[a-z][a-z0-9+.-]*://[^\s:/@'\"]*):([^\s@/'\"]+)@"), rf"\1:{HIDDEN}@"),
     (re.compile(r"(?i)\b(bearer|basic)\s+[A-Za-z0-9._~+/=-]{6,}"), rf"\1 {HIDDEN}"),
@@ -86,6 +86,11 @@ def redacted(text: str) -> str:
     for pattern, instead in SECRETS:
         text = pattern.sub(instead, text)
     return text
+
+
+def without_keys(text: str) -> str:
+    """What somebody sent, to be told or kept: an address may hold a key, where it was typed by mistake."""
+    return KEY.sub(rf"la_\1_\2_{HIDDEN}", text)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from starlette.responses import JSONResponse, Response
 from app.errors import DataError, LoopauditError, NotFoundError
 from app.http.headers import HEADERS
 from app.http.permissions import IN_STEPS, SECOND_ONE
+from app.logs import without_keys
 from app.services.access.identity import request_id
 from app.services.backend import DATABASE_AWAY, commit_lost, no_room
 
@@ -118,8 +119,8 @@ def respond(
         title=HTTPStatus(status).phrase,
         status=status,
         code=code,
-        detail=detail,
-        instance=request.scope["path"][:LONGEST_ECHO],
+        detail=without_keys(detail),
+        instance=without_keys(request.scope["path"])[:LONGEST_ECHO],
         request_id=name_of(request),
         errors=errors,
     ).model_dump(exclude_none=True)

@@ -5,6 +5,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.logs import without_keys
 from app.services.access.identity import Identity, request_id
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of
@@ -29,7 +30,7 @@ def add(connection: Connection, identity: Identity, action: str, subject: str, o
         "who": identity.who,
         "key_id": identity.key_id,
         "action": action,
-        "subject": storable(subject[:LONGEST_SUBJECT]),  # an address holds whatever somebody typed
+        "subject": storable(without_keys(subject)[:LONGEST_SUBJECT]),  # an address holds whatever somebody typed
         "outcome": outcome,
         "request_id": request_id.get(),
     }

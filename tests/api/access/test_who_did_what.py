@@ -2,6 +2,8 @@
 
 import time
 
+import pytest
+
 from app.main import create_app
 from app.services.access import key_text
 from app.services.access.identity import Role
@@ -48,6 +50,19 @@ def test_the_trail_keeps_logins_and_wrong_keys_without_their_secrets(client, bro
     rows = list_trail(backend, action="session.open").rows
     assert [(row.who, row.outcome) for row in rows[:2]] == [("nobody", "refused"), ("the read", "done")]
     assert wrong[-49:] not in str(list_trail(backend, 1000).rows)
+
+
+@pytest.mark.parametrize("longer", ["", "x" * 470])
+def test_a_key_in_an_address_is_neither_kept_nor_told(client, backend, texts, longer):
+    typed = key_text.make(Role.admin).text
+    path = f"/v1/loops/{longer}/{typed}"
+    answer = client.patch(path, json={"importance": 2}, headers=bearer(texts[Role.audit]))
+    assert answer.status_code == 404
+    nowhere = client.get(f"/{longer}/{typed}", headers=bearer(texts[Role.read]))
+    kept = list_trail(backend, who="the audit", action="loop.change").rows[0]
+    assert kept.subject.startswith(f"/v1/loops/{longer}/la_admin_")
+    for text in (answer.text, nowhere.text, kept.subject):
+        assert typed[-49:-41] not in text
 
 
 def test_nobody_fills_the_trail_without_a_key(serve, settings, backend):
