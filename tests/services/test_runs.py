@@ -365,6 +365,17 @@ def test_an_hour_that_the_clock_shows_twice_has_come_once(backend: Backend, now:
     assert latest.astimezone(UTC) <= moment < following.astimezone(UTC)
 
 
+@pytest.mark.parametrize(("now", "night"), [("00:59", 27), ("01:10", 27), ("01:29", 27), ("01:30", 28), ("02:10", 28)])
+def test_an_hour_at_the_end_of_a_day_that_the_clock_leaves_out_comes_on_the_next(
+    backend: Backend, now: str, night: int
+) -> None:
+    settings = backend.settings.model_copy(update={"time_zone": "America/Nuuk", "nightly_at": clock_time(23, 30)})
+    there, moment = Backend(settings, backend.database, backend.queue), datetime.fromisoformat(f"2026-03-29T{now}Z")
+    latest, following = nightly.latest_hour(there, moment), nightly.next_hour(settings, moment)
+    assert (latest.date(), following.date()) == (date(2026, 3, night), date(2026, 3, night + 1))
+    assert latest.astimezone(UTC) <= moment < following.astimezone(UTC)
+
+
 def test_an_hour_that_the_clock_leaves_out_comes_a_day_after_the_last(backend: Backend) -> None:
     settings = backend.settings.model_copy(update={"time_zone": "Europe/Berlin", "nightly_at": clock_time(2, 30)})
     following = nightly.next_hour(settings, datetime(2026, 3, 28, 1, 30, tzinfo=UTC))

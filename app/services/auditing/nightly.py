@@ -90,25 +90,29 @@ def announce_explanations(backend: Backend) -> int:
 
 def latest_hour(backend: Backend, now: datetime) -> datetime:
     """The last time before `now` that the clock at the plant showed the hour of the nightly audit."""
-    today = _hour(backend.settings, now)
-    return today if _has_come(today, now) else _hour(backend.settings, now, days=-1)
+    return max((hour for hour in _hours(backend.settings, now) if _has_come(hour, now)), key=_in_utc)
 
 
 def next_hour(settings: Settings, now: datetime) -> datetime:
     """The first time after `now` that the clock at the plant shows the hour of the nightly audit."""
-    today = _hour(settings, now)
-    return _hour(settings, now, days=1) if _has_come(today, now) else today
+    return min((hour for hour in _hours(settings, now) if not _has_come(hour, now)), key=_in_utc)
 
 
-def _hour(settings: Settings, now: datetime, days: int = 0) -> datetime:
-    """That of the day that it is at the plant, or so many days later."""
+def _hours(settings: Settings, now: datetime) -> list[datetime]:
+    """Those of the days around the one that it is at the plant. Where the clock skips the end of a day, as in Nuuk, the
+    hour of yesterday may come today."""
     zone = ZoneInfo(settings.time_zone)
-    return datetime.combine(now.astimezone(zone).date() + timedelta(days=days), settings.nightly_at, zone)
+    today = now.astimezone(zone).date()
+    return [datetime.combine(today + timedelta(days=days), settings.nightly_at, zone) for days in (-2, -1, 0, 1)]
 
 
 def _has_come(hour: datetime, now: datetime) -> bool:
     # In UTC: two times of one zone compare by what its clock shows, and once a year it shows an hour twice.
-    return hour.astimezone(UTC) <= now.astimezone(UTC)
+    return _in_utc(hour) <= _in_utc(now)
+
+
+def _in_utc(moment: datetime) -> datetime:
+    return moment.astimezone(UTC)
 
 
 def told(hour: datetime) -> str:
