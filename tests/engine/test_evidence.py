@@ -23,7 +23,13 @@ def test_a_finding_keeps_its_figures_as_a_reason():
 
 @pytest.mark.parametrize(
     ("name", "value", "told"),
-    [("sticking", 0.6, "60 %"), ("gain", -0.123, "0.88"), ("pv_quantum", 0.0234, "0.023"), ("op_triangle", 0.4, None)],
+    [
+        ("sticking", 0.6, "60 %"),
+        ("gain", -0.123, "0.88"),
+        ("pv_quantum", 0.0234, "0.023"),
+        ("pv_quantum", 7.6e13, "7.6e+13"),
+        ("op_triangle", 0.4, None),
+    ],
 )
 def test_a_value_is_told_as_the_sentences_of_its_feature_tell_it(name, value, told):
     assert figure(name, value) == told

@@ -133,6 +133,12 @@ def test_a_straight_line_has_no_deviation_left():
     np.testing.assert_allclose(without_drift(3.0 + 2.0 * np.arange(50.0), 100), 0.0, atol=1e-9)
 
 
+def test_a_straight_line_does_not_step_by_a_resolution():
+    line = np.linspace(0.0, 1.0, 2000)
+    assert named(record(line, line**2))["pv_quantum"] == 0.0
+    assert named(record(np.floor(40.0 * line), line**2))["pv_quantum"] > 0.0
+
+
 def test_where_op_travels_and_pv_stands_is_what_the_share_counts():
     loop = sticky()
     marked = standing(loop.pv, loop.op, PERIOD)

@@ -48,8 +48,9 @@ def limits(window: ShapeWindow) -> Limits:
 
 
 def _steps(x: FloatArray) -> FloatArray:
-    """Steps between samples in standard deviations of x less its straight line."""
-    return np.abs(np.diff(x)) / (float(deviation(without_line(x))) or 1.0)
+    """Steps between samples in standard deviations of x less its straight line; zeros where that leaves rounding."""
+    steps, spread = np.abs(np.diff(x)), float(deviation(without_line(x)))
+    return steps / spread if spread > ROUNDING * float(np.ptp(x)) else np.zeros_like(steps)
 
 
 def _at_extremes(op: FloatArray) -> tuple[BoolArray, BoolArray]:

@@ -4,6 +4,7 @@ import math
 import re
 
 _FIGURE = re.compile(r"\{[^}]*\}")
+_LARGEST_LOG = 700.0
 _FOR = {
     "sticking": "PV stands while OP moves, and then follows it, for {percent:.0f} % of the time",
     "ccf_odd": "OP and PV run in quadrature (odd part of their cross-correlation {value:.2f})",
@@ -92,8 +93,8 @@ def figure(name: str, value: float) -> str | None:
 
 
 def _as_told(value: float) -> dict[str, float]:
-    """ratio: of a value that is a logarithm."""
-    return {"value": value, "percent": 100.0 * value, "ratio": math.exp(value)}
+    """ratio: of a value that is a logarithm; e^700 at most, as other values are asked for theirs too."""
+    return {"value": value, "percent": 100.0 * value, "ratio": math.exp(min(value, _LARGEST_LOG))}
 
 
 def sentence_without_value(name: str, speaks_for: bool) -> str:
