@@ -1,4 +1,6 @@
-"""What makes PV late in one way fitted as well as what does so in another: a dead time, a lag, an inverse response."""
+"""What makes PV late in one way fitted as well as what does so in another: a dead time, a lag, an inverse response. And
+what sets in at a time: at once, straight, or slower and slower.
+"""
 
 import numpy as np
 
@@ -8,30 +10,40 @@ from app.engine.mismatch.fit.scan import task_with
 from app.engine.mismatch.fit.task import start_at
 from app.engine.mismatch.loop.block import Block, Context
 from app.engine.mismatch.physics import LATE
+from app.engine.mismatch.physics.scales import slowness
+from app.engine.recording import FloatArray
 
 ROUNDS, STEPS = 2, 6
+STEPS_IN_TIME, SET_IN = ("disturbance.step", "sensor.step"), ("sensor.drift", "sensor.drift/levelling")
+LASTING = (2.0, 5.0)  # of the process's slowest time
 
 
 def with_kindred(ranking: tuple[Contender, ...], best: Contender, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     """A ranking in which the kindred of its `best` have begun where that one stands as well: a scan beside the linear
     model may have passed them over, and what was begun badly seems further behind than it is.
     """
-    if best.block.code not in LATE:
-        return ranking
     known = {contender.block.name: contender for contender in ranking}
     for block in blocks:
-        if block.code in LATE and block.code != best.block.code:
-            there = begun_at(block, best)
+        for values in alike(block, best):
+            there = begun_at(block, best, values)
             known[block.name] = max(known.get(block.name, there), there, key=lambda contender: contender.gain)
     return tuple(known.values())
 
 
-def begun_at(block: Block, best: Contender) -> Contender:
-    """A block beside the same fit, begun where it makes PV as late as the best one does."""
-    values, start = best.fit.parts[-1].values, best.fit
-    task = task_with(best.over, block)
-    count = len(block.parameters(Context(start.record, start.plant)))
-    late = np.full(count, float(np.sum(values)) / count)
-    x = start_at(task, start.plant, np.concatenate((*(part.values for part in start.parts[:-1]), late)))
+def alike(block: Block, best: Contender) -> tuple[FloatArray, ...]:
+    """Where a block is to begin (P,) beside its kindred `best`; nowhere where they are not kindred."""
+    found, context = best.fit.parts[-1].values, Context(best.fit.record, best.fit.plant)
+    if {block.code, best.block.code} <= LATE and block.code != best.block.code:
+        count = len(block.parameters(context))
+        return (np.full(count, float(np.sum(found)) / count),)
+    if best.block.name in STEPS_IN_TIME and block.name in SET_IN:
+        return tuple(np.array([found[0], lasting * slowness(context), found[1]]) for lasting in LASTING)
+    return ()
+
+
+def begun_at(block: Block, best: Contender, values: FloatArray) -> Contender:
+    """A block beside the same fit as the best one, begun at these values (P,) where that one stands."""
+    start, task = best.fit, task_with(best.over, block)
+    x = start_at(task, start.plant, np.concatenate((*(part.values for part in start.parts[:-1]), values)))
     found = fit(task, x, start.noise, ROUNDS, STEPS)
     return Contender(block, found, found.likelihood - best.over.likelihood, best.over)

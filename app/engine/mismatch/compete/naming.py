@@ -8,13 +8,17 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.compete.competition import Contender
 from app.engine.mismatch.compete.worth import worth
 from app.engine.mismatch.fit.refitting import CODE as PARAMETERS
+from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
+from app.engine.mismatch.physics.scales import slowness
 
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
+SMALL_ZERO = 0.45  # of the lag beside it
 OWN_SHARE = 0.35
+RAMPS = ("sensor.drift", "disturbance.ramp")
 # What is no physics is no alternative to any: it only makes a name less sure.
 UNSAID = (UNNAMED, PARAMETERS)
 
@@ -65,10 +69,30 @@ def hardly_slips(contender: Contender) -> bool:
     return contender.block.code == "valve.stiction" and float(contender.fit.parts[-1].values[1]) < SMALL_SLIP
 
 
+def hardly_lasts(contender: Contender) -> bool:
+    """A ramp that is over sooner than the process answers, which a step that comes through a lag looks like as well."""
+    part, fit = contender.fit.parts[-1], contender.fit
+    return part.block.name in RAMPS and bool(part.values[1] < slowness(Context(fit.record, fit.plant)))
+
+
+def hardly_turns_back(contender: Contender) -> bool:
+    """An inverse response whose zero is a small share of its lag, which lags in a row look like as well: n equal ones
+    have the mean delay and the spread of one lag with a zero of (n - 1) / (n + 1) of it, two those of a third.
+    """
+    values = contender.fit.parts[-1].values
+    return contender.block.code == "process.inverse_response" and bool(values[0] < SMALL_ZERO * values[1])
+
+
 def twins_of(contender: Contender) -> tuple[str, ...]:
     """Names that no record of OP and PV tells from this one, or not from one with such values."""
     code = contender.block.code
-    return (*TWINS.get(code, ()), *CLOSE.get(code, ()), *(("valve.deadband",) if hardly_slips(contender) else ()))
+    return (
+        *TWINS.get(code, ()),
+        *CLOSE.get(code, ()),
+        *(("valve.deadband",) if hardly_slips(contender) else ()),
+        *(("process.extra_lag", "sensor.lag") if hardly_turns_back(contender) else ()),
+        *(("disturbance.step",) if hardly_lasts(contender) else ()),
+    )
 
 
 def near(one: Contender, other: Contender) -> bool:

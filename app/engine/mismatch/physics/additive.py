@@ -4,10 +4,14 @@ sensor (at once).
 
 import numpy as np
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.moments import between, inside, moment, ramp, since
-from app.engine.mismatch.physics.scales import size
+from app.engine.mismatch.physics.scales import size, slowness
 from app.engine.recording import FloatArray
+
+SHARPEST = 15
+LEAST_DRIFT = 0.04  # of the record
+SLOWER = 1.3
 
 
 def as_drive(context: Context) -> float:
@@ -31,11 +35,16 @@ def step_parameters(context: Context) -> tuple[Parameter, ...]:
     return (moment("start", context), size(context))
 
 
+def jumps(context: Context, innovations: FloatArray, most: int) -> FloatArray:
+    """The moments (M,), s, of the largest innovations: a jump of the sensor is one sample wide."""
+    sharp = np.sort(np.argsort(-np.abs(innovations[5:]))[:most]) + 4
+    return np.asarray(sharp * context.record.sampling_interval_s, dtype=np.float64)
+
+
 def step_starts(context: Context, innovations: FloatArray) -> FloatArray:
-    """Evenly spread moments, and those of the largest innovations: a jump of the sensor is one sample wide."""
-    sharp = np.sort(np.argsort(-np.abs(innovations[5:]))[:20]) + 4
-    even = np.linspace(0.015, 0.985, 110) * context.record.samples
-    times = np.concatenate((sharp, even)) * context.record.sampling_interval_s
+    """Evenly spread moments, and those where PV jumps."""
+    even = np.linspace(0.015, 0.985, 110) * context.record.samples * context.record.sampling_interval_s
+    times = np.concatenate((jumps(context, innovations, 20), even))
     return np.stack((times, np.zeros_like(times)), axis=1)
 
 
@@ -54,6 +63,13 @@ def pulse_parameters(context: Context) -> tuple[Parameter, ...]:
 def pulse_starts(context: Context, _: FloatArray) -> FloatArray:
     times = context.record.duration_s * np.linspace(0.02, 0.98, 25)
     return np.array([(a, b, 0.0) for i, a in enumerate(times) for b in times[i + 1 :]])
+
+
+def sensor_pulse_starts(context: Context, innovations: FloatArray) -> FloatArray:
+    """Evenly spread stretches, and those between any two jumps of PV."""
+    sharp = jumps(context, innovations, SHARPEST)
+    between_jumps = np.array([(a, b, 0.0) for i, a in enumerate(sharp) for b in sharp[i + 1 :]])
+    return np.concatenate((pulse_starts(context, innovations), between_jumps.reshape(-1, 3)))
 
 
 def pulse(context: Context, values: FloatArray) -> FloatArray:
@@ -89,6 +105,51 @@ def sensor_drift(signal: FloatArray, values: FloatArray, context: Context) -> Fl
 def load_drift(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """A load that moves: on an integrator PV bends, a full vessel runs over."""
     return signal + values[2] * enters(context, values[0], values[0] + values[1])
+
+
+def recalibrated_starts(context: Context, innovations: FloatArray) -> FloatArray:
+    """Ends where PV jumps most, and evenly spread ones; begins before each."""
+    duration = context.record.duration_s
+    sharp = jumps(context, innovations, SHARPEST)
+    ends = np.unique(np.concatenate((sharp, duration * np.linspace(0.1, 0.98, 14))))
+    return np.array(
+        [(a, b, 0.0) for a in duration * np.linspace(0.05, 0.9, 13) for b in ends if b - a > 0.04 * duration]
+    )
+
+
+def recalibrated(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """A sensor that drifts away from begin to end, where it is set right."""
+    begin, end, size_ = values
+    return signal + size_ * (ramp(context, begin, end) - ramp(context, end, end))
+
+
+def drifts_back(values: FloatArray, context: Context) -> bool:
+    """A drift that is set right lasts longer than a spike, and begins and ends within the record: one that is there
+    from the start on is what a step looks like on a slow load.
+    """
+    long_enough = values[1] - values[0] >= LEAST_DRIFT * context.record.duration_s
+    return bool(long_enough and inside(float(values[0]), context) and inside(float(values[1]), context))
+
+
+def levelling_parameters(context: Context) -> tuple[Parameter, ...]:
+    ts, duration = context.record.sampling_interval_s, context.record.duration_s
+    return (moment("start", context), Parameter("tau", "s", 5.0 * ts, duration, duration, log=True), size(context))
+
+
+def levelling_starts(context: Context, _: FloatArray) -> FloatArray:
+    duration = context.record.duration_s
+    return grid(duration * np.linspace(0.0, 0.92, 24), duration * np.array([0.03, 0.08, 0.2]), np.zeros(1))
+
+
+def levelling(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """What drifts fast at first and then slower and slower: 1 - exp(-t / tau)."""
+    since_start = np.maximum(context.time_s - values[0], 0.0)
+    return signal + values[2] * -np.expm1(-since_start / values[1])
+
+
+def slower_than_the_process(values: FloatArray, context: Context) -> bool:
+    """What levels out as quickly as the process answers is a step of its load."""
+    return bool(values[1] > SLOWER * slowness(context) and inside(float(values[0]), context))
 
 
 def lasts(values: FloatArray, context: Context) -> bool:
@@ -152,7 +213,7 @@ BLOCKS = (
         "output",
         "within a time",
         pulse_parameters,
-        pulse_starts,
+        sensor_pulse_starts,
         apply=sensor_pulse,
         active=between,
         form="pulse",
@@ -182,5 +243,33 @@ BLOCKS = (
         apply=load_drift,
         active=since,
         penalty=16.0,
+    ),
+    Block(
+        "sensor.drift",
+        "sensor",
+        "output",
+        "within a time",
+        pulse_parameters,
+        recalibrated_starts,
+        apply=recalibrated,
+        active=between,
+        form="recalibrated",
+        penalty=17.0,
+        rough=True,
+        abrupt=True,
+        sensible=drifts_back,
+    ),
+    Block(
+        "sensor.drift",
+        "sensor",
+        "output",
+        AFTER,
+        levelling_parameters,
+        levelling_starts,
+        apply=levelling,
+        active=since,
+        form="levelling",
+        penalty=17.0,
+        sensible=slower_than_the_process,
     ),
 )

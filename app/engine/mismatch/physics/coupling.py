@@ -1,4 +1,8 @@
-"""Coupling: another measured signal moves PV, through a gain, a lag and a dead time."""
+"""Coupling: another measured signal moves PV, through a gain, a lag and a dead time; for good, or until the loop that
+it disturbs first has answered, so that only its moves are felt.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +14,13 @@ from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
 ROUNDING = 1e-12  # of the largest value
+PASSING = ", passing"
+
+
+def arriving(name: str, middle: float, values: FloatArray, context: Context) -> FloatArray:
+    """What a measured signal adds to PV (N,) through gain, lag and dead time."""
+    ts, cause = context.record.sampling_interval_s, dict(context.record.measured)[name] - middle
+    return values[0] * lag(delay(cause, values[2], ts), values[1], ts)
 
 
 def _block(name: str, source: FloatArray, middle: float) -> Block:
@@ -31,8 +42,7 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
         )
 
     def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-        ts, cause = context.record.sampling_interval_s, dict(context.record.measured)[name] - middle
-        return signal + values[0] * lag(delay(cause, values[2], ts), values[1], ts)
+        return signal + arriving(name, middle, values, context)
 
     return Block(
         "disturbance.coupling",
@@ -47,22 +57,44 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
     )
 
 
+def _passing(name: str, source: FloatArray, middle: float) -> Block:
+    """As the coupling that lasts, but what arrives dies away again with a time of its own."""
+    lasting = _block(name, source, middle)
+
+    def parameters(context: Context) -> tuple[Parameter, ...]:
+        ts, slow = context.record.sampling_interval_s, slowness(context)
+        return (*lasting.parameters(context), Parameter("washout", "s", 2.0 * ts, 20.0 * slow, slow, log=True))
+
+    def starts(context: Context, _: FloatArray) -> FloatArray:
+        ts, slow = context.record.sampling_interval_s, slowness(context)
+        lags, delays = np.geomspace(0.3 * ts, 2.0 * slow, 4), np.array([0.0, 2.0 * ts, 0.3 * slow, slow])
+        return grid(np.zeros(1), lags, delays, slow * np.array([0.5, 1.5, 5.0]))
+
+    def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+        added = arriving(name, middle, values, context)
+        return signal + added - lag(added, values[3], context.record.sampling_interval_s)
+
+    return replace(lasting, parameters=parameters, starts=starts, apply=apply, form=f"{name}{PASSING}", penalty=18.0)
+
+
 def blocks(record: Experiment) -> tuple[Block, ...]:
     """A coupling block for each measured signal that moves at all, or is told of from where it stood in another
     record.
     """
     middles, elsewhere = dict(record.middles), record.reference_middles is not None
-    return tuple(
-        _block(name, signal, middles[name])
+    forms = tuple(
+        (_block(name, signal, middles[name]), _passing(name, signal, middles[name]))
         for name, signal in record.measured
         if name in middles and (elsewhere or moves(signal))
     )
+    return tuple(form for both in forms for form in both)
 
 
 def of_causes(record: Experiment) -> tuple[Block, ...]:
     """A coupling block for each measured signal that may move PV: none for what follows OP or PV."""
     causes = {name for name, signal in record.measured if moves(signal) and causes_pv(signal, record)}
-    return tuple(block for block in blocks(record) if block.form in causes)
+    offered = {name for cause in causes for name in (cause, f"{cause}{PASSING}")}
+    return tuple(block for block in blocks(record) if block.form in offered)
 
 
 def moves(signal: FloatArray) -> bool:

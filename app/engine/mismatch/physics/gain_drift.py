@@ -3,10 +3,11 @@
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
-from app.engine.mismatch.physics.moments import moment, ramp, since
+from app.engine.mismatch.physics.moments import between, moment, ramp, since
 from app.engine.recording import FloatArray
 
 EDGE = 0.03
+LEAST_PASSING = 0.05
 
 
 def change(context: Context) -> Parameter:
@@ -53,6 +54,23 @@ def held_starts(context: Context, _: FloatArray) -> FloatArray:
 
 def held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     return scaled(signal, values[2] * ramp(context, values[0], values[1]), context)
+
+
+def passing(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    begin, end, share = values
+    return scaled(signal, share * (ramp(context, begin, begin) - ramp(context, end, end)), context)
+
+
+def passing_starts(context: Context, _: FloatArray) -> FloatArray:
+    times = context.record.duration_s * np.linspace(0.04, 0.96, 24)
+    return np.array([(a, b, 0.0) for i, a in enumerate(times) for b in times[i + 2 :]])
+
+
+def comes_and_goes(values: FloatArray, context: Context) -> bool:
+    """Another gain for a while, that begins and ends within the record; one that does not is a step."""
+    duration = context.record.duration_s
+    begin, end = values[:2].tolist()
+    return bool(begin >= EDGE * duration and end <= (1.0 - EDGE) * duration and end - begin >= LEAST_PASSING * duration)
 
 
 def seen_before_and_after(values: FloatArray, context: Context) -> bool:
@@ -106,6 +124,22 @@ BLOCKS = (
         form="held",
         sensible=seen_before_and_after,
         penalty=17.0,
+        frees_gain=True,
+    ),
+    Block(
+        CODE,
+        "process",
+        "input",
+        "within a time",
+        held_parameters,
+        passing_starts,
+        apply=passing,
+        active=between,
+        form="passing",
+        sensible=comes_and_goes,
+        abrupt=True,
+        penalty=20.0,
+        rough=True,
         frees_gain=True,
     ),
 )

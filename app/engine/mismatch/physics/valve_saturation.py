@@ -2,11 +2,15 @@
 width.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.corners import rounded
 from app.engine.recording import BoolArray, FloatArray
+
+LEAST_WAY = 0.05
 
 
 def level(context: Context, sign: float) -> Parameter:
@@ -62,4 +66,43 @@ def _block(sign: float, soft: bool) -> Block:
     )
 
 
-BLOCKS = tuple(_block(sign, soft) for sign in (1.0, -1.0) for soft in (False, True))
+def both_levels(context: Context) -> tuple[Parameter, ...]:
+    high, low = level(context, 1.0), level(context, -1.0)
+    return (replace(high, name="high"), replace(low, name="low"))
+
+
+def both_starts(context: Context, _: FloatArray) -> FloatArray:
+    pairs = grid(levels(context, 1.0, 8), levels(context, -1.0, 8))
+    return pairs[pairs[:, 0] > pairs[:, 1]]
+
+
+def between_both(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+    return np.minimum(np.maximum(signal, values[1]), values[0])
+
+
+def beyond_either(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
+    return (signal > values[0]) | (signal < values[1])
+
+
+def apart(values: FloatArray, context: Context) -> bool:
+    """Limits that leave the stem nearly no way are no limits; one that OP never meets is another form's."""
+    op = context.record.op_deviation
+    return bool(
+        values[0] - values[1] > LEAST_WAY * context.record.op_span and np.any(op > values[0]) and np.any(op < values[1])
+    )
+
+
+BOTH = Block(
+    "valve.saturation",
+    "valve",
+    "valve",
+    "beyond OP limits",
+    both_levels,
+    both_starts,
+    apply=between_both,
+    active=beyond_either,
+    form="both",
+    penalty=17.0,
+    sensible=apart,
+)
+BLOCKS = (*(_block(sign, soft) for sign in (1.0, -1.0) for soft in (False, True)), BOTH)

@@ -1,0 +1,111 @@
+"""Effects in other forms than a ramp, a step and a lag: what comes and goes, levels out, or is felt in passing."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
+from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, lag
+from app.engine.mismatch.physics import by_name
+from app.engine.recording import FloatArray
+
+N, TAU, LATE = 2400, 30.0, 4
+TIME = np.arange(N, dtype=np.float64)
+NOTHING, ALWAYS = np.zeros(N), np.ones(N)
+
+
+def loop(
+    seed: int, *, sensor: FloatArray = NOTHING, gain: FloatArray = ALWAYS, further: int = 0, low: float = -99.0
+) -> Comparison:
+    """A PI loop at 1 s: a gain of 1.5 (times `gain`), 30 s of lag, 4 s of dead time. sensor: added to what is measured.
+    further: lags of 5 s more. low: a stop of the valve, with another at 3.
+    """
+    rng = np.random.default_rng(seed)
+    sp = np.repeat(rng.uniform(-6.0, 6.0, N // 150), 150)
+    sp[:150] = 0.0
+    op, pv, states, summed, load = np.zeros(N), np.zeros(N), [0.0] * (1 + further), 0.0, 0.0
+    for t in range(N):
+        pv[t] = states[-1] + sensor[t] + 0.1 * rng.standard_normal()
+        summed += 0.8 * (sp[t] - pv[t]) / 30.0
+        op[t] = 0.8 * (sp[t] - pv[t]) + summed
+        load = 0.97 * load + 0.3 * np.sqrt(1.0 - 0.97**2) * rng.standard_normal()
+        stem = op[max(t - LATE, 0)]
+        stem = stem if low < -90.0 else min(max(stem, low), 3.0)
+        drive = 1.5 * gain[t] * stem + load
+        for k, tau in enumerate((TAU, *(5.0,) * further)):
+            states[k] += (1.0 - np.exp(-1.0 / tau)) * (drive - states[k])
+            drive = states[k]
+    return Comparison("form", 1.0, 40.0 + op, 50.0 + pv, 50.0 + sp, simulation=LinearSimulation(1.55, (28.8,), 4.0))
+
+
+def during(begin_s: float, end_s: float) -> FloatArray:
+    return ((TIME >= begin_s) & (TIME < end_s)).astype(np.float64)
+
+
+def first(said: Explanation) -> set[str]:
+    return {said.effects[0].code, *said.effects[0].alternatives} if said.effects else set()
+
+
+@pytest.mark.parametrize("size", [-3.0, 2.5])
+def test_a_sensor_that_drifts_until_it_is_set_right_is_named(size: float) -> None:
+    said = explain(loop(1, sensor=size * (TIME - 700.0) / 900.0 * ((TIME >= 700.0) & (TIME < 1600.0))))
+    assert said.effects[0].code == "sensor.drift"
+    window = said.effects[0].windows[0]
+    assert window.start_s == pytest.approx(700.0, abs=200.0)
+    assert window.end_s == pytest.approx(1600.0, abs=5.0)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_sensor_whose_drift_levels_out_is_no_step_of_the_load(seed: int) -> None:
+    said = explain(loop(seed, sensor=-3.0 * -np.expm1(-np.maximum(TIME - 800.0, 0.0) / 250.0)))
+    assert said.effects[0].code in {"sensor.drift", "disturbance.ramp"}
+
+
+@pytest.mark.parametrize("change", [-0.4, 0.5])
+def test_a_gain_that_is_another_for_a_while_has_drifted(change: float) -> None:
+    said = explain(loop(4, gain=1.0 + change * during(800.0, 1500.0)))
+    assert "process.gain_drift" in first(said)
+
+
+def test_a_valve_between_two_stops_is_limited_by_both() -> None:
+    said = explain(loop(5, low=-2.0))
+    assert said.effects[0].code == "valve.saturation"
+    assert {"high", "low"} <= {parameter.name for parameter in said.effects[0].parameters}
+
+
+def test_a_signal_that_is_felt_in_passing_is_coupled() -> None:
+    cause = np.repeat(np.random.default_rng(6).uniform(-4.0, 4.0, N // 200), 200)
+    arriving = lag(cause, 8.0, 1.0)
+    plain = loop(6, sensor=arriving - lag(arriving, 60.0, 1.0))
+    said = explain(
+        Comparison(
+            "form", 1.0, plain.op, plain.pv, plain.sp, simulation=plain.simulation, measured=(("feed", 20.0 + cause),)
+        )
+    )
+    assert said.effects[0].code == "disturbance.coupling"
+    washout = next(p.value for p in said.effects[0].parameters if p.name == "washout")
+    assert washout == pytest.approx(60.0, rel=0.3)
+
+
+@pytest.mark.parametrize("further", [2, 3])
+def test_lags_in_a_row_are_no_sure_inverse_response(further: int) -> None:
+    said = explain(loop(7, further=further))
+    assert first(said) & {"process.extra_lag", "sensor.lag"}
+
+
+def test_a_drift_that_is_set_right_ends_where_it_ends() -> None:
+    record = experiment(1.0, 40.0 + np.sin(TIME / 50.0), 50.0 + np.sin(TIME / 50.0))
+    block = by_name(record)["sensor.drift/recalibrated"]
+    assert block.apply is not None
+    added = block.apply(np.zeros(N), np.array([500.0, 900.0, 2.0]), Context(record, Plant(K=1.0, tau=10.0, theta=1.0)))
+    assert added[:501] == pytest.approx(0.0)
+    assert added[700] == pytest.approx(1.0, abs=0.02)
+    assert added[902:] == pytest.approx(0.0)
+
+
+def test_a_sensor_that_is_off_for_a_while_is_off_from_jump_to_jump() -> None:
+    said = explain(loop(8, sensor=1.6 * during(671.0, 1207.0)))
+    assert [effect.code for effect in said.effects] == ["sensor.step"]
+    window = said.effects[0].windows[0]
+    assert (window.start_s, window.end_s) == pytest.approx((671.0, 1207.0), abs=3.0)
