@@ -69,6 +69,15 @@ def test_a_second_transmitter_is_no_cause(steps: bool) -> None:
     assert not causes_pv(signals[2], record)
 
 
+def test_a_cause_that_moves_seldom_is_one() -> None:
+    """Ten jumps that are felt in passing say something of few samples only."""
+    cause = np.repeat(np.random.default_rng(9).uniform(-3.0, 3.0, 10), N // 10)
+    late = np.concatenate((np.full(9, cause[0]), cause[: N - 9]))
+    record = recorded(loop(4, True, late - lag(late, 60.0, 1.0)))
+    assert causes_pv(cause + 0.05 * np.random.default_rng(5).standard_normal(N), record)
+    assert not causes_pv(np.roll(cause, 333), record)
+
+
 def test_a_read_back_is_not_offered_but_known() -> None:
     record = recorded(loop(1, False))
     with_it = experiment(1.0, record.op, record.pv, record.sp, (("ZT", record.op + 0.0), ("FI", slow(6))))

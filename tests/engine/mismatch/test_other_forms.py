@@ -40,7 +40,7 @@ def loop(
 
 
 def during(begin_s: float, end_s: float) -> FloatArray:
-    return ((TIME >= begin_s) & (TIME < end_s)).astype(np.float64)
+    return ((begin_s <= TIME) & (end_s > TIME)).astype(np.float64)
 
 
 def first(said: Explanation) -> set[str]:

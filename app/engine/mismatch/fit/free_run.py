@@ -9,6 +9,7 @@ from scipy.ndimage import median_filter
 
 from app.engine.mismatch.fit.fitting import STILL, Fit, descend, finish, noise_left, polish, quiet_noise, task_of
 from app.engine.mismatch.fit.noise import NoiseModel, whiten
+from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.chain import signal_after
 from app.engine.recording import BoolArray, FloatArray
 
@@ -88,12 +89,20 @@ def settle(found: Fit) -> Fit:
     """The same model fitted by its free run alone, where the likelihood had taken what is left for slow noise.
 
     A process that the library describes only nearly leaves slow errors; a noise model that is nearly a random walk then
-    hides the free run's error from the fit. Kept only where the free run is better by more than SETTLED.
+    hides the free run's error from the fit. Kept only where the free run is better by more than SETTLED, and where
+    every part that was what its code says still is.
     """
     if max(found.noise.poles) < SLOW_POLE or not found.parts:
         return found
     other, swing = finish(task_of(found), white_fit(found), found.noise), stem_swing(found)
-    return other if error_left(other, swing) < SETTLED * error_left(found, swing) else found
+    better = error_left(other, swing) < SETTLED * error_left(found, swing)
+    return other if better and sensible_parts(other) >= sensible_parts(found) else found
+
+
+def sensible_parts(found: Fit) -> int:
+    """How many parts have values that are what their codes say."""
+    context = Context(found.record, found.plant)
+    return sum(part.block.sensible is None or part.block.sensible(part.values, context) for part in found.parts)
 
 
 def by_free_run(found: Fit) -> Fit:
