@@ -90,7 +90,7 @@ def twins_of(contender: Contender) -> tuple[str, ...]:
         *TWINS.get(code, ()),
         *CLOSE.get(code, ()),
         *(("valve.deadband",) if hardly_slips(contender) else ()),
-        *(("process.extra_lag", "sensor.lag") if hardly_turns_back(contender) else ()),
+        *(("process.extra_lag",) if hardly_turns_back(contender) else ()),
         *(("disturbance.step",) if hardly_lasts(contender) else ()),
     )
 
