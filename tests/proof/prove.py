@@ -21,9 +21,12 @@ from app.engine.recording import BoolArray
 from tests.proof.cases import cut_out, make_case, planned
 from tests.proof.generator import LEAST_ENERGY, SAME, Case
 from tests.proof.outside import SETS, outside_summary, planned_outside
+from tests.proof.strangers import mixed_up
 
 # The shares of clean loops and of loops with two effects in a set.
-SHARES = {"all": (0.25, 0.15), "clean": (1.0, 0.0), "one": (0.0, 0.0), "two": (0.0, 1.0)}
+SHARES = {
+    "all": (0.25, 0.15), "clean": (1.0, 0.0), "one": (0.0, 0.0), "two": (0.0, 1.0), "strangers": (1.0, 0.0)
+}  # fmt: skip
 GAP = (10, 41)  # samples, the second not among them
 
 
@@ -90,8 +93,9 @@ def one(
     least: float = LEAST_ENERGY,
     unknown: float = 0.0,
     samples: int | None = None,
+    strangers: bool = False,
 ) -> dict[str, object]:
-    case = make_case(*plan, foreign, least, samples)
+    case = mixed_up(plan[0], foreign, samples) if strangers else make_case(*plan, foreign, least, samples)
     case = cut_out(case, plan[0]) if running else case
     return judged(case, *answer(case, sim, unknown))
 
@@ -159,6 +163,7 @@ def main() -> None:
         least=given.least_energy,
         unknown=given.unknown,
         samples=given.samples,
+        strangers=given.kinds == "strangers",
     )
     compile_kernels()  # else the first case pays for it
     lines = []

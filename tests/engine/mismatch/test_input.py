@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain, locate
 from app.engine.mismatch.compare.comparison import wild_samples
@@ -148,6 +149,17 @@ def test_an_op_of_another_loop_explains_nothing_of_a_pv() -> None:
     assert answer.verdict == "inconclusive"
     assert answer.evidence[0].code == "op_moves_nothing"
     assert "one loop" in answer.evidence[0].text
+
+
+@pytest.mark.parametrize("seed", [3, 9])
+def test_a_stem_that_walks_towards_any_op_tells_nothing_of_this_one(seed: int) -> None:
+    """A stem may be given any slow course that PV has: it starts off OP and moves at a rate of its own."""
+    rng = np.random.default_rng(seed)
+    wandering = lfilter([1.0], [1.0, -0.95], rng.normal(size=N))
+    slow = np.interp(np.arange(N), [0, 150, N - 1], [-5.0, 3.0, 5.0]) + 0.2 * rng.normal(size=N)
+    answer = explain(Comparison("mixed up", TS, 30.0 + wandering, 50.0 + slow, simulation=GIVEN))
+    assert answer.verdict == "inconclusive"
+    assert "op_moves_nothing" in {reason.code for reason in answer.evidence}
 
 
 def test_a_trace_that_does_not_answer_op_explains_nothing() -> None:

@@ -7,7 +7,7 @@ from app.engine.mismatch import Comparison, Explanation, LinearSimulation, expla
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, lag
-from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.physics import by_name, coupling
 from app.engine.recording import FloatArray
 
 N, TAU, LATE = 2400, 30.0, 4
@@ -86,6 +86,14 @@ def test_a_signal_that_is_felt_in_passing_is_coupled() -> None:
     assert said.effects[0].code == "disturbance.coupling"
     washout = next(p.value for p in said.effects[0].parameters if p.name == "washout")
     assert washout == pytest.approx(60.0, rel=0.3)
+
+
+def test_the_forms_of_one_signal_take_no_name_of_another() -> None:
+    cause = np.random.default_rng(9).normal(size=N)
+    measured = (("feed", cause), ("feed, passing", np.roll(cause, 700)))
+    record = experiment(1.0, 40.0 + np.sin(TIME / 50.0), 50.0 + np.sin(TIME / 50.0), measured=measured)
+    names = [block.name for block in coupling.blocks(record)]
+    assert len(names) == len(set(names)) == 4
 
 
 @pytest.mark.parametrize("further", [2, 3])

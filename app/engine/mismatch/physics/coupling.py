@@ -57,7 +57,7 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
     )
 
 
-def _passing(name: str, source: FloatArray, middle: float) -> Block:
+def _passing(name: str, source: FloatArray, middle: float, form: str) -> Block:
     """As the coupling that lasts, but what arrives dies away again with a time of its own."""
     lasting = _block(name, source, middle)
 
@@ -74,27 +74,33 @@ def _passing(name: str, source: FloatArray, middle: float) -> Block:
         added = arriving(name, middle, values, context)
         return signal + added - lag(added, values[3], context.record.sampling_interval_s)
 
-    return replace(lasting, parameters=parameters, starts=starts, apply=apply, form=f"{name}{PASSING}", penalty=18.0)
+    return replace(lasting, parameters=parameters, starts=starts, apply=apply, form=form, penalty=18.0)
 
 
 def blocks(record: Experiment) -> tuple[Block, ...]:
-    """A coupling block for each measured signal that moves at all, or is told of from where it stood in another
+    """The coupling blocks of each measured signal that moves at all, or is told of from where it stood in another
     record.
     """
-    middles, elsewhere = dict(record.middles), record.reference_middles is not None
-    forms = tuple(
-        (_block(name, signal, middles[name]), _passing(name, signal, middles[name]))
-        for name, signal in record.measured
-        if name in middles and (elsewhere or moves(signal))
-    )
-    return tuple(form for both in forms for form in both)
+    return tuple(form for forms in forms_by_signal(record).values() for form in forms)
 
 
 def of_causes(record: Experiment) -> tuple[Block, ...]:
-    """A coupling block for each measured signal that may move PV: none for what follows OP or PV."""
+    """The coupling blocks of each measured signal that may move PV: none for what follows OP or PV."""
     causes = {name for name, signal in record.measured if moves(signal) and causes_pv(signal, record)}
-    offered = {name for cause in causes for name in (cause, f"{cause}{PASSING}")}
-    return tuple(block for block in blocks(record) if block.form in offered)
+    return tuple(form for name, forms in forms_by_signal(record).items() if name in causes for form in forms)
+
+
+def forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
+    """Of each signal the form that lasts and the one that passes."""
+    middles, elsewhere = dict(record.middles), record.reference_middles is not None
+    passing = PASSING
+    while any(name.endswith(passing) for name in middles):
+        passing += PASSING  # so that no form has the name of another signal
+    return {
+        name: (_block(name, signal, middles[name]), _passing(name, signal, middles[name], f"{name}{passing}"))
+        for name, signal in record.measured
+        if name in middles and (elsewhere or moves(signal))
+    }
 
 
 def moves(signal: FloatArray) -> bool:
