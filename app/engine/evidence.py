@@ -27,6 +27,11 @@ class Measured:
         return _HOLDS[self.operator](self.statistic, self.threshold)
 
 
+def rising(value: float, low: float, high: float) -> float:
+    """0 where value is at or below `low`, 1 from `high` on, 0.5 half way; with low > high it falls instead."""
+    return min(max((value - low) / (high - low), 0.0), 1.0)
+
+
 def told_probability(value: float) -> str:
     """A probability, 0 to 1, as all that people read tells it: two digits, and never certain. 0.9956 is not 1.00."""
     return "over 0.99" if value >= 0.995 else "under 0.01" if value < 0.005 else f"{value:.2f}"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from app.engine.codes import UNANSWERED
-from app.engine.evidence import in_digits, told_probability
+from app.engine.evidence import in_digits, rising, told_probability
 from app.engine.judgement import Judgement
 from app.engine.key_figures import KeyFigures
 from app.engine.oscillation import Oscillation
@@ -143,8 +143,8 @@ def _oscillation(oscillation: Oscillation | None) -> HealthPart:
     if strength <= CHANCE_STRENGTH:
         return _part("oscillation", 0.0, f"no oscillation beyond what noise shows, strength {strength:.2f}")
     told = f"{period_s:.0f}" if period_s >= 10.0 else f"{period_s:.3g}"
-    counts = min((strength - CHANCE_STRENGTH) / (SURE_STRENGTH - CHANCE_STRENGTH), 1.0)
-    return _part("oscillation", counts * strength, f"oscillates with a period of {told} s, strength {strength:.2f}")
+    counts = strength * rising(strength, CHANCE_STRENGTH, SURE_STRENGTH)
+    return _part("oscillation", counts, f"oscillates with a period of {told} s, strength {strength:.2f}")
 
 
 def _unanswered(judgement: Judgement) -> bool:

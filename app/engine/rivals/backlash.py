@@ -2,8 +2,9 @@
 
 import math
 
+from app.engine.evidence import rising
 from app.engine.rivals.response import response, valve_response
-from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.rivals.rival import Rival, not_evaluated
 from app.engine.rivals.scene import Scene
 
 _BANDS = (0.2, 0.4, 0.7)

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.engine.evidence import rising
 from app.engine.rivals.jumps import Jumps, jumps
-from app.engine.rivals.rival import Rival, rising
+from app.engine.rivals.rival import Rival
 from app.engine.rivals.scene import Scene
 
 _STRONG_SWING = 0.6

@@ -40,8 +40,3 @@ class Rival:
 def not_evaluated(cause: Cause, because: str) -> Rival:
     """A rival whose assumptions the record does not meet."""
     return Rival(cause, 0.0, f"not evaluated, because {because}", applies=False)
-
-
-def rising(value: float, low: float, high: float) -> float:
-    """0 where value is at or below `low`, 1 from `high` on, 0.5 half way; with low > high it falls instead."""
-    return min(max((value - low) / (high - low), 0.0), 1.0)

@@ -3,9 +3,10 @@
 import numpy as np
 from numba import njit
 
+from app.engine.evidence import rising
 from app.engine.fitness.signals import run_lengths
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.rivals.rival import Rival, not_evaluated
 from app.engine.rivals.scene import Scene
 from app.engine.signals.sampled import medians_of_five
 

@@ -1,6 +1,7 @@
 """PV and OP follow a set point that moves."""
 
-from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.evidence import rising
+from app.engine.rivals.rival import Rival, not_evaluated
 from app.engine.rivals.scene import Scene
 from app.engine.signals.sampled import correlation
 

@@ -1,8 +1,9 @@
 """The controller makes the loop swing, or lets it drift."""
 
+from app.engine.evidence import rising
 from app.engine.rivals.disturbance import OPPOSED, WAVE
 from app.engine.rivals.line import Line
-from app.engine.rivals.rival import Rival, not_evaluated, rising
+from app.engine.rivals.rival import Rival, not_evaluated
 from app.engine.rivals.scene import Scene
 
 _PURE_SINE = 0.8
