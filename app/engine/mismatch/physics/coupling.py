@@ -9,12 +9,13 @@ import numpy as np
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.loop.causing import causes_pv
 from app.engine.mismatch.loop.experiment import Experiment
-from app.engine.mismatch.loop.plant import delay, lag
+from app.engine.mismatch.loop.plant import delay, lag, run_process
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
 ROUNDING = 1e-12  # of the largest value
 PASSING = ", passing"
+LEAST_OF_OP = 0.1  # of what passes
 
 
 def arriving(name: str, middle: float, values: FloatArray, context: Context) -> FloatArray:
@@ -74,7 +75,15 @@ def _passing(name: str, source: FloatArray, middle: float, form: str) -> Block:
         added = arriving(name, middle, values, context)
         return signal + added - lag(added, values[3], context.record.sampling_interval_s)
 
-    return replace(lasting, parameters=parameters, starts=starts, apply=apply, form=form, penalty=18.0)
+    def beside_op(values: FloatArray, context: Context) -> bool:
+        """What passes beside an OP that moves nothing is how a whole loop answers what lasts."""
+        answered = run_process(context.record.op_deviation, context.plant, context.record.sampling_interval_s)
+        passes = apply(np.zeros_like(answered), values, context)
+        return bool(np.std(answered) > LEAST_OF_OP * np.std(passes))
+
+    return replace(
+        lasting, parameters=parameters, starts=starts, apply=apply, form=form, sensible=beside_op, penalty=18.0
+    )
 
 
 def blocks(record: Experiment) -> tuple[Block, ...]:
