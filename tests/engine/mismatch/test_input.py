@@ -9,6 +9,7 @@ from app.engine.mismatch.compare.comparison import wild_samples
 from app.engine.mismatch.fit.noise import NoiseModel, compared_samples, whiten
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.law import identify_law
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics.static_gain import exponential
 from app.engine.recording import BoolArray, FloatArray
@@ -149,6 +150,17 @@ def test_an_op_of_another_loop_explains_nothing_of_a_pv() -> None:
     assert answer.verdict == "inconclusive"
     assert answer.evidence[0].code == "op_moves_nothing"
     assert "one loop" in answer.evidence[0].text
+
+
+def test_a_set_point_that_jumps_explains_op_beside_the_pv_of_any_loop() -> None:
+    rng = np.random.default_rng(6)
+    sp = 50.0 + np.repeat(rng.uniform(-5.0, 5.0, 12), N // 12)
+    own, other = (lfilter([0.05], [1.0, -0.95], sp - 50.0) + 50.0 + 0.1 * rng.normal(size=N) for _ in range(2))
+    other = np.roll(other, 170)
+    op = 40.0 + 2.0 * (sp - own) + 0.1 * np.cumsum(sp - own) + 0.05 * rng.normal(size=N)
+    assert identify_law(sp, other, op).explained > 0.8
+    assert experiment(TS, op, own, sp).op_follows_pv
+    assert not experiment(TS, op, other, sp).op_follows_pv
 
 
 @pytest.mark.parametrize("seed", [3, 9])

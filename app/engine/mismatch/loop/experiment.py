@@ -6,10 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.engine.mismatch.loop.law import fed_back, identify_law
+from app.engine.mismatch.loop.law import fed_back, follows
 from app.engine.recording import BoolArray, FloatArray
 
-FOLLOWS = 0.8
 FIRST_SAMPLES = 3
 LEAST_SHARE = 1e-3  # of a signal's range: narrower, and what lies within the outermost 1 % does not show how it moves
 LARGEST = 1e100
@@ -80,7 +79,7 @@ class Experiment:
     @cached_property
     def op_follows_pv(self) -> bool:
         """Whether a controller's law explains most of OP's moves by PV: then OP carries the noise of PV."""
-        return identify_law(self.sp, self.pv, self.op, self.usable).explained >= FOLLOWS
+        return follows(self.sp, self.pv, self.op, self.usable)
 
     @cached_property
     def fed_back(self) -> bool:

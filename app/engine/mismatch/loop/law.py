@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.recording import BoolArray, FloatArray
 
 PAST = 6  # samples
+MOST_LEFT, LEFT_BY_PV = 0.2, 0.5
 SHARED, SURE = 0.05, 3.0
 PREDICTED = 1e-3  # of the variance of OP's moves: what a smooth OP leaves of its past's foresight is no news
 
@@ -105,6 +106,16 @@ def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: 
     if ki == 0.0:
         return Law(0.0, 0.0, 0.0, 0.0)
     return Law(kc, ki, kd, explained, float(numbers[3]) / ki)
+
+
+def follows(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray) -> bool:
+    """Whether a PID law explains most of OP's moves by PV. A set point that jumps explains most of them by itself,
+    beside the PV of any loop: of what it leaves, PV has to explain half.
+    """
+    left = 1.0 - identify_law(sp, pv, op, usable).explained
+    if left > MOST_LEFT or sp is None:
+        return left <= MOST_LEFT
+    return left <= LEFT_BY_PV * (1.0 - identify_law(sp, np.full_like(pv, np.mean(pv)), op, usable).explained)
 
 
 def fed_back(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray) -> bool:
