@@ -60,7 +60,7 @@ def digest(
 
       loopaudit digest --send --again
     """
-    from app.services.digests.digest import digest_of, run_to_tell
+    from app.services.digests.making import digest_of, run_to_tell
     from app.services.digests.telling import as_html, as_json, as_text
 
     if again and send is False:

@@ -12,7 +12,7 @@ from sqlalchemy import select, update
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html, as_text
 from app.services.moments import UTC_CLOCK, iso_utc, moment_of, ns_of
 from app.services.plant import worst

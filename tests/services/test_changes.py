@@ -9,7 +9,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of, run_to_tell
+from app.services.digests.making import digest_of, run_to_tell
 from app.services.digests.telling import as_text
 from app.services.plant import changes, worst
 from app.services.plant.loop_verdicts import loop_health

@@ -11,7 +11,7 @@ from app.services import loops
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.plant import changes, loop_verdicts, reliability
 from app.services.plant.nights import nights
 from app.services.stating import notes, properties

@@ -11,7 +11,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html, as_text
 from app.services.plant import changes
 from app.services.plant.judged import judged, to_manual

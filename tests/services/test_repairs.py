@@ -12,7 +12,7 @@ from app.engine.judgement import PV_STANDS
 from app.engine.simulate import LinearValve, LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend
-from app.services.digests import digest, telling
+from app.services.digests import making, telling
 from app.services.moments import ns_of
 from app.services.plant import before_after, loop_verdicts, reliability, repaired
 from app.services.plant.before_after import compared
@@ -163,7 +163,7 @@ def test_a_repair_that_helped_is_told_as_such(backend: Backend, arrives, night: 
     arrives(2880)
     run = night()["audit_id"]
     assert fortnight(backend, monkeypatch) == [("FIC1", "helped", "stiction", "no_stiction", True)]
-    told = digest.digest_of(backend, run)
+    told = making.digest_of(backend, run)
     line = "FIC1, repaired 2026-03-01 08:00: helped; before: valve sticks, since: no stiction ("
     assert line in telling.as_text(told)
     assert "Repairs of the last fortnight" in telling.as_html(told)

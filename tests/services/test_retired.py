@@ -12,7 +12,7 @@ from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import announce_explanations, nightly, refuse_empty
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of, run_to_tell
+from app.services.digests.making import digest_of, run_to_tell
 from app.services.digests.telling import as_text
 from app.services.loops import get_loop, list_loops
 from app.services.moments import ns_of

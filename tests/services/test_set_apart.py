@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy import update
 
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.telling import subject
 from app.services.plant import reliability
 from app.services.plant.course import course

@@ -9,7 +9,7 @@ from sqlalchemy import insert, update
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.telling import as_text
 from app.services.moments import ns_of
 from app.services.plant import worst

@@ -14,7 +14,8 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.unanswered import of_lines, of_plant
 from app.services.backend import Backend
-from app.services.digests.digest import Digest, digest_of
+from app.services.digests.digest import Digest
+from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html, as_json, as_text
 from app.services.loops import find
 from app.services.plant.changes import changes

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, insert, select
 
 from app.engine.codes import UNANSWERED
 from app.services.backend import Backend
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.plant import reliability
 from app.services.plant.arrivals import NOTHING_NEW, arrivals
 from app.services.plant.judged import judged

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import expect
 
 from app.main import create_app
-from app.services.digests.digest import digest_of, run_to_tell
+from app.services.digests.making import digest_of, run_to_tell
 from app.services.digests.telling import as_html, as_text, subject
 from app.services.reports.documents import loop_report
 from app.services.stating.notes import list_notes

@@ -8,7 +8,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.warming import warm_up
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html
 from tests.services.standing_plant import stored
 from tests.web.conftest import HOSTILE, NARROW, Pages, seen

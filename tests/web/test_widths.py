@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.services.auditing.audits import list_audits
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html
 from app.services.plant.judged import Judged
 from app.services.plant.nights import Night as Mark

@@ -20,8 +20,9 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.backend import Backend
 from app.services.cursors import identifier
-from app.services.digests.digest import Digest, digest_of, ended_run
+from app.services.digests.digest import Digest
 from app.services.digests.mailing import send_mail
+from app.services.digests.making import digest_of, ended_run
 from app.services.digests.sending import Mail, NotSentError, Post, shown
 from app.services.digests.telling import as_html, as_json, as_text, subject
 from app.services.digests.webhooks import checked_address, send_webhook

@@ -19,7 +19,8 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries
-from app.services.digests.digest import Digest, digest_of, run_to_tell
+from app.services.digests.digest import Digest
+from app.services.digests.making import digest_of, run_to_tell
 from app.services.upkeep import doctor
 from app.services.upkeep.sweep import sweep
 from app.storage.tables import audits

@@ -12,8 +12,9 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests import deliveries, mailing
-from app.services.digests.digest import Digest, digest_of, run_to_tell
+from app.services.digests.digest import Digest
 from app.services.digests.doings import Doing, doings
+from app.services.digests.making import digest_of, run_to_tell
 from app.services.digests.telling import as_html, as_json, as_text, subject
 from app.services.plant.work_list import Work
 from app.services.reports.documents import plant_report
@@ -180,7 +181,7 @@ def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None
 def test_what_is_newly_said_to_stick_never_falls_off_the_lists(
     backend: Backend, night: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.services.digests.digest.CHANGES", 0)
+    monkeypatch.setattr("app.services.digests.making.CHANGES", 0)
     found = digest_of(backend, night)
     new = found.new_besides
     assert "A1" in new
@@ -213,7 +214,7 @@ def test_a_large_plant_is_told_how_many_are_not_listed_and_of_all_that_is_new(
             mine = (verdicts.c.audit_id == int(night), verdicts.c.loop_id == ids[tag])
             connection.execute(update(verdicts).where(*mine).values(**values))
     assert digest_of(backend, night).unlisted.words == ""
-    monkeypatch.setattr("app.services.digests.digest.ALL_WORK", 1)
+    monkeypatch.setattr("app.services.digests.making.ALL_WORK", 1)
     found = digest_of(backend, night)
     assert [one.loop for one in found.work] == [HOSTILE, "A1"]  # the one that weighs least is new
     assert (found.unlisted.reliable, found.unlisted.unsure, found.unlisted.unanswered) == (1, 1, 0)

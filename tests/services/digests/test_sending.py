@@ -14,7 +14,7 @@ from sqlalchemy import update
 from app.services.access.trail import list_trail
 from app.services.backend import Backend
 from app.services.digests import deliveries, webhooks
-from app.services.digests.digest import digest_of
+from app.services.digests.making import digest_of
 from app.services.digests.sending import NotSentError, Post, shown
 from app.services.upkeep import doctor
 from app.services.upkeep.sweep import sweep

@@ -1,0 +1,245 @@
+"""The digest of a run: read from the tables, and put into words."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from itertools import groupby
+
+from sqlalchemy import Connection
+
+from app.errors import RequestError
+from app.services.addresses import loop_address
+from app.services.audit_json.rows import TIMES, sampled
+from app.services.auditing.audits import get_audit
+from app.services.backend import Backend
+from app.services.cursors import identifier
+from app.services.digests.digest import NOTHING_CHANGED, Area, Changed, Digest, DigestLoop, Unlisted
+from app.services.moments import PlantClock, iso_utc, moment_of
+from app.services.plant.arrivals import arrivals
+from app.services.plant.changes import TOLD_FIRST, change_of, for_all, kind_of, second_night
+from app.services.plant.judged import Judged, ToManual, judged, to_manual
+from app.services.plant.overview import cause_of_refusal, tally
+from app.services.plant.repaired import Repairs, repairs
+from app.services.plant.silent import of_run
+from app.services.plant.stood_together import AsOne, as_one
+from app.services.plant.told_until import notes_until, run_to_work_by
+from app.services.plant.work_list import Work, work_list
+from app.services.recency import LATE, OLD_FROM
+from app.services.results import AuditView
+from app.services.stating.shelving import Shelf, shelf
+from app.services.telling.naming import one_line
+from app.services.telling.reasons import reasons_of
+from app.services.telling.repair_sides import of_before
+from app.services.telling.wording import PRIOR_ONLY, VERDICT_WORDS, codes_in
+from app.storage import digests, notes, plant, set_apart
+from app.storage.digests import ComplaintRow, CountRow, RefusedRow, ToBeDone
+from app.storage.set_apart import SetApart
+
+TOP = 5
+CHANGES = 30
+ALL_WORK = 200
+LONGEST_WHY = 200
+
+
+def run_to_tell(backend: Backend) -> str:
+    """As `run_to_work_by`. Raises RequestError("no_run")."""
+    with backend.database.read() as connection:
+        number = run_to_work_by(connection)
+    if number is None:
+        raise RequestError("no_run", "no audit has ended yet; `loopaudit nightly` runs one")
+    return str(number)
+
+
+def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> Changed:
+    """Those that are newly said to stick are told whatever else changed; what wavers comes last. Of loops that came to
+    stand together and changed the change of the weightiest is told."""
+    found = digests.changed_of(connection, number)
+    again = {one.loop: one for one in second_night(plant.second_nights(connection, number, CHANGES), found, clock)}
+    kinds = {row.tag: kind_of(row) for row in found} | {tag: one.kind for tag, one in again.items()}
+    changed = together.among(kinds)
+    others = changed.others
+    tags = sorted((tag for tag in kinds if tag not in others), key=lambda tag: TOLD_FIRST[kinds[tag]])
+    listed, besides = tags[:CHANGES], tags[CHANGES:]
+    rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
+    told = {row.tag: for_all(change_of(row, clock), changed) for row in rows} | again
+    new_besides = [tag for tag in besides if kinds[tag] == "new"]
+    shown = [told[tag] for tag in listed if tag in told]
+    return Changed(shown, new_besides, len(besides) + len(others) - len(new_besides))
+
+
+def ended_run(backend: Backend, audit_id: str) -> AuditView:
+    """The run, where it has a digest. Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
+    run = get_audit(backend, audit_id)
+    if not run.ended:
+        raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
+    return run
+
+
+def digest_of(backend: Backend, audit_id: str) -> Digest:
+    """Raises as `ended_run`."""
+    return _made(_read(backend, ended_run(backend, audit_id)), backend.clock)
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What a digest is made of. of_time, repaired_at: by tag, of those of `worst` and `old`."""
+
+    plant: str
+    url: str
+    run: AuditView
+    since_ns: int | None
+    arrivals: list[str]
+    shelf: Shelf
+    compared: bool
+    changed: Changed
+    counted: list[CountRow]
+    apart: list[SetApart]
+    worst: list[ComplaintRow]
+    old: list[ComplaintRow]
+    of_time: dict[str, Judged]
+    repaired_at: dict[str, str | None]
+    not_auditable: list[RefusedRow]
+    to_be_done: list[ToBeDone]
+    retired: int
+    work: list[Work]
+    to_manual: list[ToManual]
+    repairs: Repairs
+
+
+def _read(backend: Backend, run: AuditView) -> _Read:
+    number, began = identifier(run.id), datetime.fromisoformat(run.created_at)
+    reach = arrivals(backend, number, began)
+    since_ns = reach.current_ns
+    with backend.database.read() as connection:
+        until = notes_until(connection, number)
+    shelved = shelf(backend, number, until)
+    together = as_one(backend, shelved, number, since_ns)
+    left_out = (*shelved.left_out, *together.left_out)
+    with backend.database.read() as connection:
+        counted = digests.counts_of(connection, number)
+        apart = set_apart.of_run(connection, number, OLD_FROM, until)
+        worst = digests.worst_of_units(connection, number, TOP, since_ns, left_out)
+        old = digests.worst_of_old(connection, number, TOP, since_ns, left_out)
+        retired = digests.retired_since(connection, number)
+        not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
+        # In a plant's first run every verdict is new: that is no news.
+        compared = plant.any_run_before(connection, number)
+        changed = _changed(connection, number, backend.clock, together) if compared else NOTHING_CHANGED
+        to_be_done = digests.to_be_done(connection, number, since_ns, left_out)
+        tags = [row.tag for row in [*worst, *old]]
+        written = notes.standing(connection, tags, until)
+    besides = sorted(changed.new)
+    return _Read(
+        plant=backend.settings.plant,
+        url=backend.settings.public_url,
+        run=run,
+        since_ns=since_ns,
+        arrivals=of_run(backend, number, began, reach),
+        shelf=shelved,
+        compared=compared,
+        changed=changed,
+        counted=counted,
+        apart=apart,
+        worst=worst,
+        old=old,
+        of_time=judged(backend, tags, number),
+        repaired_at={tag: iso_utc(one.repaired_at) for tag, one in written.items()},
+        not_auditable=not_auditable,
+        to_be_done=to_be_done,
+        retired=retired,
+        work=work_list(backend, shelved, number, since_ns, ALL_WORK, until, besides),
+        to_manual=to_manual(backend, number) if compared else [],
+        repairs=repairs(backend, number, until),
+    )
+
+
+def _made(read: _Read, clock: PlantClock) -> Digest:
+    told, all_the_same = tally(read.counted, read.apart), read.shelf.by_tag()
+    refused_loops: dict[str, list[str]] = {}
+    for row in read.not_auditable:
+        refused_loops.setdefault(cause_of_refusal(row.likely_cause), []).append(row.tag)
+
+    def loop_of(row: ComplaintRow) -> DigestLoop:
+        found = (read.of_time.get(row.tag), all_the_same.get(row.tag))
+        words = [one.words(clock) if one else "" for one in found]
+        times = {name: iso_utc(getattr(row, name)) for name in TIMES} | {"input_end": sampled(row.input_end_ns)}
+        before = of_before({**row._asdict(), **times}, read.repaired_at.get(row.tag))
+        return replace(_loop(row, read.url, *words), of_before_repair=before)
+
+    return Digest(
+        plant=read.plant,
+        run=read.run,
+        verdicts=told.verdicts,
+        refused=told.refused,
+        refused_loops=refused_loops,
+        arrivals=read.arrivals,
+        work=read.work,
+        unlisted=_unlisted(read.to_be_done, read.work),
+        areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(read.worst, lambda row: row.unit)],
+        old=[_of_old_record(loop_of(row), row.input_end_ns) for row in read.old],
+        changed=read.changed,
+        to_manual=_manual_words(read.to_manual, clock),
+        repairs=read.repairs.listed,
+        more_repairs=read.repairs.more,
+        shelf=read.shelf,
+        compared=read.compared,
+        public_url=read.url,
+        clock=clock,
+        retired=read.retired,
+        why_old=_why_old(read.since_ns, clock) if read.old else "",
+        reliable=told.sticking,
+    )
+
+
+def _manual_words(found: Sequence[ToManual], clock: PlantClock) -> list[str]:
+    return [
+        f"{one_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is of "
+        f"before: {one.judged.words(clock)}"
+        for one in found[:CHANGES]
+    ]
+
+
+def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop:
+    return DigestLoop(
+        loop=row.tag,
+        verdict=row.verdict,
+        reliability=row.reliability,
+        stiction_probability=row.stiction_probability,
+        likely_cause=row.likely_cause,
+        health=row.health,
+        importance=row.importance,
+        why=reasons_of(row._asdict())[0][:LONGEST_WHY],
+        address=loop_address(url, row.tag),
+        judged=of_time,
+        measured=PRIOR_ONLY not in codes_in(row.reasons),
+        shelved=shelved,
+    )
+
+
+def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
+    return replace(loop, recorded_to=sampled(newest_ns), of_old_record=True)
+
+
+def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:
+    counted, listed = Counter[str](), Counter(_counted_as(one.verdict, one.reliability) for one in work)
+    for row in to_be_done:
+        counted[_counted_as(row.verdict, row.reliability)] += row.loops
+    return Unlisted(**(counted - listed))
+
+
+def _counted_as(verdict: str, reliability: str) -> str:
+    """Of what there is something to do about: where the valve is not said to stick, PV does not answer OP."""
+    if verdict != "stiction":
+        return "unanswered"
+    return "reliable" if reliability == "reliable" else "unsure"
+
+
+def _why_old(since_ns: int | None, clock: PlantClock) -> str:
+    """Since when they are old, and why they have a list of their own."""
+    if since_ns is None:
+        return ""
+    return (
+        f"no sample since {clock.told_at(moment_of(since_ns))}, {LATE.days} days before the newest of the plant, or "
+        "without a date; what is said of them is of then"
+    )
