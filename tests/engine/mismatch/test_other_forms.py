@@ -96,8 +96,9 @@ def test_the_forms_of_one_signal_take_no_name_of_another() -> None:
     assert len(names) == len(set(names)) == 4
 
 
-def test_lags_in_a_row_are_no_sure_inverse_response() -> None:
-    said = explain(loop(7, further=2))
+@pytest.mark.parametrize("further", [2, 3])
+def test_lags_in_a_row_are_no_sure_inverse_response(further: int) -> None:
+    said = explain(loop(7, further=further))
     assert first(said) & {"process.extra_lag", "sensor.lag"}
 
 

@@ -60,8 +60,8 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
         return ()
     if final.record.op_follows_pv:
         return stands_still(final) if all(part.block.place in ANSWERING for part in final.parts) else ()
-    parts = [part.block for part in final.parts if part.block.place in ANSWERING]
-    least = LEAST_ANSWER + sum(block.penalty for block in parts)  # which a search among such names adds by chance
+    by_chance = sum(part.block.penalty for part in final.parts if part.block.place in ANSWERING)
+    least = LEAST_ANSWER + by_chance  # a search among names that answer OP finds as much in any OP
     told = told_by_op(final, least)
     if told >= least:
         return ()

@@ -113,9 +113,10 @@ def follows(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolA
     beside the PV of any loop: of what it leaves, PV has to explain half.
     """
     left = 1.0 - identify_law(sp, pv, op, usable).explained
-    if left > MOST_LEFT or sp is None:
+    if sp is None or left > MOST_LEFT:
         return left <= MOST_LEFT
-    return left <= LEFT_BY_PV * (1.0 - identify_law(sp, np.full_like(pv, np.mean(pv)), op, usable).explained)
+    by_sp = identify_law(sp, np.full_like(pv, np.mean(pv)), op, usable).explained
+    return left <= LEFT_BY_PV * (1.0 - by_sp)
 
 
 def fed_back(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray) -> bool:
