@@ -157,8 +157,8 @@ class FrictionValve(Valve):
 
 
 @dataclass
-class Backlash(Valve):
-    """A play operator, its two half gaps not quite alike."""
+class OtherDownwards(Valve):
+    """A stem with a size up and another one down."""
 
     up: float
     down: float
@@ -167,6 +167,11 @@ class Backlash(Valve):
     @property
     def sizes(self) -> dict[str, float]:
         return {"band": self.up + self.down}
+
+
+@dataclass
+class Backlash(OtherDownwards):
+    """A play operator, its two half gaps not quite alike."""
 
     def step(self, u: float) -> float:
         if self.x is None:
@@ -176,16 +181,8 @@ class Backlash(Valve):
 
 
 @dataclass
-class SlewValve(Valve):
+class SlewValve(OtherDownwards):
     """Opens and closes at its own rates (OP a sample)."""
-
-    up: float
-    down: float
-    x: float | None = None
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        return {"band": self.up + self.down}
 
     def step(self, u: float) -> float:
         if self.x is None:

@@ -1,11 +1,36 @@
-"""A limit with a rounded corner, of a valve or of a sensor."""
+"""A limit of a valve or of a sensor, its corner sharp or rounded over a width."""
+
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 
-from app.engine.recording import FloatArray
+from app.engine.mismatch.loop.block import Context
+from app.engine.recording import BoolArray, FloatArray
 
 STRAIGHT = 40.0  # so many widths from the corner nothing of it is left: exp(-40) is less than rounding
+
+
+def limited_at(sign: float) -> Callable[[FloatArray, FloatArray, Context], FloatArray]:
+    """What lets a signal (N,) go no farther up (down, for sign -1) than its first value, the corner rounded over its
+    second, in unit of the signal, where it has one.
+    """
+
+    def apply(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+        if len(values) > 1:
+            return rounded(signal, values[0], values[1], sign)
+        return sign * np.minimum(sign * signal, sign * values[0])
+
+    return apply
+
+
+def beyond_limit(sign: float) -> Callable[[FloatArray, FloatArray, Context], BoolArray]:
+    """Where a signal (N,) wants to go farther than that."""
+
+    def active(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
+        return sign * signal > sign * values[0]
+
+    return active
 
 
 def rounded(signal: FloatArray, limit: float, width: float, sign: float) -> FloatArray:

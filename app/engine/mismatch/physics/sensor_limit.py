@@ -3,8 +3,8 @@
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter
-from app.engine.mismatch.physics.corners import rounded
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.mismatch.physics.corners import beyond_limit, limited_at
+from app.engine.recording import FloatArray
 
 
 def _block(sign: float, soft: bool) -> Block:
@@ -20,14 +20,6 @@ def _block(sign: float, soft: bool) -> Block:
             return np.array([(v, w * context.record.pv_span) for v in levels[::2] for w in (0.03, 0.1)])
         return levels[:, None]
 
-    def apply(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-        if soft:
-            return rounded(signal, values[0], values[1], sign)
-        return sign * np.minimum(sign * signal, sign * values[0])
-
-    def active(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
-        return sign * signal > sign * values[0]
-
     side = "high" if sign > 0 else "low"
     return Block(
         "sensor.saturation",
@@ -36,8 +28,8 @@ def _block(sign: float, soft: bool) -> Block:
         "above a PV limit" if sign > 0 else "below a PV limit",
         parameters,
         starts,
-        apply=apply,
-        active=active,
+        apply=limited_at(sign),
+        active=beyond_limit(sign),
         form=side + ("-soft" if soft else ""),
         penalty=17.0 if soft else 15.0,
     )

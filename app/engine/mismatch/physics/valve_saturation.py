@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
-from app.engine.mismatch.physics.corners import rounded
+from app.engine.mismatch.physics.corners import beyond_limit, limited_at
 from app.engine.recording import BoolArray, FloatArray
 
 LEAST_WAY = 0.05
@@ -42,14 +42,6 @@ def _block(sign: float, soft: bool) -> Block:
             return grid(levels(context, sign, 10), context.record.op_span * np.array([0.02, 0.06, 0.15]))
         return levels(context, sign, 20)[:, None]
 
-    def apply(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-        if soft:
-            return rounded(signal, values[0], values[1], sign)
-        return sign * np.minimum(sign * signal, sign * values[0])
-
-    def active(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
-        return sign * signal > sign * values[0]
-
     side = "high" if sign > 0 else "low"
     condition = f"{'above' if sign > 0 else 'below'} an OP limit"
     return Block(
@@ -59,8 +51,8 @@ def _block(sign: float, soft: bool) -> Block:
         condition,
         parameters,
         starts,
-        apply=apply,
-        active=active,
+        apply=limited_at(sign),
+        active=beyond_limit(sign),
         form=side + ("-soft" if soft else ""),
         penalty=17.0 if soft else 14.0,
     )
