@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Query
 from fastapi.responses import HTMLResponse
+from pydantic import BaseModel, StringConstraints
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from app.errors import FieldError, NotFoundError, RequestError
@@ -41,7 +42,7 @@ ANSWERS = {"": None, "yes": True, "no": False}
 
 
 @dataclass(frozen=True)
-class Typed:
+class TypedNote:
     """What stands in the form of a note, and why it was not taken."""
 
     text: str = ""
@@ -51,7 +52,7 @@ class Typed:
     refused: str | None = None
 
 
-NOTHING_TYPED = Typed()
+NO_NOTE_TYPED = TypedNote()
 
 SPANS = ("pv_low", "pv_high", "op_low", "op_high")
 LONGEST_FIELD = 2 * properties.LONGEST_WORDS  # as typed; what is too long to be kept is told at its field
@@ -68,7 +69,27 @@ class Settings:
     overtaken: bool = False
 
 
-Field = Annotated[str, Form(max_length=LONGEST_FIELD)]
+Line = Annotated[str, StringConstraints(max_length=LONGEST_FIELD)]
+
+
+class TypedSettings(BaseModel):
+    """What a browser sends of that form."""
+
+    importance: Line = ""
+    unit: Line = ""
+    type: Line = ""
+    description: Line = ""
+    owner: Line = ""
+    pv_unit: Line = ""
+    pv_low: Line = ""
+    pv_high: Line = ""
+    op_low: Line = ""
+    op_high: Line = ""
+    moves_valve: Literal["", "yes", "no"] = ""
+    retired: Literal["", "yes"] = ""
+    continues: Line = ""
+    version: Line = ""
+
 
 router = APIRouter()
 
@@ -94,7 +115,7 @@ def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
 
 
 def _loop_page(
-    backend: Backend, tag: str, typed: Typed = NOTHING_TYPED, settings: Settings | None = None
+    backend: Backend, tag: str, typed: TypedNote = NO_NOTE_TYPED, settings: Settings | None = None
 ) -> HTMLResponse:
     row, shelved = loops.find(backend, tag), shelf(backend)
     found = loops.view_of(row)
@@ -153,7 +174,7 @@ def note(
         until = instant(backend.clock, shelved_until, "until which the loop is shelved")
         notes.add_note(backend, tag, text, work_order, instant(backend.clock, repaired_at), caller.who, until)
     except RequestError as error:
-        page_again = _loop_page(backend, tag, Typed(text, work_order, repaired_at, shelved_until, error.message))
+        page_again = _loop_page(backend, tag, TypedNote(text, work_order, repaired_at, shelved_until, error.message))
         page_again.status_code = BAD_REQUEST
         return page_again
     return back_to(tag, "notes")
@@ -172,41 +193,23 @@ def unshelve(backend: Services, caller: Caller, tag: LoopTag, note_id: Identifie
 
 
 @router.post("/loops/{tag:path}/continues")
-def continues(backend: Services, tag: LoopTag, earlier: Field = "") -> RedirectResponse:
+def continues(backend: Services, tag: LoopTag, earlier: Annotated[Line, Form()] = "") -> RedirectResponse:
     """What the page offers where the loop may be another one under a new tag."""
     properties.patch_loop(backend, tag, {"continues": earlier})
     return back_to(tag, "settings")
 
 
 @router.post("/loops/{tag:path}/settings")
-def settings(
-    backend: Services,
-    tag: LoopTag,
-    importance: Field = "",
-    unit: Field = "",
-    type: Field = "",
-    description: Field = "",
-    owner: Field = "",
-    pv_unit: Field = "",
-    pv_low: Field = "",
-    pv_high: Field = "",
-    op_low: Field = "",
-    op_high: Field = "",
-    moves_valve: Annotated[Literal["", "yes", "no"], Form()] = "",
-    retired: Annotated[Literal["", "yes"], Form()] = "",
-    continues: Field = "",
-    version: Field = "",
-) -> Response:
-    words = {"unit": unit, "type": type, "description": description, "owner": owner}
-    words |= {"pv_unit": pv_unit, "continues": continues}
-    spans = {"pv_low": pv_low, "pv_high": pv_high, "op_low": op_low, "op_high": op_high}
-    numbers, wrong = _numbers({"importance": importance, **spans})
-    stated = {"moves_valve": ANSWERS[moves_valve], "retired": retired == "yes"}
+def settings(backend: Services, tag: LoopTag, typed: Annotated[TypedSettings, Form()]) -> Response:
+    numbers, wrong = _numbers(typed.model_dump(include={"importance", *SPANS}))
+    stated = {"moves_valve": ANSWERS[typed.moves_valve], "retired": typed.retired == "yes"}
     overtaken = False
-    only_if = (lambda view: _as_set(view).version == version) if version else None
+    only_if = (lambda view: _as_set(view).version == typed.version) if typed.version else None
     try:
         if not wrong:
-            properties.patch_loop(backend, tag, {**words, **numbers, **stated}, only_if)
+            properties.patch_loop(
+                backend, tag, {**typed.model_dump(include={*properties.WORDS}), **numbers, **stated}, only_if
+            )
     except FieldError as error:
         wrong[error.field] = error.message
     except RequestError as error:
@@ -215,9 +218,10 @@ def settings(
         overtaken = True
     if not (wrong or overtaken):
         return back_to(tag, "settings")
-    typed = {"importance": importance, **words, **spans, "moves_valve": moves_valve, "retired": retired}
-    kept = "" if overtaken else version
-    page_again = _loop_page(backend, tag, settings=Settings(typed, wrong, kept, overtaken))
+    kept = "" if overtaken else typed.version
+    page_again = _loop_page(
+        backend, tag, settings=Settings(typed.model_dump(exclude={"version"}), wrong, kept, overtaken)
+    )
     page_again.status_code = CONFLICT if overtaken else BAD_REQUEST
     return page_again
 

@@ -30,7 +30,7 @@ FIELDS = 10
 
 
 @dataclass(frozen=True)
-class Typed:
+class TypedMapping:
     """What stands in the form of a mapping, and why it was not taken."""
 
     mapping: str = "tag,loop,signal\n"
@@ -38,7 +38,7 @@ class Typed:
     refused: str | None = None
 
 
-NOTHING_TYPED = Typed()
+NO_MAPPING_TYPED = TypedMapping()
 
 router = APIRouter()
 
@@ -61,7 +61,7 @@ def upload(backend: Services, upload_id: Identifier) -> HTMLResponse:
     return _upload_page(backend, upload_id)
 
 
-def _upload_page(backend: Backend, upload_id: str, typed: Typed = NOTHING_TYPED) -> HTMLResponse:
+def _upload_page(backend: Backend, upload_id: str, typed: TypedMapping = NO_MAPPING_TYPED) -> HTMLResponse:
     found = service.get_upload(backend, upload_id)
     in_service = service.loops_in_service(backend, found)
     audited = service.audited_since(backend, found)
@@ -82,7 +82,7 @@ async def read_again(request: Request, backend: Services, caller: Caller, upload
         except (DataError, RequestError) as error:
             if isinstance(error, NotFoundError):
                 raise
-            typed = Typed(mapping.decode("utf-8", "replace"), keep, error.message)
+            typed = TypedMapping(mapping.decode("utf-8", "replace"), keep, error.message)
             page_again = await run_in_threadpool(_upload_page, backend, upload_id, typed)
             page_again.status_code = status_of(error)
             return page_again
