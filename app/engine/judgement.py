@@ -24,6 +24,9 @@ OWN_CYCLE: ReasonCode = "own_cycle"
 FOREIGN_CYCLE: ReasonCode = "foreign_cycle"
 """The reasons that a cycle is the valve's, by what its stem tells of PV, and that it may be made elsewhere."""
 
+OUTSIDE_CORNERS: ReasonCode = "outside_corners"
+"""The reason that PV turns by itself, and not where OP has gone far enough: what shapes it may be outside."""
+
 LINEAR_LOOK_ALIKES: ReasonCode = "linear_look_alikes"
 """The reason that shapes which look sticky are not told from those of a linear loop under a load that wanders."""
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from app.engine.causality.outside_corners import OutsideCorners
 from app.engine.evidence import Finding, Measured
 from app.engine.fitness import Fitness, assess, with_cycles
 from app.engine.judgement import Judgement
@@ -96,6 +97,15 @@ def test_shapes_however_sticky_are_compared_with_a_linear_loop(evidence, monkeyp
     monkeypatch.setattr(judging, "look_alikes", lambda *_: LookAlikes(chance, 5))
     config = VerdictConfig(reliable_own_cycle_from=0.65, sure_stiction_from=0.65)
     assert doubts(evidence.judged(probability, config=config)) == doubted
+
+
+@pytest.mark.parametrize(("ratio", "doubted"), [(1.49, ["outside_corners"]), (1.5, [])])
+def test_what_turns_by_itself_is_not_relied_on(evidence, monkeypatch, ratio, doubted):
+    monkeypatch.setattr(judging, "outside_corners", lambda *_: OutsideCorners(ratio, 1.0))
+    said = evidence.judged(0.7)
+    assert said.verdict == "stiction"
+    assert doubts(said) == doubted
+    assert said.reliability == ("not_reliable" if doubted else "reliable")
 
 
 def test_what_is_doubted_already_is_not_compared_with_a_linear_loop(evidence):

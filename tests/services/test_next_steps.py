@@ -144,6 +144,7 @@ def test_a_band_is_looked_for_at_the_valve_unless_a_nearer_cause_is_named(cause,
 def test_a_swing_that_no_valve_makes_is_looked_for_elsewhere():
     row = row_of("stiction", "not_reliable", "stiction")
     assert next_step(row | {"reasons": "foreign_cycle"}) == Ask.MAY_BE_SHAKEN
+    assert next_step(row | {"reasons": "outside_corners"}) == Ask.MAY_BE_SHAKEN
     assert next_step(row | {"reasons": "foreign_cycle;stiction_began"}) == Ask.BEGAN_TO_STICK
     assert "foreign_cycle" in REASON_WORDS
 

@@ -62,7 +62,7 @@ def test_a_loop_that_another_may_shake_is_not_said_to_be_moved_by_none(verdict, 
 @pytest.mark.parametrize(
     ("code", "point"),
     [("few_cycles", "length"), ("uncoupled", "PV and OP"), ("evidence_not_clear", "shapes"),
-     ("linear_look_alikes", "shapes"), ("filled_share", "record"),
+     ("linear_look_alikes", "shapes"), ("outside_corners", "PV and OP"), ("filled_share", "record"),
      ("shaken_by_neighbour", "other loops"), ("before_repair", "time"), ("disturbance", "other explanations")],
 )  # fmt: skip
 def test_what_takes_the_reliability_is_crossed(code, point):

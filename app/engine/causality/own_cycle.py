@@ -72,9 +72,8 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
     if moving is None:
         return OwnCycle()
     period = max(period_s / moving.sampling_interval_s, 2.0)
-    share = _in_a_cycle(moving.op, period) / usual_range(moving.op)
-    moved = np.vstack([stems(moving.op, share * np.array(SHARES), jump) for jump in JUMPS])
-    turned, beyond = stems(moving.pv, TURNS, JUMPS[0]), relays(_error(moving), TURNS)
+    moved = cycle_stems(moving.op, period)
+    turned, beyond = turned_stems(moving.pv), relays(_error(moving), TURNS)
     told = (asked.beside(turned).beside(beyond) for asked in asked_of(moving))
     found: list[OwnCycle] = []
     for answer in (_on(one, moved, period) for one in told if not one.known.foretells_all):
@@ -88,6 +87,22 @@ def own_cycle(record: UniformRecord, period_s: float) -> OwnCycle:
         cycles=max((one.cycles for one in found), default=0.0),
         fine=period >= FINE,
     )
+
+
+def cycle_stems(op: FloatArray, period: float) -> FloatArray:
+    """(M, N): where valves that stick for much of what OP (N,) moves in a cycle of so many samples have their stems."""
+    share = in_a_cycle(op, period) / usual_range(op)
+    return np.vstack([stems(op, share * np.array(SHARES), jump) for jump in JUMPS])
+
+
+def turned_stems(pv: FloatArray) -> FloatArray:
+    """(M, N): by how much PV (N,) has itself turned, in the sizes that are tried."""
+    return stems(pv, TURNS, JUMPS[0])
+
+
+def in_a_cycle(op: FloatArray, period: float) -> float:
+    """How far OP mostly moves within so many samples."""
+    return float(np.median(cycle_ranges(op, min(round(period), len(op)))))
 
 
 def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:
@@ -105,8 +120,3 @@ def _error(record: UniformRecord) -> FloatArray:
         return record.pv - record.sp
     left = record.pv if record.sp is None else unlike(record.pv, record.sp)
     return left - np.median(left)
-
-
-def _in_a_cycle(op: FloatArray, period: float) -> float:
-    """How far OP mostly moves within so many samples."""
-    return float(np.median(cycle_ranges(op, min(round(period), len(op)))))

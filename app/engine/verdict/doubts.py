@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.causality.answering import goes_its_own_way
 from app.engine.causality.coupling import strangers_chance, strangers_chance_finely
 from app.engine.causality.hidden_band import HiddenBand
+from app.engine.causality.outside_corners import LEAST_RATIO, OutsideCorners
 from app.engine.causality.own_cycle import OwnCycle
 from app.engine.codes import UNANSWERED, Cause, CheckCode
 from app.engine.evidence import Finding, Measured, Operator, Reason, in_digits, reason_of
@@ -16,6 +17,7 @@ from app.engine.judgement import (
     HIDDEN_BAND,
     LINEAR_LOOK_ALIKES,
     NO_ANSWER,
+    OUTSIDE_CORNERS,
     PV_STANDS,
     UNCOUPLED,
     WOUND_UP,
@@ -57,6 +59,18 @@ def foreign_cycle(own: OwnCycle) -> tuple[Reason, ...]:
         "as it would if the valve made them: what goes to and fro elsewhere makes such shapes too, and has PV stand"
     )
     return (Reason(FOREIGN_CYCLE, text),)
+
+
+def corners_reason(corners: OutsideCorners | None) -> tuple[Reason, ...]:
+    if corners is None or not corners.shown:
+        return ()
+    text = (
+        "PV turns as by what it did itself, of which the stem of a valve that OP moves tells "
+        f"{corners.stem_over_turns:.2g} times as much; the times between the turns of OP are spread "
+        f"{corners.time_over_travel:.2g} times as much as its travels: a valve that sticks lets go by OP's travel, "
+        "what goes to and fro elsewhere by its own time"
+    )
+    return (Reason(OUTSIDE_CORNERS, text, Measured(corners.ratio, ">=", LEAST_RATIO)),)
 
 
 def doubts(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from app.engine.causality.hidden_band import hidden_band
+from app.engine.causality.outside_corners import outside_corners
 from app.engine.causality.own_cycle import OwnCycle, could_be_missed, own_cycle
 from app.engine.codes import Cause
 from app.engine.corroborate import corroborate
@@ -17,6 +18,7 @@ from app.engine.verdict.doubts import (
     Lost,
     alike_reason,
     band_reason,
+    corners_reason,
     data_doubts,
     doubts,
     foreign_cycle,
@@ -71,10 +73,8 @@ def conclude(
         *data_doubts(weighing, fitness, config),
     )
     foreign = foreign_cycle(own)
-    likely = verdict == "stiction" and probability < config.unlike_linear_from
-    if likely and not (own.shown or lost or unrelated or foreign or doubted):
-        # Dear, so that it is asked of what would be relied on, and where no stem has told it already.
-        doubted = alike_reason(look_alikes(fitness.audited, oscillation, weighing.log_odds_by_shapes, model))
+    if verdict == "stiction" and not (own.shown or lost or unrelated or foreign or doubted):
+        doubted = _dear_doubts(weighing, oscillation, fitness, config, model)
     reliability: Reliability = "not_reliable" if lost or unrelated or foreign or doubted else "reliable"
     first = (*([lost.reason] if lost else []), *unrelated, *foreign)
     reasons = (
@@ -113,6 +113,19 @@ def _own(
     if probability >= config.sure_stiction_from and not could_be_missed(record):
         return OwnCycle()
     return own_cycle(record, period_s)
+
+
+def _dear_doubts(
+    weighing: Weighing, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig, model: ShapeModel
+) -> tuple[Reason, ...]:
+    """Asked of what would be relied on, where no stem has told it already: chance, then corners from elsewhere."""
+    if weighing.probability < config.unlike_linear_from:
+        alike = alike_reason(look_alikes(fitness.audited, oscillation, weighing.log_odds_by_shapes, model))
+        if alike:
+            return alike
+    if oscillation.period_s is None:
+        return ()
+    return corners_reason(outside_corners(fitness.looked_at, oscillation.period_s))
 
 
 def _cause(weighing: Weighing, verdict: Verdict) -> Cause | None:

@@ -7,7 +7,16 @@ from enum import StrEnum
 from typing import Any
 
 from app.engine.codes import UNANSWERED, Cause, ReasonCode
-from app.engine.judgement import ANSWERS_NO_MORE, FOREIGN_CYCLE, HIDDEN_BAND, NO_ANSWER, PV_STANDS, UNCOUPLED, WOUND_UP
+from app.engine.judgement import (
+    ANSWERS_NO_MORE,
+    FOREIGN_CYCLE,
+    HIDDEN_BAND,
+    NO_ANSWER,
+    OUTSIDE_CORNERS,
+    PV_STANDS,
+    UNCOUPLED,
+    WOUND_UP,
+)
 from app.engine.long_records.episodes import BEGAN
 from app.engine.verdict.config import VerdictConfig
 from app.services.moments import PlantClock
@@ -303,7 +312,7 @@ def _by_verdict(row: Mapping[str, Any], reasons: Sequence[str]) -> Ask:
     if BEGAN in reasons:
         return Ask.BEGAN_TO_STICK
     if row["verdict"] == "stiction":
-        return Ask.MAY_BE_SHAKEN if FOREIGN_CYCLE in reasons else Ask.MAY_STICK
+        return Ask.MAY_BE_SHAKEN if {FOREIGN_CYCLE, OUTSIDE_CORNERS} & set(reasons) else Ask.MAY_STICK
     if row["verdict"] == "inconclusive" and UNCOUPLED in reasons:
         return Ask.UNRELATED
     if NO_ANSWER in reasons:
@@ -338,7 +347,7 @@ MOST_MET = (
     ("cannot tell, and no cause is named", Ask.CANNOT_TELL),
 )
 OF_STICTION = (
-    ("PV does not move as it would if the valve made the swing", Ask.MAY_BE_SHAKEN),
+    ("PV does not move as it would if the valve made the swing, or turns by itself", Ask.MAY_BE_SHAKEN),
     ("a neighbour may shake it", Ask.SHAKEN),
     ("look first, but it sticks up to the end of the record", Ask.BEGAN_TO_STICK),
 )

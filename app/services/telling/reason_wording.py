@@ -49,6 +49,7 @@ _DOUBTS = {
     "no_answer": "PV shows no answer to OP: a valve that stands fast looks the same, whatever the shapes say.",
     "hidden_band": "PV goes as behind a valve with a band: it may stick, or have play, whatever the shapes say.",
     "foreign_cycle": "PV does not move as it would if the valve made the swing: it may be made elsewhere.",
+    "outside_corners": "PV turns by itself, not where OP has gone far enough: a load elsewhere may make the corners.",
     "linear_look_alikes": "A loop whose valve does not stick would look as sticky by chance under a wandering load.",
     "wound_up": "OP has come to stand at its limit, as never before, and PV does not come back: is the valve stuck?",
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",

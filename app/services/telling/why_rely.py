@@ -26,6 +26,7 @@ APART: tuple[ReasonCode, ...] = (
     "same_signal",
     "no_answer",
     "foreign_cycle",
+    "outside_corners",
     "hidden_band",
     "pv_stands",
     "wound_up",
