@@ -8,32 +8,19 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from app.engine.audit import audit
 from app.engine.recording import FloatArray, Recording
-from app.lab.testbench.wiring import Lag, Pi, Valve, Wandering
+from app.lab.testbench.wiring import Lag, Level, Pi, Valve, Wandering
 
 Kind = Literal["flow", "filtered flow", "level"]
 KINDS: tuple[Kind, ...] = ("flow", "filtered flow", "level")
 INTERVAL_S, SETTLING = 10.0, 500
 SAMPLES = (600, 1900)  # bounds
 FILTER_S = 100.0
-
-
-@dataclass
-class _Level:
-    """A vessel that integrates what comes in. hold_s: until it has risen by what is put in."""
-
-    hold_s: float
-    _state: float = 0.0
-
-    def after(self, u: float, step_s: float) -> float:
-        self._state += u * step_s / self.hold_s
-        return self._state
 
 
 def record(kind: Kind, seed: int, sticks: bool) -> Recording:
@@ -53,7 +40,7 @@ def _scans(kind: Kind, rng: np.random.Generator, sticks: bool, samples: int) -> 
     delay = 1 + int(rng.uniform(1.0, 8.0))
     S = float(rng.uniform(1.0, 4.0)) if sticks else 0.0
     valve, load = Valve(50.0, S, S), Wandering(rng, 0.15 if sticks else 1.0, float(rng.uniform(50.0, 1200.0)))
-    plant: Lag | _Level = _Level(tau_s / K) if kind == "level" else Lag(K, tau_s, delay)
+    plant: Lag | Level = Level(tau_s / K) if kind == "level" else Lag(K, tau_s, delay)
     gain = float(rng.uniform(0.05, 0.24)) / K * tau_s / (delay * INTERVAL_S + 30.0)
     gain = float(rng.uniform(0.3, 1.2)) * tau_s / (K * Ti_s) if kind == "level" else gain
     pi, noise = Pi(gain, Ti_s, 50.0), float(rng.uniform(0.01, 0.12)) * (0.3 if sticks else 1.0)

@@ -68,6 +68,19 @@ class Lag:
         return self._state
 
 
+@dataclass
+class Level:
+    """A vessel that integrates what comes in. hold_s: until it has risen by what is put in."""
+
+    hold_s: float
+    _state: float = 0.0
+
+    def after(self, u: float, step_s: float) -> float:
+        """PV's deviation one scan later, with u held."""
+        self._state += u * step_s / self.hold_s
+        return self._state
+
+
 class Wandering:
     """A load that wanders about zero. sd: its standard deviation; tau_s: correlation time, s."""
 
