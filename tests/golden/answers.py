@@ -38,12 +38,28 @@ def noise(samples: int) -> list[float]:
     return made
 
 
+def teeth(samples: int) -> list[float]:
+    """A load that builds up for some 100 samples and falls away within 10, no two teeth as high or as long."""
+    made, drawn = [0.0], noise(samples)
+    while len(made) < samples:
+        height, lasts = 12.0 + 8.0 * drawn[len(made)], 100 + round(10.0 * drawn[-len(made)])
+        made += [height * k / lasts for k in range(lasts)] + [height * (1.0 - k / 10.0) for k in range(10)]
+    return made[:samples]
+
+
 def loop(
-    S: float = 0.0, J: float = 0.0, shaken: float = 0.0, samples: int = SAMPLES, sticks_from: int = 0, **known: Any
+    S: float = 0.0,
+    J: float = 0.0,
+    shaken: float = 0.0,
+    samples: int = SAMPLES,
+    sticks_from: int = 0,
+    toothed: bool = False,
+    **known: Any,
 ) -> Recording:
     """A PI loop around a lag with its set point at 50. S, J: of its valve, He's, of OP; shaken: size of what goes up
-    and down every 30 samples in a load, of PV; known: what else a recording has.
+    and down every 30 samples in a load, of PV; toothed: whether it has `teeth`; known: what else a recording has.
     """
+    teeth_ = teeth(samples) if toothed else [0.0] * samples
     pv, op, stem, pushed, integral = [50.0], [50.0], 50.0, 0.0, 50.0
     for t, drawn in enumerate(noise(samples)[1:], 1):
         band, jump = (S, J) if t >= sticks_from else (0.0, 0.0)
@@ -51,7 +67,7 @@ def loop(
         if abs(pushed) > 0.5 * (band + jump):
             left = 0.5 * (band - jump) if pushed > 0.0 else -0.5 * (band - jump)
             stem, pushed = stem + pushed - left, left
-        load = (0.7 if t < 60 else -0.7) + shaken * (abs(t % 30 - 15) / 7.5 - 1.0)
+        load = (0.7 if t < 60 else -0.7) + shaken * (abs(t % 30 - 15) / 7.5 - 1.0) + teeth_[t]
         pv.append(pv[-1] + 0.2 * (stem + load - pv[-1]) + 0.05 * drawn)
         integral += 0.1 * (50.0 - pv[-1])
         op.append(min(max(integral + 0.8 * (50.0 - pv[-1]), 0.0), 100.0))
@@ -79,6 +95,7 @@ RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
     "shaken": lambda: loop(shaken=4.0),
     "shaken and sticks": lambda: loop(S=3.0, J=1.0, shaken=4.0),
+    "under a load in teeth": lambda: loop(toothed=True, samples=1600),
     "quiet": loop,
     "PV stands": stands,
     "irregular": irregular,
