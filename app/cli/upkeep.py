@@ -54,7 +54,8 @@ def show(checks: "list[Check]") -> None:
 def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the backup.")]) -> None:
     """Copy the data base as it is now, and the exports, into a new folder. The service may go on meanwhile.
 
-    SQLite by its online backup; PostgreSQL by pg_dump, which must be installed.
+    SQLite by its online backup; PostgreSQL by pg_dump, which must be installed. What a backup that was killed left in
+    the folder around the new one is removed.
 
     [bold]Examples[/bold]
 
@@ -63,6 +64,8 @@ def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the bac
     from app.services.upkeep.backup import backup as keep
 
     done = keep(load_settings(), folder)
+    for part in done.removed:
+        say(f"loopaudit: removed {part}, which a backup that was killed had left")
     say(f"loopaudit: {done.folder} holds {done.files} files, {done.bytes} bytes, tables of version {done.schema}")
     raise typer.Exit(ExitCode.DONE)
 

@@ -7,12 +7,9 @@ import os
 import shutil
 import sqlite3
 import subprocess
-import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
-from glob import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,6 +19,7 @@ from sqlalchemy.exc import DatabaseError
 from app.errors import RequestError
 from app.services.backend import DISK_FULL, away_in_words
 from app.services.intake.uploads import stored_files
+from app.services.upkeep.draft_folder import BEING_WRITTEN, draft_of, settle
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer
 from app.settings import Settings, sync_folder
@@ -34,7 +32,6 @@ MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
 ANEW = 3
 """So many times its parts may be copied before nobody is let in between any more."""
-PART, KILLED_S = ".part", 24 * 3600
 UNUSABLE = (DatabaseError, sqlite3.Error)
 """What is raised of a file that is no data base."""
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
@@ -42,16 +39,18 @@ NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
 
 @dataclass(frozen=True)
 class BackupReport:
-    """`schema` is the version of the tables."""
+    """`schema` is the version of the tables; `removed` what backups that were killed had left beside it."""
 
     folder: Path
     schema: str
     files: int
     bytes: int
+    removed: tuple[Path, ...] = ()
 
 
 def backup(settings: Settings, folder: Path) -> BackupReport:
-    """Writes a backup into `folder`, which must not be there yet; it appears whole or not at all.
+    """Writes a backup into `folder`, which must not be there yet; it appears whole or not at all. What backups
+    that were killed left in the folder around it is removed; what a living one writes there is not.
 
     The service may go on meanwhile. The data base comes first: an export is stored before the data base knows of it, so
     every export that the copy knows is there to be copied.
@@ -62,34 +61,28 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
         raise refusal
     made = [parent for parent in folder.parents if not parent.exists()]
     folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = _draft_of(folder)
-    try:
-        with away_in_words(*UNUSABLE):
-            kind, revision = _copy_database(settings, draft)
-        _copy_uploads(settings, draft / UPLOADS)
-        files = {path.relative_to(draft).as_posix(): _digest(path) for path in _files(draft)}
-        size = sum(path.stat().st_size for path in _files(draft))
-        told = {"database": kind, "schema": revision, "made_at": now().isoformat(), "files": files}
-        _write(draft / MANIFEST, json.dumps({**told, "loopaudit": version("loopaudit")}, indent=1, sort_keys=True))
-        _sync_names(draft)
+    with draft_of(folder) as draft:
+        told, size = _filled(settings, draft.folder)
         if folder.exists():
             raise refusal  # another backup into it was done first
-        draft.rename(folder)
+        settle(draft, folder)
         for changed in (folder.parent, *(parent.parent for parent in made)):
             _sync_names(changed)
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
-    return BackupReport(folder, revision, len(files), size)
+    return BackupReport(folder, told["schema"], len(told["files"]), size, draft.left)
 
 
-def _draft_of(folder: Path) -> Path:
-    """A new place for this backup alone; those of backups into the same folder that were killed long ago go."""
-    name, parent = f".{folder.name}.", folder.parent
-    for left in parent.glob(f"{escape(name)}*{PART}"):
-        if left.stat().st_mtime < time.time() - KILLED_S:
-            shutil.rmtree(left, ignore_errors=True)
-    return Path(tempfile.mkdtemp(prefix=name, suffix=PART, dir=parent))
+def _filled(settings: Settings, draft: Path) -> tuple[dict[str, Any], int]:
+    """Its manifest, and the bytes of what the manifest tells of."""
+    with away_in_words(*UNUSABLE):
+        kind, revision = _copy_database(settings, draft)
+    _copy_uploads(settings, draft / UPLOADS)
+    files = {path.relative_to(draft).as_posix(): _digest(path) for path in _files(draft)}
+    told = {"database": kind, "schema": revision, "made_at": now().isoformat(), "files": files}
+    told["loopaudit"] = version("loopaudit")
+    size = sum(path.stat().st_size for path in _files(draft))
+    _write(draft / MANIFEST, json.dumps(told, indent=1, sort_keys=True))
+    _sync_names(draft)
+    return told, size
 
 
 def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupReport:
@@ -299,7 +292,9 @@ def _write(path: Path, text: str) -> None:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST)
+    """Without what tells of the others, and without a lock that a backup that was killed at its end left behind."""
+    apart = (folder / MANIFEST, folder / BEING_WRITTEN)
+    return (path for path in sorted(folder.rglob("*")) if path.is_file() and path not in apart)
 
 
 def _digest(path: Path) -> str:

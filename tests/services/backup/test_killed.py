@@ -1,0 +1,128 @@
+"""A backup that was killed leaves a part: the next one into the folder around it removes that, and no living one's."""
+
+import fcntl
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.services.upkeep import backup as backups
+from app.services.upkeep import draft_folder
+from app.settings import Settings
+
+AMID = """
+import sys, time
+from pathlib import Path
+from app.services.upkeep import backup
+from app.settings import Settings
+
+def stands(*_):
+    print("amid", flush=True)
+    time.sleep(600)
+
+backup._copy_uploads = stands
+backup.backup(Settings(data_dir=Path(sys.argv[1])), Path(sys.argv[2]))
+"""
+
+
+@pytest.fixture
+def settings(empty_sqlite: Path, tmp_path: Path) -> Settings:
+    made = Settings(data_dir=tmp_path / "data")
+    made.prepare_folders()
+    shutil.copy(empty_sqlite, made.data_dir / "loopaudit.db")
+    return made
+
+
+@pytest.fixture
+def amid(settings: Settings, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A backup of a night, amid its exports."""
+    command = [sys.executable, "-c", AMID, str(settings.data_dir), str(tmp_path / "kept" / "monday")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "amid\n"
+        yield process
+        process.kill()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_what_a_killed_backup_left_goes_with_the_next_one(settings, amid, tmp_path):
+    (part,) = (tmp_path / "kept").iterdir()
+    amid.send_signal(signal.SIGKILL)
+    amid.wait()
+    assert (part / "loopaudit.db").stat().st_size
+    done = backups.backup(settings, tmp_path / "kept" / "tuesday")
+    assert done.removed == (part,)
+    assert names(tmp_path / "kept") == ["tuesday"]
+    assert names(tmp_path / "kept" / "tuesday") == ["loopaudit.db", "manifest.json", "uploads"]
+
+
+def test_what_a_living_backup_writes_stays_however_old_it_is(settings, amid, tmp_path):
+    (part,) = (tmp_path / "kept").iterdir()
+    os.utime(part, (0, 0))
+    for name in ("tuesday", "monday"):
+        assert backups.backup(settings, tmp_path / "kept" / name).removed == ()
+    assert (part / "loopaudit.db").stat().st_size
+    assert names(tmp_path / "kept") == [part.name, "monday", "tuesday"]
+
+
+def test_what_is_not_of_a_backup_is_left_alone(settings, tmp_path):
+    there = tmp_path / "kept"
+    (there / ".mine.part").mkdir(parents=True)
+    (there / ".link.part").symlink_to(there / ".mine.part")
+    (there / ".file.part").write_bytes(b"")
+    os.utime(there / ".mine.part", (0, 0))
+    assert backups.backup(settings, there / "tuesday").removed == ()
+    assert names(there) == [".file.part", ".link.part", ".mine.part", "tuesday"]
+
+
+def test_a_removal_that_was_killed_goes_on(settings, amid, tmp_path, monkeypatch):
+    amid.kill()
+    amid.wait()
+    (part,) = (tmp_path / "kept").iterdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(draft_folder.shutil, "rmtree", lambda _, **__: None)
+        backups.backup(settings, tmp_path / "kept" / "tuesday")
+    assert names(part) == ["loopaudit-backup.lock"]
+    assert backups.backup(settings, tmp_path / "kept" / "wednesday").removed == (part,)
+    assert names(tmp_path / "kept") == ["tuesday", "wednesday"]
+
+
+def test_without_locks_a_part_is_left_when_it_is_a_day_old(settings, amid, tmp_path, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise OSError(95, "Operation not supported")
+
+    amid.kill()
+    amid.wait()
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    (part,) = (tmp_path / "kept").iterdir()
+    assert backups.backup(settings, tmp_path / "kept" / "tuesday").removed == ()
+    os.utime(part, (0, 0))
+    assert backups.backup(settings, tmp_path / "kept" / "wednesday").removed == (part,)
+
+
+def test_a_backup_that_was_killed_at_its_very_end_comes_back(settings, tmp_path, monkeypatch):
+    monkeypatch.setattr(draft_folder.Path, "unlink", lambda *_, **__: None)
+    backups.backup(settings, tmp_path / "kept")
+    assert (tmp_path / "kept" / "loopaudit-backup.lock").is_file()
+    assert backups.restore(settings, tmp_path / "kept", force=True).files == 1
+
+
+def test_the_command_says_what_it_removed(settings, amid, tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from app.cli.main import cli
+
+    amid.kill()
+    amid.wait()
+    (part,) = (tmp_path / "kept").iterdir()
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(settings.data_dir))
+    done = CliRunner().invoke(cli, ["backup", str(tmp_path / "kept" / "tuesday")])
+    assert f"removed {part}" in done.stderr
