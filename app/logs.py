@@ -3,8 +3,10 @@
 import logging
 import re
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import TracebackType
 from typing import Any
 
 import structlog
@@ -35,20 +37,45 @@ QUIET = (
 )
 
 
-def configure(settings: Settings) -> None:
-    """For this process, once; what libraries log by themselves takes the same way."""
-    as_json = settings.log_format == "json" or (settings.log_format == "auto" and not sys.stderr.isatty())
+def configure(settings: Settings, least: str = "") -> None:
+    """For this process; what libraries log by themselves takes the same way. `least`: the level, in place of that of
+    the settings."""
+    as_json = is_json(settings)
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(Redacting(formatter(as_json)))
+    if as_json:  # also what Python would write there itself, in many lines
+        logging.captureWarnings(True)
+        sys.excepthook, threading.excepthook = _fault, _fault_of_thread
     root = logging.getLogger()
     root.handlers[:] = [handler]
-    root.setLevel(settings.log_level.upper())
+    root.setLevel(least or settings.log_level.upper())
     for name in QUIET:
         logging.getLogger(name).setLevel("WARNING")
     for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
         logging.getLogger(name).handlers.clear()
         logging.getLogger(name).propagate = True
     logging.getLogger("uvicorn").setLevel("WARNING")
+
+
+def is_json(settings: Settings) -> bool:
+    return settings.log_format == "json" or (settings.log_format == "auto" and not sys.stderr.isatty())
+
+
+def in_json(text: str, level: str = "info", **told: object) -> str:
+    """What a process says beside its log, as a line of the log."""
+    number = logging.getLevelNamesMapping()[level.upper()]
+    record = logging.getLogger("loopaudit").makeRecord("loopaudit", number, "", 0, text, (), None, extra=dict(told))
+    return Redacting(formatter(as_json=True)).format(record)
+
+
+def _fault(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """In place of a traceback of many lines."""
+    logging.getLogger("loopaudit").critical("fault", exc_info=(kind, error, trace))
+
+
+def _fault_of_thread(told: threading.ExceptHookArgs) -> None:
+    if told.exc_value is not None and told.exc_type is not SystemExit:
+        _fault(told.exc_type, told.exc_value, told.exc_traceback)
 
 
 def formatter(as_json: bool) -> logging.Formatter:

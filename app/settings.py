@@ -115,7 +115,9 @@ class Settings(BaseSettings):
     )
 
     log_format: Literal["auto", "json", "text"] = Field(
-        "auto", description="Form of the log on stderr: json, text; auto: text on a terminal, json elsewhere."
+        "auto",
+        description="Form of the log on stderr: json, text; auto: text on a terminal, json elsewhere. "
+        "With json each line of stderr of serve, worker, beat, nightly, digest, migrate and backup is an object.",
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         "info", description="Least weight of what is logged."

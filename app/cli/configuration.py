@@ -1,31 +1,59 @@
 """The settings of this process; what is wrong with them in words."""
 
+import logging
 import os
 from functools import cache
 from typing import TYPE_CHECKING
 
-from app.cli.messages import say
+from app.cli.messages import say, say_as_log, write_line
 from app.errors import RequestError
 
 if TYPE_CHECKING:
     from app.settings import Settings
 
 
-def load_settings(*, warns: bool = True) -> "Settings":
+def load_settings(*, warns: bool = True, unattended: bool = False) -> "Settings":
     """Raises RequestError("settings") that names each variable that cannot be used. Once a process it is told which
-    ones are no settings, unless `warns` is False: where somebody else tells it.
+    ones are no settings, unless `warns` is False: where somebody else tells it. unattended: nobody reads along,
+    so that what the command says is a line of JSON too, where the log is asked for in that form.
     """
     from pydantic import ValidationError
 
     from app.settings import Settings
 
+    if unattended and asks_for_json():
+        say_as_log()
     if warns:
         warn_of_misspelt()
     try:
-        return Settings()
+        settings = Settings()
     except ValidationError as error:
         wrong = (f"{named(item['loc'])}{item['msg'].removeprefix('Value error, ')}" for item in error.errors())
         raise RequestError("settings", "; ".join(wrong)) from None
+    logging.lastResort = LogOfCommand(settings)
+    if unattended and settings.log_format == "json":
+        from app import logs
+
+        logs.configure(settings, least="WARNING")  # until it is at work, if it is one of those with a log
+    return settings
+
+
+def asks_for_json() -> bool:
+    """Before the settings are read: what is wrong with them is said in this form too."""
+    return any(name.upper() == "LOOPAUDIT_LOG_FORMAT" and value == "json" for name, value in os.environ.items())
+
+
+class LogOfCommand(logging.Handler):
+    """What is logged in a command that has no log, warnings and worse: in the form of the settings, without secrets."""
+
+    def __init__(self, settings: "Settings") -> None:
+        super().__init__(logging.WARNING)
+        self._settings = settings
+
+    def emit(self, record: logging.LogRecord) -> None:
+        from app.logs import Redacting, formatter, is_json
+
+        write_line(Redacting(formatter(is_json(self._settings))).format(record))
 
 
 def named(place: tuple[int | str, ...]) -> str:
@@ -38,4 +66,4 @@ def warn_of_misspelt() -> None:
     from app.settings import misspelt
 
     for sentence in misspelt(os.environ):
-        say(f"loopaudit: warning: {sentence}")
+        say(f"loopaudit: warning: {sentence}", "warning")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say
 from app.cli.opening import opened
 from app.errors import RequestError
@@ -65,6 +66,7 @@ def digest(
 
     if again and send is False:
         raise RequestError("dry_run_sends", "--again sends the digest, and --dry-run only prints it: give one of them")
+    load_settings(unattended=True)
     with opened() as backend:
         run = audit or run_to_tell(backend)
         if send or again:

@@ -33,7 +33,7 @@ from app.cli import (
     upload,
     worker,
 )
-from app.cli.messages import ExitCode, say
+from app.cli.messages import ExitCode, refuse
 from app.errors import LoopauditError, RequestError
 
 EPILOG = (
@@ -168,17 +168,17 @@ def main() -> None:
     try:
         flushed()
     except LoopauditError as error:
-        say(f"loopaudit: {error.message} [{error.code}]")
+        refuse(error.message, error.code)
         sys.exit(ExitCode.NOTHING_USABLE)
     except (BrokenPipeError, StdoutClosedError):
         leave_stdout()
         sys.exit(ExitCode.DONE)
     except OSError as error:
         if error.filename is not None:
-            say(f"loopaudit: {error.filename} cannot be used: {error.strerror} [file]")
+            refuse(f"{error.filename} cannot be used: {error.strerror}", "file")
         elif error.errno in NO_ROOM:
             leave_stdout()
-            say(f"loopaudit: the results could not be written: {error.strerror} [output]")
+            refuse(f"the results could not be written: {error.strerror}", "output")
         else:
             raise
         sys.exit(ExitCode.NOTHING_USABLE)

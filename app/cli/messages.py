@@ -26,10 +26,40 @@ class Advance(Protocol):
     def __call__(self, steps: float = 1, *, label: str | None = None) -> None: ...
 
 
-def say(text: str) -> None:
+FROM, WARNING = "loopaudit: ", "warning: "
+
+
+class _Said:
+    """`as_log`: what is said is a line of JSON, among those of the log."""
+
+    as_log = False
+
+
+def say_as_log() -> None:
+    """From here on, in this process."""
+    _Said.as_log = True
+
+
+def say(text: str, level: str = "info") -> None:
     """One line on stderr, as it is: no mark-up, because file names and tags may hold brackets. Where nobody reads it,
     or the disk of a log is full, the results are made all the same.
     """
+    write_line(_in_json(text.removeprefix(FROM).removeprefix(WARNING), level) if _Said.as_log else text)
+
+
+def refuse(message: str, code: str) -> None:
+    """Why the command ends, with its stable code."""
+    write_line(_in_json(message, "error", code=code) if _Said.as_log else f"{FROM}{message} [{code}]")
+
+
+def _in_json(text: str, level: str, **told: str) -> str:
+    from app.logs import in_json
+
+    return in_json(text, level, **told)
+
+
+def write_line(text: str) -> None:
+    """On stderr, as it is now; nothing where it cannot be written."""
     with suppress(OSError):
         sys.stderr.write(text + "\n")
         sys.stderr.flush()

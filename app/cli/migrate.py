@@ -15,5 +15,5 @@ def migrate() -> None:
     """
     from app.services.upkeep.tables import migrate as bring_up
 
-    say(f"loopaudit: the data base is at {bring_up(load_settings())}")
+    say(f"loopaudit: the data base is at {bring_up(load_settings(unattended=True))}")
     raise typer.Exit(ExitCode.DONE)

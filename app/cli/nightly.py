@@ -52,7 +52,7 @@ def nightly(
     from app.services.auditing.nightly import refuse_empty
     from app.services.upkeep.presence import at_work
 
-    settings = load_settings()
+    settings = load_settings(unattended=True)
     with opened(settings, migrates=settings.embedded) as backend, at_work(settings):
         refuse_unready(backend)
         refuse_empty(backend)

@@ -39,7 +39,7 @@ def serve(
 
       LOOPAUDIT_DATA_DIR=/srv/loopaudit loopaudit serve --port 8080
     """
-    settings = load_settings()
+    settings = load_settings(unattended=True)
     keys_required = asks_for_keys(host, settings)
     warn_of_openness(host, keys_required)
     signal.signal(signal.SIGTERM, stop_quietly)
@@ -64,7 +64,7 @@ def warn_of_openness(host: str, keys_required: bool) -> None:
 
     if not (keys_required or is_loopback(host)):
         text = f"no key is asked for on {host} (LOOPAUDIT_ALLOW_OPEN): who reaches it may read and change everything"
-        say(f"loopaudit: warning: {text}")
+        say(f"loopaudit: warning: {text}", "warning")
 
 
 def only_one(settings: "Settings", listening: socket.socket) -> AbstractContextManager[None]:
@@ -146,7 +146,8 @@ def tell_of_keys(settings: "Settings") -> None:
     finally:
         backend.close()
     if not there:
-        say("loopaudit: keys are asked for and there is none yet: `loopaudit keys create NAME --role admin` makes one")
+        text = "keys are asked for and there is none yet: `loopaudit keys create NAME --role admin` makes one"
+        say(f"loopaudit: {text}", "warning")
 
 
 def beside(names: tuple[str, ...]) -> str:

@@ -79,7 +79,8 @@ class Supervisor:
                 self._launch(child, now)
         elif (code := child.process.poll()) is not None:
             child.pause_s = FIRST_PAUSE_S if now - child.started_at > STABLE_AFTER_S else child.pause_s
-            say(f"loopaudit: {child.name} ended with code {code}; starting it again in {child.pause_s:.0f} s")
+            text = f"loopaudit: {child.name} ended with code {code}; starting it again in {child.pause_s:.0f} s"
+            say(text, "warning")
             close_pipe(child.process)
             child.process, child.due_at = None, now + child.pause_s
             child.pause_s = min(2 * child.pause_s, LONGEST_PAUSE_S)

@@ -63,7 +63,7 @@ def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the bac
     """
     from app.services.upkeep.backup import backup as keep
 
-    done = keep(load_settings(), folder)
+    done = keep(load_settings(unattended=True), folder)
     for part in done.removed:
         say(f"loopaudit: removed {part}, which a backup that was killed had left")
     say(f"loopaudit: {done.folder} holds {done.files} files, {done.bytes} bytes, tables of version {done.schema}")

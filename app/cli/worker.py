@@ -35,7 +35,7 @@ def worker(
     """
     from app.queue.running import run_worker
 
-    settings = load_settings(warns=not until_parent_ends)
+    settings = load_settings(warns=not until_parent_ends, unattended=True)
     if check:
         refuse_standstill(settings)
     else:
@@ -56,7 +56,7 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
     """
     from app.queue.running import run_beat
 
-    settings = load_settings(warns=not until_parent_ends)
+    settings = load_settings(warns=not until_parent_ends, unattended=True)
     with ready_to_work(settings, until_parent_ends):
         run_beat(settings)
     raise typer.Exit(ExitCode.DONE)

@@ -1,7 +1,9 @@
 """Runs a worker or the schedule in this process, until it is told to stop (SIGTERM, SIGINT)."""
 
 import os
+import sys
 import uuid
+from contextlib import suppress
 
 from app import logs
 from app.queue.jobs import queue_names
@@ -23,6 +25,8 @@ def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNI
     queues = ("--queues", ",".join(queue_names(settings).values()))
     application = celery_application(settings, works=True)
     application.set_current()
+    if logs.is_json(settings):
+        _say_the_end_in_json()
     application.start(["--quiet", "worker", "--hostname", name, *pool, *queues, *QUIET, "--loglevel", log_level])
 
 
@@ -35,3 +39,14 @@ def run_beat(settings: Settings, log_level: str = "WARNING") -> None:
     application = celery_application(settings)
     application.set_current()
     application.start(["--quiet", "beat", "--pidfile", "", "--loglevel", log_level])
+
+
+def _say_the_end_in_json() -> None:
+    """Celery writes what it does of a signal to stdout, in words of its own, past every log."""
+    from celery.apps import worker
+
+    def say(text: str, _: object = None) -> None:
+        with suppress(OSError):  # past the buffer, which may just be written: this is in the midst of anything
+            os.write(sys.stderr.fileno(), f"{logs.in_json(text)}\n".encode())
+
+    worker.safe_say = say
