@@ -25,7 +25,7 @@ from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.loops import RETIRED
 from app.services.plant import reliability as service
-from app.services.spreadsheet import csv_lines, csv_rows
+from app.services.spreadsheet import csv_lines, csv_text
 from app.services.stating.loop_list import BYTE_ORDER_MARK
 
 COLUMNS = tuple(TableRow.model_fields)
@@ -206,17 +206,17 @@ async def with_first(first: bytes, others: AsyncIterator[bytes]) -> AsyncIterato
 
 
 def looked_up(backend: Backend, query: TableQuery) -> service.TableParts:
-    query.wanted_columns()
+    of_loop = any(name in service.OF_LOOP for name in query.wanted_columns() or ())
     if query.audit_id is not None:
         get_audit(backend, query.audit_id)
-    return service.in_parts(backend, **query.page)
+    return service.in_parts(backend, **query.page, of_loop=of_loop)
 
 
 def as_csv(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
     columns, mark = query.wanted_columns() or COLUMNS, BYTE_ORDER_MARK if query.byte_order_mark else ""
 
     def text(rows: Iterable[Mapping[str, Any]]) -> bytes:
-        return "".join(csv_rows(rows, columns, raw=query.raw)).encode()
+        return csv_text(rows, columns, raw=query.raw).encode()
 
     head = (mark + "".join(csv_lines((), columns))).encode()
     return joined_to_first(head, map(text, found.parts()))

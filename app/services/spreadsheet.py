@@ -3,7 +3,8 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also in full width
@@ -18,8 +19,11 @@ def safe_cell(value: Any) -> Any:
     would begin a cell because the spreadsheet parts cells by semicolons, tabs or lines."""
     if value is None:
         return ""
-    if not isinstance(value, str):
-        return value
+    return _safe_text(value) if isinstance(value, str) else value
+
+
+@lru_cache(maxsize=2000)  # most texts of a table are codes, times of its run and sentences that come again
+def _safe_text(value: str) -> str:
     parted = AFTER_SEPARATOR.sub(r"\1'\2", value)
     return "'" + parted if value.lstrip("'").startswith(FORMULA_STARTS) else parted
 
@@ -38,11 +42,24 @@ def csv_lines(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Iter
 
 def csv_rows(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, raw: bool = False) -> Iterator[str]:
     """The same without the header. raw: texts as they are, for programs, which calculate nothing."""
-    written: Callable[[Any], Any] = (lambda value: value) if raw else safe_cell
-    return _lines([written(row.get(column)) for column in columns] for row in rows)
+    return _lines(_cells(rows, columns, raw))
 
 
-def _lines(rows: Iterable[list[Any]]) -> Iterator[str]:
+def csv_text(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, raw: bool = False) -> str:
+    """The same in one: for parts of a long table."""
+    buffer = io.StringIO(newline="")
+    csv.writer(buffer, lineterminator="\r\n").writerows(_cells(rows, columns, raw))
+    return buffer.getvalue()
+
+
+def _cells(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], raw: bool) -> Iterator[Iterable[Any]]:
+    """None is written as nothing."""
+    if raw:
+        return (map(row.get, columns) for row in rows)
+    return ([_safe_text(v) if isinstance(v, str) else v for v in map(row.get, columns)] for row in rows)
+
+
+def _lines(rows: Iterable[Iterable[Any]]) -> Iterator[str]:
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\r\n")
     for cells in rows:

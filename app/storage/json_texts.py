@@ -3,6 +3,7 @@
 Null says "not known", on purpose, by whoever measured (`number`, `numbers`): a NaN that became one would hide a fault.
 """
 
+import json
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any
@@ -24,6 +25,14 @@ def short_json(value: Any) -> bytes:
 def stored_json(value: Any) -> bytes:
     """The same of what is stored already: an older release may have kept what is no number, and null stands for it."""
     return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def read_json(text: str | bytes) -> Any:
+    """Of what is stored, too."""
+    try:
+        return orjson.loads(text)
+    except ValueError:  # an older release may have kept what is no number
+        return json.loads(text)
 
 
 def check_finite(value: Any, name: str = "") -> None:

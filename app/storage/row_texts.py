@@ -1,14 +1,25 @@
 """The rows of the reliability table as they are sent, kept in memory by the verdict that they belong to."""
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from sqlalchemy import Connection
 
-from app.storage.verdicts import SentRow, Settled, texts
+from app.storage.verdicts import Settled, texts
 
 MOST_KEPT = 20_000  # the largest answer once: 56 MB
 
 Stamp = tuple[int, Settled, str]
+
+
+class Asked(Protocol):
+    """A row whose text is asked for."""
+
+    @property
+    def loop_id(self) -> int: ...
+
+    @property
+    def audit_id(self) -> int: ...
 
 
 class RowTexts:
@@ -23,7 +34,7 @@ class RowTexts:
         self._kept: dict[int, tuple[Stamp, bytes]] = {}
 
     def of(
-        self, connection: Connection, rows: Sequence[SentRow], settled: Mapping[int, Settled], form: str
+        self, connection: Connection, rows: Sequence[Asked], settled: Mapping[int, Settled], form: str
     ) -> dict[int, bytes]:
         """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out.
 
@@ -31,7 +42,7 @@ class RowTexts:
         """
         stamps: dict[int, Stamp] = {number: (number, times, form) for number, times in settled.items()}
         found: dict[int, bytes] = {}
-        missing: list[SentRow] = []
+        missing: list[Asked] = []
         for row in rows:
             kept = self._kept.get(row.loop_id)
             if kept is not None and kept[0] == stamps.get(row.audit_id):

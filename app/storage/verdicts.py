@@ -22,7 +22,7 @@ from sqlalchemy import (
 )
 
 from app.storage.bulk import among, among_many
-from app.storage.json_texts import short_json
+from app.storage.json_texts import read_json, short_json
 from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority, unanswered
 from app.storage.notes import has_open_order
@@ -488,4 +488,4 @@ def _beyond(column: ColumnElement[Any], descending: bool, after: After) -> Colum
 
 def _dict(row: Any) -> dict[str, Any]:
     values = dict(row)
-    return values | json.loads(values.pop("extra_json"))
+    return values | read_json(values.pop("extra_json"))

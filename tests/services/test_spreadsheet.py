@@ -5,7 +5,7 @@ import io
 
 import pytest
 
-from app.services.spreadsheet import csv_lines, safe_cell
+from app.services.spreadsheet import csv_lines, csv_rows, csv_text, safe_cell
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-FIC101", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "\uff1d1"])
@@ -33,3 +33,10 @@ def test_lines_read_back_whole_with_separators_quotes_and_line_breaks():
         ['a,"b"\nc', "-0.5", ""],
         ["'=x", "1", ""],
     ]
+
+
+@pytest.mark.parametrize("raw", [True, False])
+def test_parts_of_a_table_are_its_lines(raw):
+    rows = [{"loop": "=x", "d": -0.5, "said": "a; -b"}, {"loop": "y", "d": None, "said": True}, {"d": 1e-05}]
+    for columns in (["loop", "d", "said"], ["d"], ["none"]):
+        assert csv_text(rows, columns, raw=raw) == "".join(csv_rows(rows, columns, raw=raw))

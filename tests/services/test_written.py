@@ -215,3 +215,51 @@ def _questions(backend: Backend, limit: int, asked: list[str]) -> tuple[int, int
     of_page = len(asked)
     reliability.reliability_json(backend, limit, sort="-loop").write()
     return of_page, len(asked) - of_page
+
+
+def _in_parts(backend: Backend, **asked: Any) -> list[dict[str, Any]]:
+    return [row for part in reliability.in_parts(backend, **asked).parts() for row in part]
+
+
+def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
+    plant: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from_columns: list[tuple[int, int]] = []
+    of_keys = reliability.verdicts.of_keys
+
+    def counted(connection, keys):
+        from_columns.extend(keys)
+        return of_keys(connection, keys)
+
+    monkeypatch.setattr(reliability.verdicts, "of_keys", counted)
+    for _ in range(2):  # as the verdicts left them, and with what is written of three of the loops
+        read = _in_parts(plant, of_loop=False)
+        assert from_columns == []
+        assert read == reliability.reliability_page(plant).rows
+        made = [{name: row[name] for name in TableRow.model_fields} for row in _in_parts(plant)]
+        assert [list(map(repr, row.values())) for row in made] == [
+            [repr(row[name]) for name in TableRow.model_fields] for row in read
+        ]
+        from_columns.clear()
+        write(plant)
+
+
+def test_a_page_of_a_csv_keeps_its_verdicts_while_newer_ones_come(plant: Backend) -> None:
+    write(plant)
+    page = reliability.in_parts(plant, of_loop=False)
+    before = _in_parts(plant, of_loop=False)
+    judge(plant)
+    assert {row["audit_id"] for row in _in_parts(plant, of_loop=False)} == {"2"}
+    (kept,) = page.parts()
+    assert [(row["loop"], row["audit_id"], row["verdict"]) for row in kept] == [
+        (row["loop"], "1", row["verdict"]) for row in before
+    ]
+
+
+def test_rows_of_another_form_are_made_of_their_columns(plant: Backend) -> None:
+    write(plant)
+    read = _in_parts(plant, of_loop=False)
+    with plant.database.write() as connection:
+        connection.execute(update(tables.newest_rows).values(form="older"))
+    plant.row_texts._kept.clear()
+    assert _in_parts(plant, of_loop=False) == read

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.storage.json_texts import short_json, stored_json
+from app.storage.json_texts import read_json, short_json, stored_json
 
 
 def test_numbers_of_numpy_are_numbers_and_what_is_not_known_is_null():
@@ -30,3 +30,8 @@ def test_what_is_no_number_is_refused_in_a_list_too(odd):
 @pytest.mark.parametrize("known", [[], [1.5e308, 1.5e308], [2**63, None, 0.5], ["a", True], [[1, 2], [3, None]]])
 def test_a_list_whose_sum_is_no_number_may_hold_numbers(known):
     assert short_json({"unknown": None, "rmse": known})
+
+
+def test_what_an_older_release_kept_that_is_no_number_is_read() -> None:
+    assert read_json('{"health": 60.0}') == {"health": 60.0}
+    assert str(read_json('{"health": NaN}')) == "{'health': nan}"
