@@ -40,6 +40,7 @@ router = APIRouter(tags=["audits"])
 def start(response: Response, backend: Services, caller: Caller, wanted: Wanted = EVERY_LOOP) -> Any:
     """Audits the loops that the body names, or the plant, also without a body. 202: it is stored; workers do it. While
     a run of the whole plant goes on, and no upload was read since it began, the plant asked for again is that run.
+    Where the plant has no loop with samples yet the run is done at once, with the `code` `no_loops`.
     409 while far more loops wait for their audits than any plant has."""
     asked = loop_filter(wanted)
     whole = asked == service.LoopFilter()

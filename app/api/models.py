@@ -290,6 +290,10 @@ class AuditOut(Read):
     failures: list[FailureOut] = Field(description="The first of the failed loops, and why.")
     night: str | None = Field(None, description="The date whose nightly run it is; null: it was asked for.")
     part: str = Field("", description="Which part of the plant was asked for, in words.")
+    code: str | None = Field(
+        None, description="`no_loops`: there was no loop with samples to audit; null: there was one."
+    )
+    text: str | None = Field(None, description="The same in words, and what to do.")
 
 
 class AuditPage(Read):

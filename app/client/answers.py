@@ -112,6 +112,8 @@ class Audit(Answer):
     open: int
     done: int
     failed: int
+    code: str | None
+    text: str | None
 
     @property
     def ended(self) -> bool:

@@ -115,7 +115,7 @@ class LoopsChanged:
 class AuditView:
     """A run and its progress: total = open + done + failed (claimed loops count as open); cancelled: of the failed
     ones those that were called off with the run. night: the date whose nightly run it is. part: which part of the
-    plant was asked for, in words."""
+    plant was asked for, in words. code, text: why there was nothing to audit; None where there was."""
 
     id: str
     state: AuditState
@@ -131,6 +131,8 @@ class AuditView:
     cancelled: int = 0
     night: str | None = None
     part: str = ""
+    code: str | None = None
+    text: str | None = None
 
     @property
     def ended(self) -> bool:

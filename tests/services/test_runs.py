@@ -199,7 +199,14 @@ def test_a_run_may_be_of_some_loops_only(backend: Backend, add_loops: AddLoops) 
 
 
 def test_a_run_without_loops_ends_at_once(backend: Backend) -> None:
-    assert audits.start_audit(backend).state == "done"
+    run = audits.start_audit(backend)
+    assert (run.state, run.total, run.code) == ("done", 0, "no_loops")
+    assert "send an export" in (run.text or "")
+
+
+def test_a_run_with_loops_has_nothing_to_say_of_that(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("FIC1")
+    assert (audits.start_audit(backend).code, audits.start_audit(backend).text) == (None, None)
 
 
 def test_a_run_can_be_cancelled(backend: Backend, add_loops: AddLoops) -> None:

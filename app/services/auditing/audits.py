@@ -27,6 +27,10 @@ MOST_OPEN = 100_000
 __all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "started", "whole_run"]
 
 
+NO_LOOPS = "no_loops"
+NOTHING_THERE = "no loop with samples was known when it began; send an export, and start a run once it is read"
+
+
 @dataclass(frozen=True)
 class Started:
     """A run, and whether it was planned now: of two who ask for the same night one has planned it."""
@@ -61,7 +65,8 @@ def started(
     The run of a night (`nightly_for`, a date) is planned once; asked for again, it is that run. unless_going_on: while
     a run of the whole plant goes on, and nothing has come since it began, it is that one. Raises RequestError
     ("too_many_open") where somebody asks and far more loops wait than any plant has, ("unknown_loops") where a named
-    tag is not there, ("no_loops") where a filter leaves no loop with samples.
+    tag is not there, ("no_loops") where a filter leaves no loop with samples. Of a plant without any the run ends at
+    once and says so.
     """
     wanted = _spelled(backend, wanted or LoopFilter())
     settings, config = backend.settings, AuditConfig()
@@ -173,7 +178,7 @@ def _refuse_none(connection: Connection, audit_id: int | None, wanted: LoopFilte
     if planned is not None and planned.total == 0 and wanted != LoopFilter():
         named = ", ".join(f"{name} {_short(value)}" for name, value in vars(wanted).items() if value is not None)
         in_service = " and in service" if wanted.tags is None else ""
-        raise RequestError("no_loops", f"no loop with samples{in_service} has {named}")
+        raise RequestError(NO_LOOPS, f"no loop with samples{in_service} has {named}")
 
 
 def _short(value: str | tuple[str, ...]) -> str:
@@ -205,6 +210,8 @@ def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> Audit
         started_by=row.started_by or None,
         night=row.nightly_for,
         part=_part(json.loads(row.filter_json)),
+        code=None if row.total else NO_LOOPS,
+        text=None if row.total else NOTHING_THERE,
     )
 
 
