@@ -12,6 +12,8 @@ AUDIT_CHUNK = "loopaudit.audit_chunk"
 EXPLAIN = "loopaudit.explain"
 DELIVER = "loopaudit.deliver"
 SWEEP = "loopaudit.sweep"
+BROKER_REFUSED = "broker_refused"
+"""Stable code of what is logged where a broker answers and takes nothing."""
 
 KIND_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain", DELIVER: "deliver"}
 

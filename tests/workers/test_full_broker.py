@@ -1,12 +1,18 @@
 """A Redis that has no memory left answers, and takes nothing: that is told, and whoever rings goes on."""
 
-from collections.abc import Iterator
+import os
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from app.queue import Queue
+from app.services.backend import Backend
+from app.services.intake.uploads import get_upload
+from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests.workers.conftest import QUICK, Plant
 from tests.workers.redis_server import RedisServer
 
 
@@ -29,3 +35,56 @@ def test_a_redis_without_memory_is_no_broker(server: RedisServer, tmp_path: Path
     assert queue.reachable()
     assert queue.read_upload(3)
     queue.close()
+
+
+@pytest.fixture
+def plant(server: RedisServer, tmp_path: Path, warm_kernels: None) -> Iterator[Plant]:
+    settings = Settings(data_dir=tmp_path / "data", broker_url=server.url)
+    environment = {"LOOPAUDIT_DATA_DIR": str(settings.data_dir), "LOOPAUDIT_BROKER_URL": server.url}
+    migrate(settings)
+    made = Plant(Backend.open(settings), {**QUICK, **environment}, tmp_path / "processes.log")
+    yield made
+    for process in list(made.running):
+        made.kill(process)
+    made.backend.close()
+
+
+def at_its_start(plant: Plant, server: RedisServer) -> None:
+    server.set_memory(1)
+    plant.start("worker")
+
+
+def with_a_message_on_its_way(plant: Plant, server: RedisServer) -> None:
+    worker = plant.start("worker")
+    plant.wait("it works", lambda: '"ready"' in plant.log.read_text())
+    assert plant.backend.queue.sweep()
+    plant.wait("it has taken a message", lambda: "what was old is dropped" in plant.log.read_text())
+    os.kill(worker.pid, signal.SIGSTOP)
+    assert plant.backend.queue.sweep()
+    server.set_memory(1)
+    os.kill(worker.pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize("begins", [at_its_start, with_a_message_on_its_way])
+def test_a_worker_outlives_a_redis_without_memory_and_says_what_is_wrong(
+    plant: Plant, server: RedisServer, small_export: bytes, begins: Callable[[Plant, RedisServer], None]
+) -> None:
+    begins(plant, server)
+    plant.wait("it says so twice", lambda: plant.log.read_text().count('"broker_refused"') >= 2)
+    told = plant.log.read_text()
+    assert "make room in it; trying again in 1 s: " in told
+    assert "Frequent restarts" not in told
+    server.set_memory(0)
+    assert plant.backend.queue.reachable()
+    upload = plant.send("plant.csv", small_export)
+    plant.wait("it reads an upload", lambda: get_upload(plant.backend, upload.id).state == "done")
+
+
+def test_a_schedule_says_it_in_a_line(plant: Plant, server: RedisServer) -> None:
+    server.set_memory(1)
+    plant.start("beat")
+    plant.wait("it says so twice", lambda: plant.log.read_text().count('"broker_refused"') >= 2)
+    assert "Traceback" not in plant.log.read_text()
+    server.set_memory(0)
+    plant.start("worker")
+    plant.wait("it is heard", lambda: "what was old is dropped" in plant.log.read_text())
