@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, Connection, func, or_, select, update
+from sqlalchemy import CTE, ColumnElement, Connection, func, or_, select, update
 
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
@@ -34,12 +34,26 @@ def later_of(connection: Connection, tag: str) -> str | None:
 
 
 def counts_in(audit_id: int) -> ColumnElement[bool]:
-    """Whether a loop counts in what a run said of the plant: one in service, or one that goes on under a tag of which
-    the run said nothing."""
+    """Whether a loop counts in what a run said of the plant: one in service, or one that goes on, in service, under a
+    tag, maybe after others, of none of which the run said anything."""
     later, its = loops.alias("under_the_tag_after"), verdicts.alias("said_under_the_tag_after")
     said = select(its.c.loop_id).where(its.c.loop_id == later.c.id, its.c.audit_id == audit_id).correlate(later)
-    gone_on = select(later.c.continues).where(later.c.continues.is_not(None), ~later.c.retired, ~said.exists())
-    return or_(IN_SERVICE, loops.c.tag.in_(gone_on))
+    unsaid = (later.c.continues.is_not(None), ~said.exists())
+    gone_on = select(later.c.continues, later.c.tag.label("as_tag"), later.c.retired).where(*unsaid)
+    tags = gone_on.cte("tags_after", recursive=True)
+    further = select(tags.c.continues, later.c.tag, later.c.retired).join(later, later.c.continues == tags.c.as_tag)
+    tags = tags.union(further.where(*unsaid))
+    return or_(IN_SERVICE, loops.c.tag.in_(select(tags.c.continues).where(~tags.c.retired)))
+
+
+def before_first_verdict() -> CTE:
+    """By `tag` of each loop that continues another one, the tags before it (`earlier`) up to the first that was ever
+    judged: under one that was not nothing was said."""
+    later, unjudged = loops.alias("that_continues"), loops.alias("never_judged")
+    one_before = select(later.c.tag, later.c.continues.label("earlier")).where(later.c.continues.is_not(None))
+    tags = one_before.cte("tags_before", recursive=True)
+    further = select(tags.c.tag, unjudged.c.continues).join(unjudged, unjudged.c.tag == tags.c.earlier)
+    return tags.union(further.where(unjudged.c.newest_audit_id.is_(None), unjudged.c.continues.is_not(None)))
 
 
 def move_notes(connection: Connection, from_id: int, to_id: int, of: Sequence[str]) -> None:

@@ -21,7 +21,7 @@ from sqlalchemy import (
 
 from app.storage.audits import WITH_RESULTS, of_a_night, of_the_whole_plant
 from app.storage.bulk import among_many
-from app.storage.continuing import counts_in
+from app.storage.continuing import before_first_verdict, counts_in
 from app.storage.loops import IN_SERVICE
 from app.storage.newest import NEWEST_ROWS, heads, heads_of_units, is_newest, priority, unanswered, worst_first
 from app.storage.tables import audits, loops, newest_rows, verdicts
@@ -268,9 +268,10 @@ def _changed(since_audit: int) -> Select[Any]:
 
 def first_news(verdict_before: Any, verdict: ColumnElement[Any]) -> ColumnElement[bool]:
     """Of a loop's first verdict: it is news only where something is wrong that was not said under the tag before."""
-    earlier, its = loops.alias("under_the_tag_before"), newest_rows.alias("its_newest")
+    earlier, its, tags = loops.alias("under_the_tag_before"), newest_rows.alias("its_newest"), before_first_verdict()
     known = select(its.c.loop_id).join(earlier, earlier.c.id == its.c.loop_id)
-    known = known.where(earlier.c.tag == loops.c.continues, its.c.verdict == "stiction").correlate(loops)
+    known = known.join(tags, tags.c.earlier == earlier.c.tag)
+    known = known.where(tags.c.tag == loops.c.tag, its.c.verdict == "stiction").correlate(loops)
     return and_(verdict_before.is_(None), verdict == "stiction", ~known.exists())
 
 

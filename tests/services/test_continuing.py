@@ -4,7 +4,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from sqlalchemy import func, select, update
+from sqlalchemy import delete, func, select, update
 
 from app.errors import FieldError
 from app.services import loops
@@ -14,10 +14,12 @@ from app.services.backend import Backend
 from app.services.digests.making import digest_of
 from app.services.plant import changes, loop_verdicts, reliability
 from app.services.plant.nights import nights
+from app.services.plant.work_list import work_list
 from app.services.stating import notes, properties
 from app.services.stating.continuing import likeness, maybe_before
 from app.services.stating.loop_list import read, take, written
 from app.services.stating.shelving import shelf
+from app.storage.continuing import counts_in
 from app.storage.tables import audits, newest_rows, verdicts
 from app.storage.tables import loops as stored
 from tests.services.conftest import START_NS
@@ -147,3 +149,92 @@ def test_like_tags_are_those_of_one_number() -> None:
     assert likeness("FIC101", "FIC102") == 0.0
     assert likeness("U1_FIC101", "UNIT1.FIC101") > 0.75
     assert likeness("TIC101", "LIC101") < 0.9
+
+
+AGAIN = "FIC-101-A2"
+
+
+@pytest.fixture
+def renamed_twice(renamed: Backend, add_loops: AddLoops) -> Backend:
+    """FIC101 became FIC-101A, and some nights later FIC-101-A2, under which it was audited once."""
+    properties.patch_loop(renamed, "FIC-101A", {"continues": "FIC101"})
+    with renamed.database.write() as connection:
+        past = datetime(2026, 3, 5, 2, tzinfo=UTC)
+        run = connection.scalar(select(func.max(audits.c.id)))
+        connection.execute(update(verdicts).where(verdicts.c.audit_id == run).values(audited_at=past))
+        connection.execute(update(audits).where(audits.c.id == run).values(created_at=past))
+    add_loops(AGAIN, n=150)
+    audit_chunk(renamed, int(start_audit(renamed).id), "test")
+    properties.patch_loop(renamed, AGAIN, {"continues": "FIC-101A"})
+    return renamed
+
+
+def test_a_loop_renamed_twice_has_the_history_of_all_three(renamed_twice: Backend) -> None:
+    dates = [night.date for night in nights(renamed_twice, [AGAIN])[AGAIN]]
+    assert dates[:2] == ["2026-03-01", "2026-03-05"]
+    assert len(dates) == 3
+    told = [row["loop"] for row in loop_verdicts.chained_history(renamed_twice, AGAIN, 10)]
+    assert list(dict.fromkeys(told)) == [AGAIN, "FIC-101A", "FIC101"]
+    assert (loops.get_loop(renamed_twice, AGAIN).unit, loops.get_loop(renamed_twice, AGAIN).op_low) == ("U1", 10.0)
+    assert [note.work_order for note in notes.list_notes(renamed_twice, AGAIN) if note.work_order] == ["WO-9"]
+
+
+def said(backend: Backend, by_tag: dict[str, str]) -> None:
+    with backend.database.write() as connection:
+        for tag, verdict in by_tag.items():
+            mine = loop_id_of(backend, tag)
+            connection.execute(update(verdicts).where(verdicts.c.loop_id == mine).values(verdict=verdict))
+            connection.execute(update(newest_rows).where(newest_rows.c.loop_id == mine).values(verdict=verdict))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "listed"),
+    [
+        ("stiction", "stiction", []),
+        ("no_stiction", "stiction", []),
+        ("stiction", "no_stiction", [AGAIN]),
+        ("stiction", None, []),
+        ("no_stiction", None, [AGAIN]),
+    ],
+)
+def test_news_of_a_loop_renamed_twice_is_against_what_was_said_last(
+    renamed_twice: Backend, first: str, second: str | None, listed: list[str]
+) -> None:
+    """None: under the tag between it was never audited."""
+    said(renamed_twice, {"FIC101": first, "FIC-101A": second or "stiction", AGAIN: "stiction"})
+    if second is None:
+        between = loop_id_of(renamed_twice, "FIC-101A")
+        with renamed_twice.database.write() as connection:
+            connection.execute(delete(newest_rows).where(newest_rows.c.loop_id == between))
+            connection.execute(delete(verdicts).where(verdicts.c.loop_id == between))
+            connection.execute(update(stored).where(stored.c.id == between).values(newest_audit_id=None))
+    with renamed_twice.database.read() as connection:
+        run = connection.scalar(select(func.max(audits.c.id)))
+    assert [one.loop for one in changes.changes(renamed_twice).rows] == listed
+    assert [one.loop for one in digest_of(renamed_twice, str(run)).changes] == listed
+
+
+def test_nights_of_the_plant_count_a_loop_renamed_twice_once_each(renamed_twice: Backend) -> None:
+    """The night of the first tag had one loop fewer after the second renaming."""
+    with renamed_twice.database.read() as connection:
+        runs = connection.scalars(select(audits.c.id).order_by(audits.c.id)).all()
+        counted = []
+        for run in runs:
+            said_of = select(stored.c.tag).join(verdicts).where(verdicts.c.audit_id == run, counts_in(run))
+            counted.append(set(connection.scalars(said_of)))
+    assert counted == [{"FIC101", "FIC102"}, {"FIC-101A", "FIC102"}, {AGAIN, "FIC102"}]
+
+
+@pytest.mark.parametrize(
+    ("first", "since"),
+    [("stiction", "said since its first night, 2026-03-01"), ("no_stiction", "first said on 2026-03-05")],
+)
+def test_since_when_a_loop_renamed_twice_sticks_is_told_of_all_three(
+    renamed_twice: Backend, first: str, since: str
+) -> None:
+    said(renamed_twice, {"FIC101": first, "FIC-101A": "stiction", AGAIN: "stiction"})
+    notes.end_shelving(
+        renamed_twice, AGAIN, next(one.id for one in notes.list_notes(renamed_twice, AGAIN) if one.shelved_until)
+    )
+    work = work_list(renamed_twice, shelf(renamed_twice))
+    assert [one.since for one in work if one.loop == AGAIN] == [since]
