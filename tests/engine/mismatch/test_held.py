@@ -9,10 +9,14 @@ import pytest
 
 from app.engine.mismatch import Comparison, Controller, LinearSimulation, explain, simulate_again
 from app.engine.mismatch.compare.patterns import find_patterns
-from app.engine.mismatch.compare.sampling import hold_of
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.compare.sampling import as_compared, hold_of, taken_of
+from app.engine.mismatch.judge import conclude
+from app.engine.mismatch.judge.conclude import told_by_op
 from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.missing import compete
 from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
@@ -106,6 +110,21 @@ def test_what_is_missing_beside_a_hold_is_still_named() -> None:
     limited = np.minimum(held(pv, 4.0), 53.0)
     answer = explain(Comparison("analyser", TS, 40.0 + u, limited, simulation=GIVEN))
     assert [effect.code for effect in answer.effects] == ["sensor.sample_hold", "sensor.saturation"]
+
+
+def test_the_same_op_tells_no_more_than_itself_beside_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An OP at other times is simulated along the same samples: that of a whole record later is this one."""
+    u, v, x = moves(), np.empty(N), 0.0
+    for t in range(N):
+        x = min(max(x, u[t] - 1.0), u[t] + 1.0)
+        v[t] = x
+    whole = Comparison("analyser", TS, 40.0 + u, held(recorded(v), 4.0), simulation=GIVEN)
+    taken = taken_of(whole)
+    final = compete(prepare(as_compared(whole, taken), taken)).selection.fit
+    assert final.record.finer is not None
+    assert final.parts
+    monkeypatch.setattr(conclude, "SHIFTS", (1.0,) * 5)
+    assert told_by_op(final, 10.0) == pytest.approx(0.0, abs=2.0)
 
 
 def test_a_simulated_trace_is_compared_where_pv_was_taken_and_the_model_holds_alike() -> None:

@@ -79,11 +79,10 @@ def told_by_op(final: Fit, enough: float) -> float:
     stem that only walks towards OP at a rate of its own walks towards that one too. enough: with less over an OP at
     rest no other is asked.
     """
-    op, told = final.record.op, told_more(final, at_rest(final.record))
+    told = told_more(final, at_rest(final.record))
     if told < enough:
         return told
-    moved = [np.roll(op, int(share * len(op))) for share in SHIFTS]
-    elsewhere = sorted(told_more(final, final.record.with_op(other)) for other in moved)
+    elsewhere = sorted(told_more(final, op_moved(final.record, share)) for share in SHIFTS)
     return min(told, elsewhere[MAY_FIT])
 
 
@@ -230,4 +229,9 @@ def answer_to_op(found: Fit) -> float:
 
 def at_rest(record: Experiment) -> Experiment:
     """The same record under an OP that stands still."""
-    return record.with_op(np.full(record.samples, record.op_mid))
+    return record.with_op_changed(lambda op: np.full_like(op, record.op_mid))
+
+
+def op_moved(record: Experiment, share: float) -> Experiment:
+    """The same record under an OP that comes later by a share of it; what leaves its end is at its start."""
+    return record.with_op_changed(lambda op: np.roll(op, int(share * len(op))))

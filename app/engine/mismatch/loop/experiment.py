@@ -1,5 +1,6 @@
 """What was recorded, as deviations from its means, and which samples may be compared with a simulation."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -107,6 +108,15 @@ class Experiment:
     def with_op(self, op: FloatArray) -> "Experiment":
         """The same record under another OP (N,), its deviations from the same mean; PV is as late behind it."""
         return replace(self, op=op, op_deviation=op - self.op_mid, finer=None, feedback=self.fed_back)
+
+    def with_op_changed(self, change: Callable[[FloatArray], FloatArray]) -> "Experiment":
+        """The same record under what `change` makes of its OP (N,): of the samples between PV's as well, where it is
+        simulated along them.
+        """
+        changed = self.with_op(change(self.op))
+        if self.finer is None:
+            return changed
+        return replace(changed, finer=replace(self.finer, record=self.finer.record.with_op_changed(change)))
 
     def referring(self, first: "Experiment") -> "Experiment":
         """The record with all that a model of the first one refers to, so that the model means the same here."""
