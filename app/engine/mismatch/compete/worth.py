@@ -43,9 +43,7 @@ def makes_sense(contender: Contender) -> bool:
     place.
     """
     part = contender.fit.parts[-1]
-    if part.block.sensible is not None and not part.block.sensible(
-        part.values, Context(contender.fit.record, contender.fit.plant)
-    ):
+    if not part.makes_sense(Context(contender.fit.record, contender.fit.plant)):
         return False
     return no_worse(contender.fit, contender.over) and not limits_always(contender.fit, part)
 

@@ -96,13 +96,14 @@ def settle(found: Fit) -> Fit:
         return found
     other, swing = finish(task_of(found), white_fit(found), found.noise), stem_swing(found)
     better = error_left(other, swing) < SETTLED * error_left(found, swing)
-    return other if better and sensible_parts(other) >= sensible_parts(found) else found
+    return other if better and sense_kept(found, other) else found
 
 
-def sensible_parts(found: Fit) -> int:
-    """How many parts have values that are what their codes say."""
-    context = Context(found.record, found.plant)
-    return sum(part.block.sensible is None or part.block.sensible(part.values, context) for part in found.parts)
+def sense_kept(before: Fit, after: Fit) -> bool:
+    """Whether each part whose values were what its code says still has such, in another fit of the same parts."""
+    was, now = Context(before.record, before.plant), Context(after.record, after.plant)
+    pairs = zip(before.parts, after.parts, strict=True)
+    return all(new.makes_sense(now) or not old.makes_sense(was) for old, new in pairs)
 
 
 def by_free_run(found: Fit) -> Fit:

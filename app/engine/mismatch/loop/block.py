@@ -107,6 +107,10 @@ class Part:
     block: Block
     values: FloatArray
 
+    def makes_sense(self, context: Context) -> bool:
+        """Whether its values still are what its code says."""
+        return self.block.sensible is None or self.block.sensible(self.values, context)
+
 
 def values_in(part: Part, context: Context) -> FloatArray:
     """The values (P,) of a part that was fitted in another context, as its block takes them in this one: an overflow
