@@ -113,14 +113,14 @@ def recalibrated_starts(context: Context, innovations: FloatArray) -> FloatArray
     sharp = jumps(context, innovations, SHARPEST)
     ends = np.unique(np.concatenate((sharp, duration * np.linspace(0.1, 0.98, 14))))
     return np.array(
-        [(a, b, 0.0) for a in duration * np.linspace(0.05, 0.9, 13) for b in ends if b - a > 0.04 * duration]
+        [(a, b, 0.0) for a in duration * np.linspace(0.05, 0.9, 13) for b in ends if b - a > LEAST_DRIFT * duration]
     )
 
 
 def recalibrated(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """A sensor that drifts away from begin to end, where it is set right."""
-    begin, end, size_ = values
-    return signal + size_ * (ramp(context, begin, end) - ramp(context, end, end))
+    begin, end, reached = values
+    return signal + reached * (ramp(context, begin, end) - ramp(context, end, end))
 
 
 def drifts_back(values: FloatArray, context: Context) -> bool:

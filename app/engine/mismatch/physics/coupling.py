@@ -58,9 +58,8 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
     )
 
 
-def _passing(name: str, source: FloatArray, middle: float, form: str) -> Block:
+def _passing(lasting: Block, name: str, middle: float, form: str) -> Block:
     """As the coupling that lasts, but what arrives dies away again with a time of its own."""
-    lasting = _block(name, source, middle)
 
     def parameters(context: Context) -> tuple[Parameter, ...]:
         ts, slow = context.record.sampling_interval_s, slowness(context)
@@ -105,11 +104,12 @@ def forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
     passing = PASSING
     while any(name.endswith(passing) for name in middles):
         passing += PASSING  # so that no form has the name of another signal
-    return {
-        name: (_block(name, signal, middles[name]), _passing(name, signal, middles[name], f"{name}{passing}"))
-        for name, signal in record.measured
-        if name in middles and (elsewhere or moves(signal))
-    }
+    found: dict[str, tuple[Block, ...]] = {}
+    for name, signal in record.measured:
+        if name in middles and (elsewhere or moves(signal)):
+            lasting = _block(name, signal, middles[name])
+            found[name] = (lasting, _passing(lasting, name, middles[name], f"{name}{passing}"))
+    return found
 
 
 def moves(signal: FloatArray) -> bool:
