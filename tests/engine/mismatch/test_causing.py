@@ -69,6 +69,22 @@ def test_a_second_transmitter_is_no_cause(steps: bool) -> None:
     assert not causes_pv(signals[2], record)
 
 
+@pytest.mark.parametrize("seed", [0, 2, 4, 6])
+def test_what_lags_behind_pv_without_its_noise_is_no_cause(seed: int) -> None:
+    """A vessel further on knows PV without the noise of its sensor, and so tells much of it; PV and OP tell of it."""
+    rng = np.random.default_rng(seed)
+    op, pv, true, x, summed, load = np.zeros(1200), np.zeros(1200), np.zeros(1200), 0.0, 0.0, 0.0
+    for t in range(1200):
+        true[t], pv[t] = x, x + 0.1 * rng.standard_normal()
+        summed -= 0.8 * pv[t] / 30.0
+        op[t] = summed - 0.8 * pv[t]
+        load = 0.97 * load + 0.2 * rng.standard_normal()
+        x += (1.0 - np.exp(-1.0 / 30.0)) * (1.5 * op[max(t - 4, 0)] + load - x)
+    further = lag(true, 60.0, 1.0)
+    further += 0.01 * np.std(further) * rng.standard_normal(1200)
+    assert not causes_pv(further, experiment(1.0, op, pv, np.zeros(1200)))
+
+
 def test_a_cause_that_moves_seldom_is_one() -> None:
     """Ten jumps that are felt in passing say something of few samples only."""
     cause = np.repeat(np.random.default_rng(9).uniform(-3.0, 3.0, 10), N // 10)

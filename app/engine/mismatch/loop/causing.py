@@ -33,7 +33,8 @@ def causes_pv(signal: FloatArray, record: Experiment) -> bool:
     back = gained(signal, own, loop, kept)
     by_chance = SIGNIFICANT * np.sqrt(0.5 * loop.shape[1])
     # What comes in a few jumps says little of most samples: more than chance is enough where the loop says less of it.
-    one_way = forward > SIGNIFICANT * np.sqrt(0.5 * own.shape[1]) and back < HINT_SHARE * forward
+    # What lags behind PV without its noise says much of PV too: the loop then says more of it than by chance.
+    one_way = forward > SIGNIFICANT * np.sqrt(0.5 * own.shape[1]) and back < min(HINT_SHARE * forward, by_chance)
     return bool(one_way or (forward > FOREWARNS and (back < by_chance or back < OWN_SHARE * forward)))
 
 
