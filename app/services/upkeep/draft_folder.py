@@ -2,16 +2,18 @@
 
 import fcntl
 import os
+import re
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from glob import escape
 from pathlib import Path
 
 PART, KILLED_S = ".part", 24 * 3600
+NAMED = re.compile(r"\.(?P<of>.+)\.[a-z0-9_]{8}\.part", re.DOTALL)
+"""As `mkdtemp` names a part: any other name is somebody's own."""
 BEING_WRITTEN = "loopaudit-backup.lock"
 """In each part, and locked as long as the process lives that writes it."""
 
@@ -60,10 +62,12 @@ def _locked_in(draft: Path) -> int:
 
 def _is_left(part: Path, folder: Path) -> bool:
     """Whether it is a folder that was begun here. One without a lock, as older versions made them, is known by
-    `folder`'s name and by its age."""
-    if part.is_symlink() or not part.is_dir():
-        return False
-    return (part / BEING_WRITTEN).is_file() or (part.match(f".{escape(folder.name)}.*{PART}") and _is_old(part))
+    `folder`'s name and by its age. One that another user may not let us look into is not ours."""
+    named = NAMED.fullmatch(part.name)
+    with suppress(OSError):
+        if named is not None and not part.is_symlink() and part.is_dir():
+            return (part / BEING_WRITTEN).is_file() or (named["of"] == folder.name and _is_old(part))
+    return False
 
 
 def _is_old(part: Path) -> bool:
@@ -97,7 +101,7 @@ def _is_free(lock: int, part: Path) -> bool:
 def _emptied(part: Path) -> bool:
     """The lock goes last: what is left of a removal that was killed is still known."""
     for inside in part.iterdir():
-        if inside.is_dir():
+        if inside.is_dir() and not inside.is_symlink():
             shutil.rmtree(inside)
         elif inside.name != BEING_WRITTEN:
             inside.unlink()

@@ -83,6 +83,42 @@ def test_what_is_not_of_a_backup_is_left_alone(settings, tmp_path):
     assert names(there) == [".file.part", ".link.part", ".mine.part", "tuesday"]
 
 
+def test_a_folder_that_only_begins_like_a_part_is_somebodys_own(settings, tmp_path):
+    """What versions without a lock left is known by the whole of its name."""
+    there = tmp_path / "kept"
+    for name in (".monday.my own notes.part", ".monday.abcd1234.part"):
+        (there / name).mkdir(parents=True)
+        os.utime(there / name, (0, 0))
+    assert backups.backup(settings, there / "monday").removed == (there / ".monday.abcd1234.part",)
+    assert names(there) == [".monday.my own notes.part", "monday"]
+
+
+def test_a_part_that_another_user_keeps_to_himself_does_not_hold_a_backup_up(settings, tmp_path, monkeypatch):
+    """Into its folder nobody else may look, not even for a lock."""
+    theirs = tmp_path / "kept" / ".theirs.abcd1234.part"
+    theirs.mkdir(parents=True)
+    looked = Path.is_file
+
+    def refused(path: Path) -> bool:
+        if path.parent == theirs:
+            raise PermissionError(13, "Permission denied", str(path))
+        return looked(path)
+
+    monkeypatch.setattr(draft_folder.Path, "is_file", refused)
+    assert backups.backup(settings, tmp_path / "kept" / "tuesday").removed == ()
+    assert theirs.is_dir()
+
+
+def test_a_link_in_a_part_goes_and_what_it_leads_to_stays(settings, amid, tmp_path):
+    amid.kill()
+    amid.wait()
+    (part,) = (tmp_path / "kept").iterdir()
+    (part / "uploads").symlink_to(settings.data_dir)
+    assert backups.backup(settings, tmp_path / "kept" / "tuesday").removed == (part,)
+    assert (settings.data_dir / "loopaudit.db").is_file()
+    assert names(tmp_path / "kept") == ["tuesday"]
+
+
 def test_a_removal_that_was_killed_goes_on(settings, amid, tmp_path, monkeypatch):
     amid.kill()
     amid.wait()
