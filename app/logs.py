@@ -4,7 +4,7 @@ import logging
 import re
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
@@ -23,6 +23,8 @@ SECRETS = (
     (re.compile(r"(?i)\b(password|passwd|secret|csrf_token|loopaudit_session|x-api-key)(['\"]?\s*[=:]\s*['\"]?)[^\s'\",;&]{3,}"),
      rf"\1\2{HIDDEN}"),
 )  # fmt: skip
+SECRET_NAME = re.compile(r"(?i)(password|passwd|secret|csrf_token|loopaudit_session|x-api-key)$")
+"""Whatever has such a name is one."""
 QUIET = (
     "sqlalchemy",
     "celery",
@@ -42,10 +44,10 @@ def configure(settings: Settings, least: str = "") -> None:
     the settings."""
     as_json = is_json(settings)
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(Redacting(formatter(as_json)))
+    handler.setFormatter(formatter(as_json))
     if as_json:  # also what Python would write there itself, in many lines
         logging.captureWarnings(True)
-        sys.excepthook, threading.excepthook = _fault, _fault_of_thread
+        sys.excepthook, threading.excepthook, sys.unraisablehook = _fault, _fault_of_thread, _fault_nobody_sees
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(least or settings.log_level.upper())
@@ -65,7 +67,7 @@ def in_json(text: str, level: str = "info", **told: object) -> str:
     """What a process says beside its log, as a line of the log."""
     number = logging.getLevelNamesMapping()[level.upper()]
     record = logging.getLogger("loopaudit").makeRecord("loopaudit", number, "", 0, text, (), None, extra=dict(told))
-    return Redacting(formatter(as_json=True)).format(record)
+    return formatter(as_json=True).format(record)
 
 
 def _fault(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -78,9 +80,21 @@ def _fault_of_thread(told: threading.ExceptHookArgs) -> None:
         _fault(told.exc_type, told.exc_value, told.exc_traceback)
 
 
+def _fault_nobody_sees(told: "sys.UnraisableHookArgs") -> None:
+    """Of what is cleared away: there is nobody whom it could be raised to."""
+    if told.exc_value is not None:
+        _fault(told.exc_type, told.exc_value, told.exc_traceback)
+
+
 def formatter(as_json: bool) -> logging.Formatter:
-    renderer: Any = structlog.processors.JSONRenderer(ensure_ascii=False) if as_json else plain_text()
-    errors: list[Any] = [structlog.processors.format_exc_info] if as_json else []
+    """Of lines without secrets."""
+    if not as_json:
+        return Redacting(_rendering(plain_text()))
+    as_object = structlog.processors.JSONRenderer(ensure_ascii=False)
+    return _rendering(structlog.processors.format_exc_info, _without_secrets, as_object)
+
+
+def _rendering(*steps: Any) -> logging.Formatter:
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[
             structlog.contextvars.merge_contextvars,
@@ -89,13 +103,32 @@ def formatter(as_json: bool) -> logging.Formatter:
             structlog.stdlib.ExtraAdder(),
             structlog.processors.TimeStamper(fmt="iso", utc=True),
         ],
-        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *errors, renderer],
+        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *steps],
     )
 
 
 def plain_text() -> structlog.dev.ConsoleRenderer:
     """Without colours, which could part a secret, and with tracebacks that show no values of variables."""
     return structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)
+
+
+def _without_secrets(_: object, __: str, event: structlog.typing.EventDict) -> dict[str, Any]:
+    """Before it is JSON: there a quote is two characters, of which a secret must not take one along."""
+    return {name: _hidden(value, name) for name, value in event.items()}
+
+
+def _hidden(value: Any, name: str = "") -> Any:
+    if value is None or isinstance(value, bool):
+        return value
+    if SECRET_NAME.search(name):
+        return HIDDEN
+    if isinstance(value, int | float):
+        return value
+    if isinstance(value, Mapping):
+        return {redacted(str(key)): _hidden(of_key, str(key)) for key, of_key in value.items()}
+    if isinstance(value, list | tuple):
+        return [_hidden(one) for one in value]
+    return redacted(value if isinstance(value, str) else repr(value))
 
 
 class Redacting(logging.Formatter):

@@ -2,10 +2,11 @@
 
 import logging
 import os
+import sys
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
-from app.cli.messages import say, say_as_log, write_line
+from app.cli.messages import say, say_as_log
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -43,17 +44,23 @@ def asks_for_json() -> bool:
     return any(name.upper() == "LOOPAUDIT_LOG_FORMAT" and value == "json" for name, value in os.environ.items())
 
 
-class LogOfCommand(logging.Handler):
-    """What is logged in a command that has no log, warnings and worse: in the form of the settings, without secrets."""
+class LogOfCommand(logging.StreamHandler[TextIO]):
+    """What is logged in a command that has no log, warnings and worse: in the form of the settings, without secrets.
+    A message that cannot be written, or is of other values than it was made for, does not end the command."""
 
     def __init__(self, settings: "Settings") -> None:
-        super().__init__(logging.WARNING)
+        super().__init__()
+        self.setLevel(logging.WARNING)
         self._settings = settings
 
     def emit(self, record: logging.LogRecord) -> None:
-        from app.logs import Redacting, formatter, is_json
+        self.stream = sys.stderr  # as it is now
+        super().emit(record)
 
-        write_line(Redacting(formatter(is_json(self._settings))).format(record))
+    def format(self, record: logging.LogRecord) -> str:
+        from app.logs import formatter, is_json
+
+        return formatter(is_json(self._settings)).format(record)
 
 
 def named(place: tuple[int | str, ...]) -> str:

@@ -64,9 +64,9 @@ def digest(
     from app.services.digests.making import digest_of, run_to_tell
     from app.services.digests.telling import as_html, as_json, as_text
 
+    load_settings(unattended=True)
     if again and send is False:
         raise RequestError("dry_run_sends", "--again sends the digest, and --dry-run only prints it: give one of them")
-    load_settings(unattended=True)
     with opened() as backend:
         run = audit or run_to_tell(backend)
         if send or again:

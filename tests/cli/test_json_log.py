@@ -109,7 +109,12 @@ from app.cli.configuration import load_settings
 from app.settings import Settings
 
 {configured}
+class Cleared:
+    def __del__(self):
+        raise RuntimeError("password=hunter2")
+
 warnings.warn("in two\\nlines", UserWarning)
+del (cleared := [Cleared()])[0]
 thread = threading.Thread(target=lambda: 1 / 0)
 thread.start()
 thread.join()
@@ -121,8 +126,9 @@ raise RuntimeError("postgresql://plant:hunter2@db/plant")
 def test_warnings_and_tracebacks_of_python_are_lines_without_secrets(tmp_path: Path, configured: str) -> None:
     script = SPOILED.replace("{configured}", configured)
     assert started(tmp_path, sys.executable, "-c", script).wait(60) == 1
-    warned, of_thread, fault = lines(tmp_path)
+    warned, unraisable, of_thread, fault = lines(tmp_path)
     assert "in two\nlines" in warned["event"]
+    assert unraisable["exception"].endswith("RuntimeError: password=***")
     assert of_thread["exception"].endswith("ZeroDivisionError: division by zero")
     assert fault["exception"].endswith("RuntimeError: postgresql://plant:***@db/plant")
     assert (of_thread["level"], fault["level"]) == ("critical", "critical")
@@ -136,6 +142,16 @@ load_settings()
 logging.getLogger("loopaudit.test").info("quiet")
 logging.getLogger("loopaudit.test").warning("password=%s", "hunter2")
 """
+
+
+def test_why_a_digest_ends_is_json_where_its_options_do_not_fit(tmp_path: Path) -> None:
+    assert app(tmp_path, "digest", "--again", "--dry-run").wait(60) == 2
+    assert [told["code"] for told in lines(tmp_path)] == ["dry_run_sends"]
+
+
+def test_a_message_of_other_values_than_it_was_made_for_ends_no_command(tmp_path: Path) -> None:
+    script = LOGS + 'logging.getLogger("a.library").warning("%s of %s", 1)\nsys.exit(7)\n'
+    assert started(tmp_path, sys.executable, "-c", "import sys\n" + script).wait(60) == 7
 
 
 def test_what_a_command_without_a_log_logs_is_a_line_without_secrets(tmp_path: Path) -> None:

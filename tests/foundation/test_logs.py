@@ -18,7 +18,7 @@ def line(as_json: bool, message: str, *arguments: object, error: BaseException |
     record = logging.getLogger("loopaudit.test").makeRecord(
         "loopaudit.test", logging.WARNING, __file__, 1, message, arguments, trouble, extra=extra
     )
-    return logs.Redacting(logs.formatter(as_json)).format(record)
+    return logs.formatter(as_json).format(record)
 
 
 def failed(text: str) -> Exception:
@@ -37,6 +37,10 @@ SECRETS = [
     (f"password={PASSWORD} host=db", PASSWORD),
     (f"cookie: loopaudit_session={PASSWORD}; a=b", PASSWORD),
     (f"csrf_token={PASSWORD}&next=/", PASSWORD),
+    (f'password="{PASSWORD}"', PASSWORD),
+    (f'{{"password": "{PASSWORD}"}}', PASSWORD),
+    (f'password={PASSWORD}" and a quote', PASSWORD),
+    (f"password={PASSWORD}\nin two lines", PASSWORD),
 ]
 
 
@@ -52,6 +56,12 @@ def test_no_secret_is_logged_wherever_it_stands(as_json, text, secret):
     for found in lines:
         assert secret not in found
         assert logs.HIDDEN in found
+        assert not as_json or json.loads(found)["level"] == "warning"
+
+
+def test_what_has_the_name_of_a_secret_is_one_however_deep_it_stands():
+    told = json.loads(line(True, "got", given={"a": [{"smtp_password": PASSWORD}, b"secret=" + PASSWORD.encode()]}))
+    assert told["given"] == {"a": [{"smtp_password": "***"}, "b'secret=***'"]}
 
 
 def test_what_is_no_secret_stays():
