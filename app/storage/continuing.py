@@ -3,13 +3,16 @@
 from collections.abc import Collection, Sequence
 from datetime import datetime
 
-from sqlalchemy import CTE, ColumnElement, Connection, func, or_, select, update
+from sqlalchemy import CTE, ColumnElement, Connection, func, literal, or_, select, update
 
 from app.storage.bulk import among_many
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import loops, notes, series, verdicts
 
 LONGEST_CHAIN = 20
+"""So many tags of one loop are followed: what is asked of a longer chain, or of a ring, grows no further."""
+
+FIRST = literal(1).label("names")
 
 
 def earlier_of(connection: Connection, tags: Collection[str]) -> dict[str, list[str]]:
@@ -39,10 +42,11 @@ def counts_in(audit_id: int) -> ColumnElement[bool]:
     later, its = loops.alias("under_the_tag_after"), verdicts.alias("said_under_the_tag_after")
     said = select(its.c.loop_id).where(its.c.loop_id == later.c.id, its.c.audit_id == audit_id).correlate(later)
     unsaid = (later.c.continues.is_not(None), ~said.exists())
-    gone_on = select(later.c.continues, later.c.tag.label("as_tag"), later.c.retired).where(*unsaid)
+    gone_on = select(later.c.continues, later.c.tag.label("as_tag"), later.c.retired, FIRST).where(*unsaid)
     tags = gone_on.cte("tags_after", recursive=True)
-    further = select(tags.c.continues, later.c.tag, later.c.retired).join(later, later.c.continues == tags.c.as_tag)
-    tags = tags.union(further.where(*unsaid))
+    further = select(tags.c.continues, later.c.tag, later.c.retired, tags.c.names + 1)
+    further = further.join(later, later.c.continues == tags.c.as_tag)
+    tags = tags.union(further.where(*unsaid, tags.c.names < LONGEST_CHAIN))
     return or_(IN_SERVICE, loops.c.tag.in_(select(tags.c.continues).where(~tags.c.retired)))
 
 
@@ -50,9 +54,10 @@ def before_first_verdict() -> CTE:
     """By `tag` of each loop that continues another one, the tags before it (`earlier`) up to the first that was ever
     judged: under one that was not nothing was said."""
     later, unjudged = loops.alias("that_continues"), loops.alias("never_judged")
-    one_before = select(later.c.tag, later.c.continues.label("earlier")).where(later.c.continues.is_not(None))
+    one_before = select(later.c.tag, later.c.continues.label("earlier"), FIRST).where(later.c.continues.is_not(None))
     tags = one_before.cte("tags_before", recursive=True)
-    further = select(tags.c.tag, unjudged.c.continues).join(unjudged, unjudged.c.tag == tags.c.earlier)
+    further = select(tags.c.tag, unjudged.c.continues, tags.c.names + 1)
+    further = further.join(unjudged, unjudged.c.tag == tags.c.earlier).where(tags.c.names < LONGEST_CHAIN)
     return tags.union(further.where(unjudged.c.newest_audit_id.is_(None), unjudged.c.continues.is_not(None)))
 
 

@@ -19,7 +19,7 @@ from app.services.stating import notes, properties
 from app.services.stating.continuing import likeness, maybe_before
 from app.services.stating.loop_list import read, take, written
 from app.services.stating.shelving import shelf
-from app.storage.continuing import counts_in
+from app.storage.continuing import LONGEST_CHAIN, before_first_verdict, counts_in
 from app.storage.tables import audits, newest_rows, verdicts
 from app.storage.tables import loops as stored
 from tests.services.conftest import START_NS
@@ -223,6 +223,36 @@ def test_nights_of_the_plant_count_a_loop_renamed_twice_once_each(renamed_twice:
             said_of = select(stored.c.tag).join(verdicts).where(verdicts.c.audit_id == run, counts_in(run))
             counted.append(set(connection.scalars(said_of)))
     assert counted == [{"FIC101", "FIC102"}, {"FIC-101A", "FIC102"}, {AGAIN, "FIC102"}]
+
+
+def chained(backend: Backend, tags: list[str], first: str | None) -> None:
+    """Loops of which each continues the one before, and the first one `first`; only the last is in service."""
+    now = datetime.now(UTC)
+    of_each = zip(tags, [first, *tags], strict=False)
+    rows = [{"tag": tag, "continues": one, "created_at": now, "retired": tag != tags[-1]} for tag, one in of_each]
+    with backend.database.write() as connection:
+        connection.execute(stored.insert(), rows)
+
+
+def pairs_of(backend: Backend) -> int:
+    with backend.database.read() as connection:
+        return connection.scalar(select(func.count()).select_from(before_first_verdict())) or 0
+
+
+def test_a_ring_of_loops_that_continue_each_other_ends(backend: Backend) -> None:
+    """The API makes none; a hand in the data base may."""
+    chained(backend, ["A", "B"], "B")
+    assert pairs_of(backend) <= 2 * LONGEST_CHAIN
+    with backend.database.read() as connection:
+        assert set(connection.scalars(select(stored.c.tag).where(counts_in(1)))) == {"A", "B"}
+
+
+def test_of_a_long_chain_no_more_is_followed_than_is_told_of_one(backend: Backend) -> None:
+    chained(backend, [f"L{number}" for number in range(200)], None)
+    assert pairs_of(backend) <= 200 * LONGEST_CHAIN
+    with backend.database.read() as connection:
+        counted = connection.scalar(select(func.count()).select_from(stored).where(counts_in(1)))
+    assert counted == 1 + LONGEST_CHAIN
 
 
 @pytest.mark.parametrize(
