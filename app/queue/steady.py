@@ -7,6 +7,7 @@ from typing import Any
 from celery.beat import Scheduler as CeleryScheduler
 from celery.beat import SchedulingError
 from celery.schedules import schedstate, schedule
+from kombu.exceptions import OperationalError
 
 from app.queue.jobs import BROKER_REFUSED
 
@@ -24,11 +25,22 @@ class Scheduler(CeleryScheduler):
     """Orders its entries by a clock that only goes forward. It remembers nothing: the data base knows what is due."""
 
     def apply_entry(self, entry: Any, producer: Any = None) -> None:
-        """What the broker does not take is told in a line, every few seconds, and not with where in this program."""
+        """What the broker does not take is told in a line, every few seconds; a fault of ours with where it is."""
         try:
             self.apply_async(entry, producer=producer, advance=False)
         except SchedulingError as error:
-            log.error("the broker takes nothing, asked again soon: %s", error, extra={"code": BROKER_REFUSED})
+            self._tell(error, error.__context__)
+
+    def _tell(self, error: SchedulingError, cause: BaseException | None) -> None:
+        away, refused = self.connection.connection_errors, self.connection.channel_errors
+        of_broker = cause.__cause__ if isinstance(cause, OperationalError) else cause
+        if isinstance(of_broker, refused) and not isinstance(of_broker, away):
+            text = "the broker answers and takes nothing, asked again soon: %s"
+            log.error(text, error, extra={"code": BROKER_REFUSED})
+        elif isinstance(cause, (OperationalError, OSError, *away)):
+            log.error("the broker is away, asked again soon: %s", error)
+        else:
+            log.error("the schedule cannot ring: %s", error, exc_info=error)
 
     def _when(self, entry: Any, next_time_to_run: float, mktime: Any = None) -> float:
         return time.monotonic() + (self.adjust(next_time_to_run) or 0)

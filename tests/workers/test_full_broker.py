@@ -1,13 +1,18 @@
 """A Redis that has no memory left answers, and takes nothing: that is told, and whoever rings goes on."""
 
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from celery.beat import ScheduleEntry
 
 from app.queue import Queue
+from app.queue.application import celery_application
+from app.queue.jobs import BROKER_REFUSED, SWEEP
+from app.queue.steady import Scheduler
 from app.services.backend import Backend
 from app.services.intake.uploads import get_upload
 from app.services.upkeep.tables import migrate
@@ -88,3 +93,47 @@ def test_a_schedule_says_it_in_a_line(plant: Plant, server: RedisServer) -> None
     server.set_memory(0)
     plant.start("worker")
     plant.wait("it is heard", lambda: "what was old is dropped" in plant.log.read_text())
+
+
+@pytest.mark.parametrize("name", ["worker", "beat"])
+def test_what_is_told_to_stop_meanwhile_stops(plant: Plant, server: RedisServer, name: str) -> None:
+    server.set_memory(1)
+    process = plant.start(name)
+    plant.wait("it says so twice", lambda: plant.log.read_text().count('"broker_refused"') >= 2)
+    process.terminate()
+    assert process.wait(60) == 0
+    plant.running.remove(process)
+    assert "Traceback" not in plant.log.read_text()
+
+
+@pytest.fixture
+def schedule(server: RedisServer, tmp_path: Path) -> Scheduler:
+    return Scheduler(celery_application(Settings(data_dir=tmp_path, broker_url=server.url)), lazy=True)
+
+
+def ring(schedule: Scheduler, caplog: pytest.LogCaptureFixture) -> logging.LogRecord:
+    caplog.clear()
+    schedule.apply_entry(ScheduleEntry(name="sweep", task=SWEEP, schedule=60.0, app=schedule.app))
+    (told,) = (record for record in caplog.records if record.name == "loopaudit.queue")
+    return told
+
+
+def test_a_schedule_tells_a_broker_that_refuses_from_one_that_is_away(
+    schedule: Scheduler, server: RedisServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    server.set_memory(1)
+    assert vars(ring(schedule, caplog))["code"] == BROKER_REFUSED
+    server.kill()
+    away = ring(schedule, caplog)
+    assert "code" not in vars(away)
+    assert "the broker is away" in away.getMessage()
+    assert away.exc_info is None
+
+
+def test_a_schedule_tells_a_fault_of_ours_with_where_it_is(
+    schedule: Scheduler, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schedule, "send_task", lambda *_, **__: len(1))
+    told = ring(schedule, caplog)
+    assert "code" not in vars(told)
+    assert told.exc_info is not None
