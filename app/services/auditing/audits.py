@@ -24,11 +24,10 @@ LISTED_FAILURES = 100
 MOST_OPEN = 100_000
 """Loops that may wait when one more run is asked for: some runs of a large plant."""
 
-__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "started", "whole_run"]
-
-
 NO_LOOPS = "no_loops"
 NOTHING_THERE = "no loop with samples was known when it began; send an export, and start a run once it is read"
+
+__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "started", "whole_run"]
 
 
 @dataclass(frozen=True)
