@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from celery.beat import ScheduleEntry
+from celery.beat import BeatLazyFunc, ScheduleEntry
 
 from app.queue import Queue
 from app.queue.application import celery_application
@@ -111,9 +111,9 @@ def schedule(server: RedisServer, tmp_path: Path) -> Scheduler:
     return Scheduler(celery_application(Settings(data_dir=tmp_path, broker_url=server.url)), lazy=True)
 
 
-def ring(schedule: Scheduler, caplog: pytest.LogCaptureFixture) -> logging.LogRecord:
+def ring(schedule: Scheduler, caplog: pytest.LogCaptureFixture, *values: object) -> logging.LogRecord:
     caplog.clear()
-    schedule.apply_entry(ScheduleEntry(name="sweep", task=SWEEP, schedule=60.0, app=schedule.app))
+    schedule.apply_entry(ScheduleEntry(name="sweep", task=SWEEP, schedule=60.0, app=schedule.app, args=values))
     (told,) = (record for record in caplog.records if record.name == "loopaudit.queue")
     return told
 
@@ -131,9 +131,8 @@ def test_a_schedule_tells_a_broker_that_refuses_from_one_that_is_away(
 
 
 def test_a_schedule_tells_a_fault_of_ours_with_where_it_is(
-    schedule: Scheduler, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    schedule: Scheduler, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(schedule, "send_task", lambda *_, **__: len(1))
-    told = ring(schedule, caplog)
+    told = ring(schedule, caplog, BeatLazyFunc(len, 1))
     assert "code" not in vars(told)
     assert told.exc_info is not None
