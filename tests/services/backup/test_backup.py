@@ -169,7 +169,7 @@ def test_a_backup_of_sqlite_does_not_begin_anew_with_each_commit(empty_sqlite, t
 
 def test_two_backups_at_once_leave_each_other_alone(plant, tmp_path, monkeypatch):
     kept = tmp_path / "kept"
-    old = tmp_path / ".kept.killed.part"
+    old = tmp_path / ".kept.a1b2c3d4.part"
     old.mkdir()
     os.utime(old, (0, 0))
     copy = backups._copy_uploads
