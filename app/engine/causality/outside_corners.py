@@ -19,6 +19,10 @@ from app.engine.signals.sampled import deviation
 FEWEST_SAMPLES = 30
 """Samples a cycle: in coarser ones the means hold too much of a cycle for a stem to tell what PV does next."""
 
+FEWEST_CYCLES = 8
+"""In fewer, how much a stem tells over PV's turns is chance: of 20 textbook limit cycles with fewer 5 looked as if they
+came from outside, of 44 with more none."""
+
 FEWEST_LEGS = 6
 LEG_SHARE = 0.5
 """Of what OP moves in a cycle, by which it has to come back for a leg to end: less is noise."""
@@ -54,7 +58,8 @@ class OutsideCorners:
 def outside_corners(record: UniformRecord, period_s: float) -> OutsideCorners | None:
     """Whether what shapes PV and OP of a loop that cycles with this period is likelier outside than its valve.
 
-    None where a cycle has fewer than FEWEST_SAMPLES samples, OP fewer than FEWEST_LEGS legs, or too little is recorded.
+    None where a cycle has fewer than FEWEST_SAMPLES samples, the record fewer than FEWEST_CYCLES of them, OP fewer than
+    FEWEST_LEGS legs, or too little is recorded.
     The travel's spread counts half, in logarithms, as a logistic of the two on simulated loops weighs them.
     Misleads: loads of one and the same height, and what switches between two levels upstream, repeat the travel of OP
     as a stem does; a valve that sticks in few cycles under a load that turns in corners itself may look so.
@@ -62,9 +67,11 @@ def outside_corners(record: UniformRecord, period_s: float) -> OutsideCorners | 
     detection algorithm for valve stiction.
     """
     moving = moving_part(record)
-    if moving is None or period_s < FEWEST_SAMPLES * moving.sampling_interval_s:
+    if moving is None:
         return None
     period = period_s / moving.sampling_interval_s
+    if period < FEWEST_SAMPLES or moving.samples < FEWEST_CYCLES * period:
+        return None
     legs = _time_over_travel(moving.op, in_a_cycle(moving.op, period))
     ratio = None if legs is None else _stem_over_turns(moving, period)
     return None if legs is None or ratio is None else OutsideCorners(ratio, legs)
