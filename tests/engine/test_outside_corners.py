@@ -104,10 +104,12 @@ def test_units_signs_and_the_length_of_a_sample_are_free(make) -> None:
     assert again.time_over_travel == pytest.approx(told.time_over_travel, rel=1e-6)
 
 
-def test_nothing_is_said_of_coarse_cycles_of_few_legs_and_of_what_stands() -> None:
+def test_nothing_is_said_of_coarse_or_few_cycles_of_few_legs_and_of_what_stands() -> None:
     record, period_s = uniform(shaken(0)), period_s_of(shaken(0))
     assert outside_corners(record, 29.0 * INTERVAL_S) is None
     assert outside_corners(record.part(slice(0, 250)), period_s) is None
+    assert outside_corners(record, record.samples * INTERVAL_S / 7.9) is None
+    assert outside_corners(record, record.samples * INTERVAL_S / 8.1) is not None
     assert outside_corners(replace(record, op=np.full(record.samples, 50.0)), period_s) is None
 
 
