@@ -5,7 +5,6 @@ a second pump on the level itself; beside them valves that stick, alone, under a
 up to half of S. Prints how often the audit accuses and clears which, reliably. None of these loops is in any fit.
 """
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -15,6 +14,7 @@ import numpy as np
 
 from app.engine.audit import audit
 from app.engine.recording import FloatArray, Recording
+from app.lab.testbench.seeded import accused_and_cleared, print_report
 from app.lab.testbench.wiring import Lag, Level, Pi, Valve, Wandering
 
 INTERVAL_S, SETTLING = 5.0, 500
@@ -178,19 +178,11 @@ def report(seeds: range) -> Iterator[str]:
     for sticks, kinds in ((False, HEALTHY), (True, STICKING)):
         for kind in kinds:
             said = Counter(said_of(kind, seed, sticks) for seed in seeds)
-            accused = sum(count for (verdict, _), count in said.items() if verdict == "stiction")
-            found = f"{accused} | {said['stiction', 'reliable']} | {said['no_stiction', 'reliable']}"
-            yield f"| {'sticks' if sticks else 'healthy'} | {kind} | {len(seeds)} | {found} |"
+            yield f"| {'sticks' if sticks else 'healthy'} | {kind} | {len(seeds)} | {accused_and_cleared(said)} |"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.corner_loads", description=__doc__)
-    parser.add_argument("--loops", type=int, default=60, help="of each kind")
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(arguments)
-    seeds = range(options.seed, options.seed + options.loops)
-    sys.stdout.writelines(f"{line}\n" for line in report(seeds))
-    return 0
+    return print_report("corner_loads", __doc__, report, arguments, loops=60)
 
 
 if __name__ == "__main__":

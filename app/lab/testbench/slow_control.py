@@ -4,7 +4,6 @@ All but the valve is linear: a controller that integrates slowly makes of such a
 corners, by chance. Prints how often the audit accuses valves, healthy and sticking. None of these loops is in any fit.
 """
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ import numpy as np
 
 from app.engine.audit import audit
 from app.engine.recording import FloatArray, Recording
+from app.lab.testbench.seeded import accused_and_cleared, print_report
 from app.lab.testbench.wiring import Lag, Level, Pi, Valve, Wandering
 
 Kind = Literal["flow", "filtered flow", "level"]
@@ -69,23 +69,12 @@ def report(seeds: range) -> Iterator[str]:
     yield "| loop | healthy: accused | reliably | cleared reliably | sticking: accused | reliably | cleared reliably |"
     yield "|---|---|---|---|---|---|---|"
     for kind in KINDS:
-        cells = [_cells(tallied(kind, sticks, seeds)) for sticks in (False, True)]
+        cells = [accused_and_cleared(tallied(kind, sticks, seeds)) for sticks in (False, True)]
         yield f"| {kind} ({len(seeds)}, {len(seeds)}) | {' | '.join(cells)} |"
 
 
-def _cells(said: Counter[tuple[str, str]]) -> str:
-    accused = sum(count for (verdict, _), count in said.items() if verdict == "stiction")
-    return f"{accused} | {said['stiction', 'reliable']} | {said['no_stiction', 'reliable']}"
-
-
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.slow_control", description=__doc__)
-    parser.add_argument("--loops", type=int, default=100, help="of each kind, healthy and sticking")
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(arguments)
-    seeds = range(options.seed, options.seed + options.loops)
-    sys.stdout.writelines(f"{line}\n" for line in report(seeds))
-    return 0
+    return print_report("slow_control", __doc__, report, arguments, loops=100)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ kind with a healthy valve and with one that sticks. Prints what the audit says o
 any fit.
 """
 
-import argparse
 import math
 import sys
 from collections import Counter, defaultdict
@@ -19,6 +18,7 @@ from app.engine.audit import audit
 from app.engine.plant_wide.excerpts import excerpts_of
 from app.engine.plant_wide.groups import Candidate
 from app.engine.recording import FloatArray, Recording
+from app.lab.testbench.seeded import print_report
 from app.lab.testbench.wiring import Lag, Pi, Valve, Wandering
 from app.services.auditing.hearing import Said, hear
 
@@ -312,13 +312,7 @@ def _cells(said: Counter[str]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.structures", description=__doc__)
-    parser.add_argument("--loops", type=int, default=30, help="of each kind, healthy and sticking")
-    parser.add_argument("--seed", type=int, default=1000)
-    options = parser.parse_args(arguments)
-    seeds = range(options.seed, options.seed + options.loops)
-    sys.stdout.writelines(f"{line}\n" for line in report(tallied(seeds)))
-    return 0
+    return print_report("structures", __doc__, lambda seeds: report(tallied(seeds)), arguments, loops=30, seed=1000)
 
 
 if __name__ == "__main__":
