@@ -139,3 +139,11 @@ def test_an_empty_folder_is_nothing_usable(tmp_path):
 
 def test_version():
     assert run("--version").stdout.startswith("loopaudit ")
+
+
+def test_what_is_loaded_is_not_looked_through_once_more_at_the_end():
+    """What was registered first is called last: by then all that was loaded is frozen."""
+    count = "import atexit, gc; atexit.register(lambda: print(gc.get_freeze_count()))"
+    script = f"{count}; from app.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", script, "--version"], capture_output=True, text=True, timeout=120)
+    assert int(done.stdout.splitlines()[-1]) > 10_000
