@@ -48,6 +48,7 @@ _TIMES = (
     "",
 )
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
+_DIGIT = re.compile(r"\d")
 _DECIMAL_COMMA = r"(:\d{2}),(\d)"
 _MAY_BE_STAMP = re.compile(r"\d\D+\d|\d{6}")
 """A day and something of a month, a year or a clock, two numbers apart or many digits in one, however it is spelled: a
@@ -117,9 +118,8 @@ def check_time_zone(name: str) -> None:
 
 def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
     """The form of a column from some of its fields in order of the rows; None where they are no times."""
-    sample = [normal(text) for text in sample[:SAMPLE]]
-    sample = [text for text in sample if text]
-    form = _form_of(tuple(sample), name, options) if _have_digits(sample) else None
+    texts = tuple(sample[:SAMPLE])
+    form = (_number_form(texts, name) if _are_numbers(texts) else None) or _form_of(texts, options)
     return form and with_told_zone(form, name)
 
 
@@ -141,14 +141,27 @@ def _have_digits(sample: list[str]) -> bool:
 
 
 @remembered(256, LONGEST_KEPT)
-def _form_of(texts: tuple[str, ...], name: str, options: IngestOptions) -> TimeForm | None:
-    """Kept, because each layout asks the same columns of a file whether they hold times."""
-    sample = list(texts)
+def _are_numbers(texts: tuple[str, ...]) -> bool:
+    sample = _written(texts)
+    return _have_digits(sample) and _share(NUMBER, sample) > 0.8
+
+
+@remembered(256, LONGEST_KEPT)
+def _form_of(texts: tuple[str, ...], options: IngestOptions) -> TimeForm | None:
+    """Kept, because each layout asks the same columns of a file whether they hold times, by whatever name."""
+    sample = _written(texts)
+    if not _have_digits(sample):
+        return None
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
-    if _share(NUMBER, sample) > 0.8:
-        return _number_form(sample, name) or _text_form(sample, options)
-    return _text_form(sample, options) or _comma_form(sample, options) or _spelled_form(sample, options)
+    form = _text_form(sample, options)
+    if form is not None or _are_numbers(texts):
+        return form
+    return _comma_form(sample, options) or _spelled_form(sample, options)
+
+
+def _written(texts: tuple[str, ...]) -> list[str]:
+    return [text for text in map(normal, texts) if text]
 
 
 def normal(text: str) -> str:
@@ -159,8 +172,9 @@ def _share(pattern: re.Pattern[str], sample: list[str]) -> float:
     return sum(bool(pattern.fullmatch(text)) for text in sample) / len(sample)
 
 
-def _number_form(sample: list[str], name: str) -> TimeForm | None:
-    count = find_count(sample, name)
+@remembered(256, LONGEST_KEPT)
+def _number_form(texts: tuple[str, ...], name: str) -> TimeForm | None:
+    count = find_count(_written(texts), name)
     if count is None:
         return None
     kind: Kind = "relative" if count.origin_ns is None else "serial" if count.scale == DAY_NS else "epoch"
@@ -225,7 +239,7 @@ def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
     shaped = [text for text in probes if _MAY_BE_STAMP.search(text)]
     found: list[str] = []
     for separator in sorted({_separator(text) for text in shaped}):
-        fitting = {form for text in shaped for form in _of_shape(text, separator)}
+        fitting = {form for text in shaped for form in _of_shape(_DIGIT.sub("0", text), separator)}
         found += [form for form in _formats(separator, american) if form in fitting and form not in found]
     return found
 
@@ -249,7 +263,7 @@ def _formats(separator: str, american: bool) -> tuple[str, ...]:
 
 @remembered(1024, LONGEST_PROBE)
 def _of_shape(probe: str, separator: str) -> tuple[str, ...]:
-    """Formats that a text can be of."""
+    """Formats that a text, all of whose digits are one, can be of: which digits they are tells no shape."""
     return tuple(form for form in _formats(separator, american=False) if _shape(form).fullmatch(probe))
 
 
@@ -299,10 +313,8 @@ def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
         parsed = texts.str.to_date(form, strict=False).cast(pl.Datetime("us"))
     else:
         parsed = texts.str.to_datetime(form, strict=False, time_unit="us")
-    year = parsed.dt.year()
-    known = year.is_between(FIRST_YEAR, LAST_YEAR).fill_null(False).to_numpy()
-    ticks = parsed.cast(pl.Int64).fill_null(0).to_numpy()
-    return np.where(known, np.where(known, ticks, 0) * 1000, NO_TIME)
+    ticks = parsed.to_numpy().view(np.int64)  # the smallest of all where there is none
+    return np.where((ticks >= _FIRST_NS // 1000) & (ticks < _END_NS // 1000), ticks * 1000, NO_TIME)
 
 
 class TimeReader:
