@@ -1,14 +1,20 @@
 """Short made-up records that run every kernel of a comparison once, so that the first real one compiles nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.mismatch.compare.comparison import Comparison, LinearSimulation
 from app.engine.mismatch.compare.patterns import find_patterns
 from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.compete.competition import glance
 from app.engine.mismatch.fit.closed_loop import close_again
+from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.refitting import offered_beside
 from app.engine.mismatch.fit.stems import shown_stems
 from app.engine.mismatch.location import locate
 from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.physics import library
 from app.engine.recording import FloatArray
 
 SAMPLES, INTERVAL_S = 240, 1.0
@@ -23,16 +29,22 @@ STRUCTURES = (
 def compile_kernels() -> None:
     """Compiles the kernels of explanations, or loads them where they were compiled before: seconds, or a minute."""
     sp, op, pv = closed_loop()
-    for simulation in STRUCTURES:
-        locate(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=simulation))
+    first, *others = (Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=simulation) for simulation in STRUCTURES)
+    locate(first)
     find_patterns(experiment(INTERVAL_S, op, held_from(pv, irregular())))
     find_patterns(experiment(INTERVAL_S, op, np.interp(np.arange(SAMPLES), irregular(), pv[irregular()])))
     # A speed that comes to rest has a kernel of its own; exactly at rest it would pass for the end of a range.
     at_rest = np.maximum(pv - np.quantile(pv, 0.2), 0.0) + 1e-3 * np.cos(2.3 * np.arange(SAMPLES))
-    locate(Comparison("warm-up", INTERVAL_S, op, at_rest, sp, simulation=STRUCTURES[0]))
-    base = prepare(Comparison("warm-up", INTERVAL_S, op, pv, sp, simulation=STRUCTURES[0])).base
+    for comparison in (*others, replace(first, pv=at_rest)):
+        scan_all(prepare(comparison).base)
+    base = prepare(first).base
     close_again(base, base, ())
     shown_stems(base.record, base.noise)
+
+
+def scan_all(base: Fit) -> None:
+    """Each block along a record: what else `locate` does is compiled by then."""
+    glance(base, (*library(base.record), *offered_beside(base)))
 
 
 def held_from(pv: FloatArray, kept: np.ndarray) -> FloatArray:

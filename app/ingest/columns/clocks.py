@@ -16,6 +16,8 @@ SHOWN = 50
 _DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
 _CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # its date
 _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
+_DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
+"""What begins so is no clock, however it is spelled: a cheap test before the dear one."""
 
 
 def date_and_clock(head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
@@ -40,8 +42,11 @@ def are_clocks(fields: list[str]) -> bool:
     least = MOST * len(fields)
     if not fields or sum(":" in field for field in fields) < least:  # 12.30 alone is a number
         return False
-    plain = respelled(pl.Series([re.sub(_DAY_OF_NO_DATE, "", field) for field in fields], dtype=pl.String))
-    return sum(bool(_CLOCK.fullmatch(field)) for field in plain) >= least
+    clocks = [re.sub(_DAY_OF_NO_DATE, "", field) for field in fields]
+    if sum(not _DATE.match(text) for text in clocks) < least:
+        return False
+    plain = respelled(pl.Series(clocks, dtype=pl.String))
+    return sum(bool(_CLOCK.fullmatch(text)) for text in plain) >= least
 
 
 def are_midnights(fields: Sequence[str]) -> bool:
