@@ -50,12 +50,17 @@ def warm_up(sender: Any, **_: object) -> None:
         load_or_compile()
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage took a twentieth of reading a file
-    log.warning("ready")
-    # Told here, because the process that takes a sweep decides, by settings of its own.
-    log.info("next nightly audit at %s", told(next_hour(current_app.settings, datetime.now(UTC))))
     # A child begins as large as its parent. A limit below that would replace it after every task.
     own_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     sender.max_memory_per_child = 1024 * max(current_app.settings.worker_memory_mb, own_mb + ROOM_TO_WORK_MB)
+
+
+@signals.worker_ready.connect
+def say_ready(**_: object) -> None:
+    """Once it takes work and heeds SIGTERM: before, that would end it hard."""
+    log.warning("ready")
+    # Told here, because the process that takes a sweep decides, by settings of its own.
+    log.info("next nightly audit at %s", told(next_hour(current_app.settings, datetime.now(UTC))))
 
 
 def load_or_compile() -> None:

@@ -38,7 +38,7 @@ def wait_for(folder: Path, text: str, running: subprocess.Popen[str], seconds: f
     while text not in (folder / "log").read_text():
         assert running.poll() is None, (folder / "log").read_text()[-2000:]
         assert time.monotonic() < until, (folder / "log").read_text()[-2000:]
-        time.sleep(0.2)
+        time.sleep(0.005)
 
 
 def ended(running: subprocess.Popen[str]) -> None:
