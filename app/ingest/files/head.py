@@ -183,5 +183,5 @@ def _is_comma_number(text: str) -> bool:
 
 def is_number(text: str, decimal_mark: str = ".") -> bool:
     """Whether a field is a number, perhaps with its unit behind it."""
-    number = text if text[-1:].isdigit() else without_unit(text)  # asked of each field of a head several times
+    number = without_unit(text)
     return bool(_NUMBER.fullmatch(number.replace(",", ".") if decimal_mark == "," else number))
