@@ -1,6 +1,7 @@
 """Times that are numbers: which count they are, since when, and how finely they are written."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,7 @@ class Count:
     notes: tuple[str, ...] = ()
 
 
-def find_count(sample: list[str], name: str) -> Count | None:
+def find_count(sample: Sequence[str], name: str) -> Count | None:
     """Of a column from some of its fields and its name; None where they can be no times, or where those of a date are
     written so short that seconds are lost, as 1.772402E+09. A unit in the name goes before the size of the numbers, but
     where these are a date of our time in another one."""

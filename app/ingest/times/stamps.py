@@ -1,6 +1,7 @@
 """Time stamps: which form a column has, and whole columns of it to nanoseconds since 1970 UTC."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, cast
@@ -118,7 +119,9 @@ def check_time_zone(name: str) -> None:
 
 def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
     """The form of a column from some of its fields in order of the rows; None where they are no times."""
-    texts = tuple(sample[:SAMPLE])
+    texts = _written(tuple(sample[:SAMPLE]))
+    if not _have_digits(texts):
+        return None
     form = (_number_form(texts, name) if _are_numbers(texts) else None) or _form_of(texts, options)
     return form and with_told_zone(form, name)
 
@@ -136,45 +139,43 @@ def with_told_zone(form: TimeForm, name: str) -> TimeForm:
     return replace(form, utc_offset_ns=offset_ns, zone=zone, notes=(note, *form.notes))
 
 
-def _have_digits(sample: list[str]) -> bool:
+def _have_digits(sample: Sequence[str]) -> bool:
     return any(character.isdigit() for text in sample[:20] for character in text)
 
 
 @remembered(256, LONGEST_KEPT)
-def _are_numbers(texts: tuple[str, ...]) -> bool:
-    sample = _written(texts)
-    return _have_digits(sample) and _share(NUMBER, sample) > 0.8
+def _written(texts: tuple[str, ...]) -> tuple[str, ...]:
+    """What is not blank, without quotes. This and what follows are kept, because each layout asks the same columns of a
+    file, by names of its own, whether they hold times."""
+    return tuple(text for text in map(normal, texts) if text)
 
 
 @remembered(256, LONGEST_KEPT)
-def _form_of(texts: tuple[str, ...], options: IngestOptions) -> TimeForm | None:
-    """Kept, because each layout asks the same columns of a file whether they hold times, by whatever name."""
-    sample = _written(texts)
-    if not _have_digits(sample):
-        return None
+def _are_numbers(sample: tuple[str, ...]) -> bool:
+    return _share(NUMBER, sample) > 0.8
+
+
+@remembered(256, LONGEST_KEPT)
+def _form_of(sample: tuple[str, ...], options: IngestOptions) -> TimeForm | None:
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
     form = _text_form(sample, options)
-    if form is not None or _are_numbers(texts):
+    if form is not None or _are_numbers(sample):
         return form
     return _comma_form(sample, options) or _spelled_form(sample, options)
-
-
-def _written(texts: tuple[str, ...]) -> list[str]:
-    return [text for text in map(normal, texts) if text]
 
 
 def normal(text: str) -> str:
     return text.strip().strip('"').strip()
 
 
-def _share(pattern: re.Pattern[str], sample: list[str]) -> float:
+def _share(pattern: re.Pattern[str], sample: Sequence[str]) -> float:
     return sum(bool(pattern.fullmatch(text)) for text in sample) / len(sample)
 
 
 @remembered(256, LONGEST_KEPT)
-def _number_form(texts: tuple[str, ...], name: str) -> TimeForm | None:
-    count = find_count(_written(texts), name)
+def _number_form(sample: tuple[str, ...], name: str) -> TimeForm | None:
+    count = find_count(sample, name)
     if count is None:
         return None
     kind: Kind = "relative" if count.origin_ns is None else "serial" if count.scale == DAY_NS else "epoch"
@@ -183,7 +184,7 @@ def _number_form(texts: tuple[str, ...], name: str) -> TimeForm | None:
     )
 
 
-def _comma_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+def _comma_form(sample: Sequence[str], options: IngestOptions) -> TimeForm | None:
     """Of seconds with a decimal comma, as ISO 8601 allows them."""
     if not any(re.search(_DECIMAL_COMMA, text) for text in sample):
         return None
@@ -202,7 +203,7 @@ def as_formatted(texts: pl.Series, form: TimeForm) -> pl.Series:
     return _with_point(texts) if form.decimal_comma else texts
 
 
-def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
+def _spelled_form(sample: Sequence[str], options: IngestOptions) -> TimeForm | None:
     """A dotted a.m. is no American one."""
     if not any(_MAY_BE_STAMP.search(text) for text in sample):
         return None
@@ -214,7 +215,7 @@ def _spelled_form(sample: list[str], options: IngestOptions) -> TimeForm | None:
     return replace(form, spelled=True, notes=(*notes, *form.notes))
 
 
-def _text_form(sample: list[str], options: IngestOptions, american: bool | None = None) -> TimeForm | None:
+def _text_form(sample: Sequence[str], options: IngestOptions, american: bool | None = None) -> TimeForm | None:
     zoned = sum(bool(_ZONE.search(text)) and len(text) > 12 for text in sample) > 0.8 * len(sample)
     series = pl.Series(sample, dtype=pl.String)
     fits: list[tuple[float, Reading]] = []
@@ -232,7 +233,7 @@ def _text_form(sample: list[str], options: IngestOptions, american: bool | None 
     return _choose(fitting, zoned, options)
 
 
-def _candidates(sample: list[str], zoned: bool, american: bool) -> list[str]:
+def _candidates(sample: Sequence[str], zoned: bool, american: bool) -> list[str]:
     """By the shape of a few; one of them may be written otherwise than the others, with a T before its clock too."""
     probe = next((text for text in sample if any(c.isdigit() for c in text)), sample[0])
     probes = {_ZONE.sub("", text) if zoned else text for text in (probe, *sample[:3], sample[-1])}
@@ -274,7 +275,7 @@ def _shape(form: str) -> re.Pattern[str]:
     return re.compile("".join(_PARTS.get(part, re.escape(part)) for part in parts), re.IGNORECASE)
 
 
-def _american(sample: list[str]) -> bool:
+def _american(sample: Sequence[str]) -> bool:
     """Where nothing else tells: a clock of twelve hours or a month without its zero stands with the month first."""
     american = (bool(re.match(r"\d[/-]", text) or re.search(r"\d\s*[AaPp][Mm]\b", text)) for text in sample)
     return sum(american) > DAMAGED_SHARE * len(sample)
@@ -313,7 +314,8 @@ def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
         parsed = texts.str.to_date(form, strict=False).cast(pl.Datetime("us"))
     else:
         parsed = texts.str.to_datetime(form, strict=False, time_unit="us")
-    ticks = parsed.to_numpy().view(np.int64)  # the smallest of all where there is none
+    # Microseconds, the smallest of all where there is none: years that are far off have no nanoseconds.
+    ticks = parsed.to_numpy().view(np.int64)
     return np.where((ticks >= _FIRST_NS // 1000) & (ticks < _END_NS // 1000), ticks * 1000, NO_TIME)
 
 
