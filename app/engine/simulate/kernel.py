@@ -1,4 +1,7 @@
-"""One pass around the loop per step, compiled: measure, control, move the valve, move the plant."""
+"""One pass around the loop per step, compiled: measure, control, move the valve, move the plant.
+
+The parts are inlined: a call counts the references to each array it is handed, which took two fifths of a step.
+"""
 
 import math
 from typing import NamedTuple
@@ -21,7 +24,7 @@ class Instrument(NamedTuple):
     rest: float
 
 
-@njit(cache=True, fastmath=False, nogil=True)
+@njit(cache=True, fastmath=False, nogil=True, inline="always")
 def limited(value: float, instrument: Instrument) -> float:
     """value rounded to a multiple of the resolution and kept within the limits."""
     if instrument.resolution > 0.0:
@@ -29,7 +32,7 @@ def limited(value: float, instrument: Instrument) -> float:
     return min(max(value, instrument.low), instrument.high)
 
 
-@njit(cache=True, fastmath=False, nogil=True)
+@njit(cache=True, fastmath=False, nogil=True, inline="always")
 def control(sp: float, pv: float, z: FloatArray, room: FloatArray, law: DiscreteController, out: Instrument) -> float:
     """OP wanted for deviations sp, pv; z is updated in place, following OP where its limits hold it back."""
     wanted = out.rest + law.d_sp * sp + law.d_pv * pv
@@ -46,7 +49,7 @@ def control(sp: float, pv: float, z: FloatArray, room: FloatArray, law: Discrete
     return wanted
 
 
-@njit(cache=True, fastmath=False, nogil=True)
+@njit(cache=True, fastmath=False, nogil=True, inline="always")
 def advance(x: FloatArray, room: FloatArray, plant: DiscretePlant, now: float, before: float) -> None:
     """Moves the plant's state x by one step, in place."""
     for i in range(x.size):
