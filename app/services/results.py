@@ -194,7 +194,8 @@ class SweepReport:
 
 @dataclass(frozen=True)
 class KeyView:
-    """A key without its secret. `state` is active, expired or revoked; `id` is the part that may be told."""
+    """A key without its secret. `state` is active, expired or revoked; `id` is the part that may be told.
+    `followed_by`: the id of the key that it was rotated for."""
 
     id: str
     name: str
@@ -205,6 +206,7 @@ class KeyView:
     expires_at: str | None
     revoked_at: str | None
     last_used_at: str | None
+    followed_by: str | None
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ class KeyRow:
     expires_at: datetime | None
     revoked_at: datetime | None
     last_used_at: datetime | None
+    followed_by: str | None
 
 
 COLUMNS = [keys.c[name] for name in KeyRow.__dataclass_fields__]
@@ -50,10 +51,11 @@ def end(connection: Connection, key_id: int, *, revoked_at: datetime) -> None:
     connection.execute(delete(sessions).where(sessions.c.key_id == key_id))
 
 
-def expire(connection: Connection, key_id: int, at: datetime) -> None:
-    """The key ends at `at`, or earlier where it was to end earlier."""
+def give_way(connection: Connection, key_id: int, at: datetime, follower: str) -> None:
+    """The key ends at `at`, or earlier where it was to end earlier, and another one (its public_id) follows it."""
     later = or_(keys.c.expires_at.is_(None), keys.c.expires_at > at)
     connection.execute(update(keys).where(keys.c.id == key_id, later).values(expires_at=at))
+    connection.execute(update(keys).where(keys.c.id == key_id).values(followed_by=follower))
 
 
 def note_use(connection: Connection, key_id: int, every_s: float) -> None:

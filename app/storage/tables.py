@@ -353,6 +353,7 @@ keys = Table(
     Column("expires_at", UtcDateTime),
     Column("revoked_at", UtcDateTime),
     Column("last_used_at", UtcDateTime),
+    Column("followed_by", Text),  # the public_id of the key that it was rotated for
     CheckConstraint("role IN ('read', 'upload', 'audit', 'admin')", name="role"),
 )
 

@@ -11,6 +11,8 @@ from psycopg.errors import DiskFull
 from sqlalchemy import Connection, make_url, update
 from sqlalchemy.exc import OperationalError, ProgrammingError
 
+from app.services.access import keys
+from app.services.access.identity import Role
 from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.intake import uploads
@@ -74,6 +76,12 @@ def test_each_thing_that_is_wrong_is_named_with_advice(plant):
         "broker": "problem",
     }
     assert all(check.advice for check in checks if check.state != "ok")
+
+
+def test_a_key_that_was_rotated_is_not_to_be_rotated_again(plant):
+    made = keys.create_key(plant, "historian", Role.upload, lifetime=timedelta(days=365))
+    keys.rotate_key(plant, made.key.id, timedelta(hours=24))
+    assert doctor.keys_of_the_plant(plant) == doctor.Check("keys", "ok", "3 good")
 
 
 def of(name: str, settings: Settings) -> doctor.Check:

@@ -83,9 +83,12 @@ def rotate_key(backend: Backend, public_id: str, overlap: timedelta, *, by: Iden
         row = _existing(connection, public_id)
         if state_of(row, now()) != "active":
             raise RequestError("wrong_state", f"key {public_id} is {state_of(row, now())}; make a new one instead")
+        if row.followed_by is not None:
+            rotated = f"key {public_id} was rotated, and {row.followed_by} follows it; rotate that one"
+            raise RequestError("wrong_state", rotated)
         lifetime = None if row.expires_at is None else row.expires_at - row.created_at
         made = _added(connection, row.name, Role(row.role), lifetime, row.requests_per_minute, by)
-        keys.expire(connection, row.id, now() + overlap)
+        keys.give_way(connection, row.id, now() + overlap, made.key.id)
         trail.add(connection, by, "key.rotate", public_id, "done", followed_by=made.key.id)
     return made
 
@@ -120,4 +123,5 @@ def _view(row: keys.KeyRow, moment: datetime) -> KeyView:
         expires_at=iso_utc(row.expires_at),
         revoked_at=iso_utc(row.revoked_at),
         last_used_at=iso_utc(row.last_used_at),
+        followed_by=row.followed_by,
     )

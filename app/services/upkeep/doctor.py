@@ -280,7 +280,7 @@ def records(backend: Backend) -> Check:
 def keys_of_the_plant(backend: Backend) -> Check:
     active = [key for key in keys.list_keys(backend) if key.state == "active"]
     soon = (datetime.now(UTC) + SOON).isoformat()
-    ending = [key.name for key in active if key.expires_at and key.expires_at < soon]
+    ending = [key.name for key in active if key.expires_at and key.expires_at < soon and not key.followed_by]
     if ending:
         names = ", ".join(ending[:5])
         return Check(

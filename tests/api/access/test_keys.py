@@ -6,10 +6,11 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import pytest
 
+from app.errors import RequestError
 from app.main import create_app
 from app.services.access import authentication, key_text, keys
 from app.services.access.authentication import Authenticator
@@ -88,6 +89,20 @@ def test_rotation_lets_both_work_for_the_overlap_and_then_the_new_one(client, ba
     last = keys.rotate_key(backend, new.key.id, timedelta(0))
     assert client.get("/v1/loops", headers=bearer(new.text)).status_code == 401
     assert client.get("/v1/loops", headers=bearer(last.text)).status_code == 200
+
+
+def test_a_key_is_rotated_once_and_its_follower_lives_as_long_as_it_was_to(backend):
+    """Rotated again within the overlap, its lifetime would be what the overlap left of it."""
+    old = keys.create_key(backend, "historian", Role.upload, lifetime=timedelta(days=365))
+    new = keys.rotate_key(backend, old.key.id, timedelta(hours=24))
+    with pytest.raises(RequestError, match=f"{new.key.id} follows it; rotate that one") as refused:
+        keys.rotate_key(backend, old.key.id, timedelta(hours=24))
+    assert refused.value.code == "wrong_state"
+    last = keys.rotate_key(backend, new.key.id, timedelta(hours=24))
+    lifetime = datetime.fromisoformat(last.key.expires_at) - datetime.fromisoformat(last.key.created_at)
+    assert abs(lifetime - timedelta(days=365)) < timedelta(minutes=1)
+    followed = {key.id: key.followed_by for key in keys.list_keys(backend)}
+    assert [followed[made.key.id] for made in (old, new, last)] == [new.key.id, last.key.id, None]
 
 
 def test_the_last_use_is_noted(client, backend):
