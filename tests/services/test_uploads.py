@@ -108,6 +108,15 @@ def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) ->
     assert (loop.description, loop.owner) == ("Feed", "crew A")
 
 
+def test_a_second_tag_of_a_signal_takes_nothing_of_what_the_first_says(backend: Backend) -> None:
+    header = b"tag,loop,signal,low,high,unit\n"
+    rows = [b"T1,FIC7,PV,0,250,m3/h\n", b"T2,FIC7,OP,4,20,mA\n", b"OLD1,FIC7,PV,,,\n", b"OLD2,FIC7,OP,,50,\n"]
+    mapping = header + b"".join(rows)
+    read(backend, send(backend, b"time,T1,T2\n0,1,2\n60,2,3\n", options=ReadingOptions(mapping=mapping)))
+    loop = loops.get_loop(backend, "FIC7")
+    assert (loop.pv_low, loop.pv_high, loop.pv_unit, loop.op_low, loop.op_high) == (0.0, 250.0, "m3/h", 4.0, 20.0)
+
+
 def test_a_unit_in_the_heading_holds_where_nobody_says_another(backend: Backend) -> None:
     text = b"time,FIC900.PV (t/h),FIC900.OP (%),TIC7.PV,TIC7.OP\n0,1,2,3,4\n60,2,3,4,5\n"
     read(backend, send(backend, text))

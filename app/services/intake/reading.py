@@ -251,19 +251,22 @@ def _samples(stretch: LoopSamples) -> Samples:
 
 LONGEST_UNIT = 40
 OF_LOOP = {"type": "loop_type", "unit": "area", "description": "description", "owner": "owner"}
-"""What a mapping says of a loop in the rows of its tags: the first row that says it decides."""
+"""What a mapping says of a loop in the rows of its tags."""
 
 
 def _attributes(mapping: TagMapping) -> Attributes:
-    """Of a loop, which may be spelled in two ways: the spans and the unit of its signals, its type and plant unit."""
+    """Of a loop, which may be spelled in two ways: the spans and the unit of its signals, its type and plant unit. The
+    first row that says it decides; one end of a span is not taken from one tag, and the other from another.
+    """
     found: dict[str, dict[str, Any]] = {}
     for entry in mapping.entries.values():
         told = found.setdefault(entry.loop.casefold(), {})
         if entry.signal in ("PV", "OP"):
-            name = entry.signal.lower()
-            told[f"{name}_low"], told[f"{name}_high"] = entry.number("low"), entry.number("high")
+            low, high = f"{entry.signal.lower()}_low", f"{entry.signal.lower()}_high"
+            if told.get(low) is None and told.get(high) is None:
+                told[low], told[high] = entry.number("low"), entry.number("high")
         if entry.signal == "PV":
-            told["pv_unit"] = entry.attributes.get("unit")
+            told["pv_unit"] = told.get("pv_unit") or entry.attributes.get("unit")
         for name, column in OF_LOOP.items():
             told[name] = told.get(name) or entry.attributes.get(column)
     return {
