@@ -61,7 +61,7 @@ from app.ingest.tags.grouping import (
     unit_of,
     without_unit,
 )
-from app.ingest.tags.lists import BEYOND, Listed, list_rows, list_text
+from app.ingest.tags.lists import BEYOND, MAY_PART_THOUSANDS, Listed, list_rows, list_text
 from app.ingest.tags.loops import group
 from app.ingest.telling import without_controls
 from app.ingest.times.stamps import check_time_zone
@@ -69,6 +69,7 @@ from app.ingest.times.stamps import check_time_zone
 __all__ = [
     "BEYOND",
     "GZIP",
+    "MAY_PART_THOUSANDS",
     "NO_TIME",
     "SIMULATED",
     "Export",

@@ -129,6 +129,25 @@ def test_mapping_comes_first_and_carries_spans() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("text", "high"),
+    [
+        ("tag,loop,signal,low,high\nT1,F,PV,0,1.500\n", 1.5),
+        ("tag;loop;signal;low;high\nT1;F;PV;0,5;1,500\n", 1.5),
+        ("tag;loop;signal;low;high\nT1;F;PV;0;1.500\nT2;F;OP;0;99.5\n", 1.5),
+        ("tag;loop;signal;low;high\nT1;F;PV;0,5;1.500\n", None),
+        ("tag;loop;signal;low;high\nT1;F;PV;0;1,500\n", None),
+        ('tag,loop,signal,low,high\nT1,F,PV,0,"1,500"\n', None),
+    ],
+)
+def test_a_span_whose_mark_may_part_thousands_is_refused(text: str, high: float | None) -> None:
+    if high is None:
+        with pytest.raises(DataError, match=r"row 1 of the mapping has high '1[.,]500', whose mark may part thousands"):
+            TagMapping.from_bytes(text.encode())
+    else:
+        assert TagMapping.from_bytes(text.encode()).entries["t1"].number("high") == high
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
 def test_a_mapping_is_decoded_as_an_export_is(encoding: str) -> None:
     data = "tag;loop;signal;unit\nWärme.Ist;Wärmetauscher;PV;°C\n".encode(encoding)

@@ -15,7 +15,7 @@ from app.errors import DataError
 from app.ingest.model import SIGNALS, IngestOptions, Signal
 from app.ingest.numbers.units import is_unit
 from app.ingest.remembering import remembered
-from app.ingest.tags.lists import list_rows, list_text
+from app.ingest.tags.lists import MAY_PART_THOUSANDS, list_rows, list_text
 
 _MAPPING = ("the mapping", "bad_mapping")
 """What it is called, and the code of all that is wrong with it."""
@@ -178,7 +178,13 @@ def mapping_text(data: bytes) -> str:
 
 
 def _csv_rows(text: str) -> list[dict[str, str]]:
-    return [row for _, row in list_rows(text, *_MAPPING).rows]
+    listed = list_rows(text, *_MAPPING)
+    rows = [row for _, row in listed.rows]
+    for number, row in enumerate(rows, start=1):
+        if doubtful := [name for name in ("low", "high") if listed.in_doubt(row.get(name, ""))]:
+            said = " and ".join(f"{name} {row[name]!r}" for name in doubtful)
+            raise DataError("bad_mapping", f"row {number} of the mapping has {said}, {MAY_PART_THOUSANDS}")
+    return rows
 
 
 def _json_rows(text: str) -> list[dict[str, str]]:

@@ -5,6 +5,7 @@ import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from app.errors import DataError
 from app.ingest.files.opening import detect_encoding
@@ -13,8 +14,11 @@ DELIMITERS = ",;\t"
 BEYOND = "beyond the names"
 KEYS = {"tag", "loop"}
 """Columns of which every list has one: what parts its name from others parts the cells."""
+MAY_PART_THOUSANDS = "whose mark may part thousands; write it without one, or with other than three decimals"
 
 _END_OF_FILE = "\x1a"
+_EITHER_WAY = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}", re.ASCII)  # one and a half, or a thousand and a half
+_DECIMALS = re.compile(r"[+-]?\d*([.,])\d+(?:[eE][+-]?\d+)?", re.ASCII)
 _SAID_DELIMITER = re.compile(r"(?i)\Asep=([,;|\t])[ \t\r]*\n")
 
 
@@ -26,6 +30,20 @@ class Listed:
 
     rows: list[tuple[int, dict[str, str]]]
     delimiter: str
+
+    @cached_property
+    def marks(self) -> set[str]:
+        """What stands before decimals in numbers that can be read in one way; where none tells, and commas part the
+        cells, a point.
+        """
+        numbers = {text for _, row in self.rows for text in row.values() if not _EITHER_WAY.fullmatch(text)}
+        shown = {found[1] for found in map(_DECIMALS.fullmatch, numbers) if found}
+        return shown or ({"."} if self.delimiter == "," else set())
+
+    def in_doubt(self, text: str) -> bool:
+        """Whether the mark of a number (1.500) may part thousands here."""
+        found = _EITHER_WAY.fullmatch(text)
+        return found is not None and self.marks != {found[1]}
 
 
 def list_text(data: bytes, what: str, code: str) -> str:

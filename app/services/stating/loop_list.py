@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.errors import DataError, FieldError, RequestError
-from app.ingest import BEYOND, list_rows, list_text
+from app.ingest import BEYOND, MAY_PART_THOUSANDS, Listed, list_rows, list_text
 from app.services.backend import Backend
 from app.services.loops import list_loops
 from app.services.results import FailureView, LoopsChanged
@@ -92,7 +92,7 @@ def read(data: bytes) -> LoopList:
         told = {plain: row.get(name, "") for name, plain in known.items()}
         tag = plain_cell(told.pop("tag"))
         wrong: list[RequestError] = []
-        values = _values(tag, told, row.get(BEYOND), listed.delimiter, wrong)
+        values = _values(tag, told, row.get(BEYOND), listed, wrong)
         found.refused.extend(refusal(tag, error.code, f"row {number}: {error.message}") for error in wrong)
         if values or not wrong:
             found.wanted.append((tag, values))
@@ -100,7 +100,7 @@ def read(data: bytes) -> LoopList:
 
 
 def _values(
-    tag: str, told: Mapping[str, str], beyond: str | None, delimiter: str, wrong: list[RequestError]
+    tag: str, told: Mapping[str, str], beyond: str | None, listed: Listed, wrong: list[RequestError]
 ) -> dict[str, Any]:
     """What the cells of a row set, and into `wrong` what of it cannot be set."""
     values: dict[str, Any] = {}
@@ -109,7 +109,7 @@ def _values(
         return values
     for name, text in ((name, text) for name, text in told.items() if text):
         try:
-            values[name] = _value(name, text, delimiter)
+            values[name] = _value(name, text, listed)
         except RequestError as error:
             wrong.append(error)
     return values
@@ -123,7 +123,7 @@ def _no_row(beyond: str | None) -> RequestError:
     return RequestError("ragged_row", text)
 
 
-def _value(name: str, text: str, delimiter: str) -> Any:
+def _value(name: str, text: str, listed: Listed) -> Any:
     """A word, a yes or no, or a number."""
     if name in WORDS:
         return plain_cell(text)
@@ -131,9 +131,11 @@ def _value(name: str, text: str, delimiter: str) -> Any:
         if text.casefold() not in SAID:
             raise RequestError("bad_value", f"{name} is yes or no, got {text[:60]!r}")
         return SAID[text.casefold()]
-    if "," in text and "." not in text and delimiter == ",":
+    if "," in text and "." not in text and listed.delimiter == ",":
         why = "; with commas between cells a comma in it may part thousands"
         raise RequestError("bad_value", f"{name} is a number, got {text[:60]!r}{why}")
+    if listed.in_doubt(text):
+        raise RequestError("bad_value", f"{name} is {text!r}, {MAY_PART_THOUSANDS}")
     return number(name, text)
 
 

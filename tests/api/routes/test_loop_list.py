@@ -145,11 +145,30 @@ def test_a_number_that_may_be_another_one_is_refused(client, number):
         ('tag,pv_high\nFIC101,"1,000.5"\n', "without marks between thousands"),
         ('tag,pv_high\nFIC101,"1,500"\n', "a comma in it may part thousands"),
         ("tag,pv_high\nFIC101,much\n", "got 'much'"),
+        ("tag;pv_low;pv_high\nFIC101;1.500;2500\n", "or with other than three decimals"),
+        ("tag;pv_low;pv_high\nFIC101;1,500;2500\n", "or with other than three decimals"),
+        ("tag;pv_low;pv_high\nFIC101;0,5;1.500\n", "or with other than three decimals"),
+        ("tag;pv_low;pv_high\nFIC101;0.5;1,500\n", "or with other than three decimals"),
     ],
 )
 def test_a_number_is_refused_with_the_reason_that_holds(client, text, why):
     (refused,) = sent(client, text).json()["refused"]
     assert refused["text"].endswith(why)
+
+
+@pytest.mark.parametrize(
+    ("text", "high"),
+    [
+        ("tag,pv_low,pv_high\nFIC101,0,1.500\n", 1.5),
+        ("tag;pv_low;pv_high\nFIC101;0,5;1,500\n", 1.5),
+        ("tag;pv_low;pv_high\nFIC101;0.5;1.500\n", 1.5),
+        ("tag;pv_low;pv_high\nFIC101;0;0,125\n", 0.125),
+        ("tag;pv_low;pv_high\nFIC101;0;1234,567\n", 1234.567),
+    ],
+)
+def test_three_decimals_are_read_where_the_list_shows_what_its_mark_means(client, text, high):
+    assert sent(client, text).json()["refused"] == []
+    assert loop(client, "FIC101")["pv_high"] == high
 
 
 @pytest.mark.parametrize("text", ["loop,importance\nFIC101,4\n", "Loop;note, short;importance\nFIC101;x;4\n"])
