@@ -89,6 +89,10 @@ def explain(
         raise RequestError("several_simulations", "--sim and --sim-model are both given; one simulation is compared")
     if quick and any(given is not None for given in (validate, trace, plot, model)):
         raise RequestError("quick_alone", "--quick has no fit: --validate, --trace, --plot and --model need one")
+    if validate is None and (validate_op or validate_pv):
+        raise RequestError(
+            "no_validation", "--validate-op and --validate-pv name columns of a --validate, and none is given"
+        )
     refuse_other_pictures(plot)
     refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
     second = Columns(validate_op or op, validate_pv or pv, sp, loop)

@@ -42,6 +42,7 @@ TAKEN = {
 
 
 def simulate(
+    context: typer.Context,
     out: Annotated[Path | None, typer.Option("--out", help="Write the recording here instead of stdout.")] = None,
     samples: int = typer.Option(1440, "--samples", min=2, help="Samples of the recording."),
     interval_s: float = typer.Option(1.0, "--interval", min=0.001, help="Sampling interval in seconds."),
@@ -123,8 +124,10 @@ def simulate(
 
       loopaudit explain FIC101.csv --model FIC101.json; loopaudit simulate --model FIC101.json --recording FIC101.csv
     """
+    explained = model is not None or recording is not None
+    refuse_of_the_other(context, explained)
     refuse_without_effect(valve, d, S, J)
-    if model is not None or recording is not None:
+    if explained:
         _simulate_explained(model, recording, (op, pv), read_in(time_zone, date_order), out)
         raise typer.Exit(ExitCode.DONE)
     from app.engine.simulate import LoopSpec, Pid, Signal, simulate_loop
@@ -145,6 +148,19 @@ def simulate(
         stream.writelines(_lines(loop, with_valve, start))
     say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
     raise typer.Exit(ExitCode.DONE)
+
+
+def refuse_of_the_other(context: typer.Context, explained: bool) -> None:
+    """Options of a loop do nothing beside a model, and those of a model's recording nothing without it."""
+    for option in context.command.params:
+        own = getattr(option, "rich_help_panel", None) == EXPLAINED
+        source = context.get_parameter_source(option.name or "")
+        if own == explained or option.name == "out" or source is None or source.name != "COMMANDLINE":
+            continue
+        why = (
+            "a model is simulated as it was explained" if explained else "it is of a --recording that drives a --model"
+        )
+        raise typer.BadParameter(f"{option.opts[0]} would do nothing: {why}", param_hint=option.opts[0])
 
 
 def refuse_without_effect(valve: ValveModel, d: float, S: float, J: float) -> None:
@@ -211,11 +227,13 @@ def _load(step: float, amplitude: float, period_s: float) -> "Signal":
 def _lines(loop: "SimulatedLoop", with_valve: bool, start: datetime | None) -> Iterator[str]:
     yield "time,SP,PV,OP" + (",V" if with_valve else "") + "\n"
     columns = [loop.sp, loop.pv, loop.op] + ([loop.v] if with_valve else [])
+    whole_ms = (1000.0 * loop.sampling_interval_s).is_integer()
     for time_s, *row in zip(loop.time_s, *columns, strict=True):
-        yield ",".join([_stamp(time_s, start), *(f"{value:.8g}" for value in row)]) + "\n"
+        yield ",".join([_stamp(time_s, start, whole_ms), *(f"{value:.8g}" for value in row)]) + "\n"
 
 
-def _stamp(time_s: float, start: datetime | None) -> str:
+def _stamp(time_s: float, start: datetime | None, whole_ms: bool) -> str:
     if start is None:
         return f"{time_s:.8g}"
-    return (start + timedelta(seconds=time_s)).isoformat(timespec="milliseconds") + "Z"
+    timespec = "milliseconds" if whole_ms else "microseconds"
+    return (start + timedelta(seconds=time_s)).isoformat(timespec=timespec) + "Z"

@@ -60,6 +60,7 @@ def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> N
         (["--sim", "NO_SUCH"], "no_such_column"),
         (["--op", "NO_SUCH"], "no_such_column"),
         (["--sim", "PV_sim", "--sim-model", '{"gain": 1}'], "several_simulations"),
+        (["--validate-op", "FOO"], "no_validation"),
         (["--quick", "--plot", "plot.svg"], "quick_alone"),
         (["--quick", "--trace", "trace.csv"], "quick_alone"),
         (["--quick", "--validate", "other.csv"], "quick_alone"),

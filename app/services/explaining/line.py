@@ -243,10 +243,12 @@ def model_line(model: ExplainedModel) -> dict[str, Any]:
     }
 
 
-def model_from_line(line: dict[str, Any]) -> ExplainedModel:
+def model_from_line(line: object) -> ExplainedModel:
     """An exported model, as JSON gave it. Raises DataError("model_invalid") where it is not whole."""
+    model = line.get("model", line) if isinstance(line, dict) else line
+    if not isinstance(model, dict):
+        raise DataError("model_invalid", f"this is no model that explain has written, but {str(model)[:60]!r}")
     try:
-        model = line.get("model", line)
         return ExplainedModel(
             sampling_interval_s=float(model["sampling_interval_s"]),
             op_mid=float(model["op_mid"]),
@@ -264,5 +266,7 @@ def model_from_line(line: dict[str, Any]) -> ExplainedModel:
             measured_mids=tuple(float(value) for value in model.get("measured_mids", ())),
             op_follows_pv=bool(model.get("op_follows_pv", True)),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except KeyError as error:
+        raise DataError("model_invalid", f"this is no model that explain has written: it has no {error}") from error
+    except (TypeError, ValueError, AttributeError) as error:
         raise DataError("model_invalid", f"this is no model that explain has written: {error}") from error

@@ -23,7 +23,7 @@ def read_model(path: Path) -> ExplainedModel:
     """A model, or a whole answer of `explain --format json` with the model in it."""
     try:
         return model_from_line(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RequestError("model_invalid", f"{path} cannot be read as a model: {error}") from error
 
 
