@@ -14,7 +14,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from app.engine.mismatch import Comparison, compile_kernels, explain
-from app.engine.simulate import Pid, Signal, TwoParameterValve
+from app.engine.simulate import Pid, Signal, TwoParameterValve, first_order
 from tests.proof.cases import make_case
 from tests.proof.stems import SAMPLES, loop, recorded
 
@@ -29,7 +29,7 @@ def limit_cycles(count: int, seed: int) -> Iterator[Known]:
         S, J, noise = (float(rng.choice(sizes)) for sizes in ((4, 6, 8, 12), (1, 2, 3), (0.05, 0.1, 0.2, 0.4)))
         ts, kc = float(rng.choice([2.0, 5.0])), float(rng.choice([0.6, 1.0, 1.5]))
         start = Signal(steps=((0.0, 1.0),))
-        spec = loop(TwoParameterValve(S, J), Pid(kc, 20.0, 0.0), (20.0, 2.0), start, noise=noise)
+        spec = loop(TwoParameterValve(S, J), Pid(kc, 20.0, 0.0), first_order(1.0, 20.0, 2.0), start, noise=noise)
         yield "valve.stiction", recorded("loop", spec, SAMPLES, ts, seed + k), {"S": S, "J": J}
 
 

@@ -1,0 +1,41 @@
+"""The loops of known size that the proofs ask about are made, and their rows become the tables of PROOF.md."""
+
+import json
+
+import numpy as np
+
+from tests.proof.sizes import blind, limit_cycles, told
+from tests.proof.tables import of_pairs, of_single, rows_of
+
+ROWS = (
+    {"true": ["sensor.lag"], "said": [["process.extra_lag", "sensor.lag"]], "energy": 99.0, "first_right": True},
+    {"true": ["sensor.lag"], "said": [], "energy": 99.0, "first_right": False},
+    {"true": ["sensor.lag"], "said": [], "energy": 3.0, "first_right": False},
+    {"true": [], "said": [], "energy": 0.0, "first_right": False},
+    {"true": ["sensor.lag", "sensor.step"], "said": [["sensor.step"]], "energy": 99.0, "first_right": True},
+)
+
+
+def test_a_limit_cycle_of_known_size_swings_by_it():
+    ((code, loop, sizes),) = limit_cycles(1, 3000)
+    assert code == "valve.stiction"
+    settled = loop.op[len(loop.op) // 2 :]
+    assert 0.5 * sizes["S"] < np.ptp(settled) < 4.0 * sizes["S"]
+
+
+def test_a_blind_loop_of_known_size_carries_its_simulation():
+    ((_, loop, sizes),) = blind("valve.deadband", 1, 3000)
+    assert sizes.keys() == {"band"}
+    assert loop.trace is not None
+
+
+def test_intervals_are_counted_by_parameter():
+    (line,) = told("limit cycles", {"S": [(4.0, 4.0, 3.9, 4.1), (4.0, 4.4, 4.3, 4.5)]})
+    assert line == "limit cycles, S: held by 1 of 2, median error 5.0%, median width 5%"
+
+
+def test_rows_become_tables_of_what_can_be_seen(tmp_path):
+    (tmp_path / "rows").write_text("".join(json.dumps(row) + "\n" for row in ROWS))
+    rows = rows_of([tmp_path / "rows"])
+    assert of_single(rows)[2:] == ["| sensor.lag | 1/2 | process.extra_lag, nothing |"]
+    assert of_pairs(rows)[2:] == ["| sensor.lag, sensor.step | one | sensor.step |"]
