@@ -1,4 +1,4 @@
-"""The connection to a service: one method a route, pages followed to their end, busy servers asked again."""
+"""The connection to a service: a method for what scripts ask, pages followed to their end, busy servers asked again."""
 
 import math
 import time

@@ -5,8 +5,9 @@ from numba import njit
 
 from app.engine.armax.gram import LAST, NOW, lagged_dot, lagged_dots, solve_least_squares
 from app.engine.armax.kernel import COLLINEAR, filtered_gram
-from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, prediction_errors, sum_of_squares
+from app.engine.armax.predict import SLOWEST_ROOT, filter_by_c, is_stable, prediction_errors
 from app.engine.recording import FloatArray
+from app.engine.signals.sampled import sum_of_squares
 
 LARGEST_DAMPING = 1e8
 TOLERANCE = 1e-9

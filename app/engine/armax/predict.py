@@ -6,7 +6,6 @@ from numba import njit
 from app.engine.armax.gram import add_lagged
 from app.engine.armax.roots import roots_of
 from app.engine.recording import FloatArray
-from app.engine.signals.sampled import REORDERED_SUMS
 
 SLOWEST_ROOT = 0.998
 """The roots of C stay within this radius: nearer to 1 the start of the record is not forgotten within it."""
@@ -118,11 +117,3 @@ def prediction_errors(
     add_lagged(errors, -b, v, start)
     late = errors[start:].reshape((1, len(errors) - start))
     filter_by_c(late, c, late)
-
-
-@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
-def sum_of_squares(errors: FloatArray, first: int) -> float:
-    total = 0.0
-    for t in range(first, len(errors)):
-        total += errors[t] * errors[t]
-    return total

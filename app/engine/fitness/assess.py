@@ -143,7 +143,7 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     found = (
         length,
         checks.check_missing(both, aligned.interpolated, config),
-        checks.check_wild(aligned.wild_pv, aligned.wild_op, config),
+        checks.check_wild(aligned.wild_pv, aligned.wild_op),
     )
     if len(samples) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS)

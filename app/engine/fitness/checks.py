@@ -56,7 +56,7 @@ def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConf
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
 
 
-def check_wild(pv: FloatArray, op: FloatArray, config: FitnessConfig) -> Finding:
+def check_wild(pv: FloatArray, op: FloatArray) -> Finding:
     """pv, op: the values of each that count as missing because they lie alone and far off."""
     found = [_told_wild(name, values) for name, values in (("PV", pv), ("OP", op)) if len(values)]
     if found:

@@ -19,6 +19,15 @@ REORDERED_SUMS = {"reassoc", "contract"}
 """What a compiled loop that adds up a signal may relax: only a sum whose order is free runs in vector registers."""
 
 
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
+def sum_of_squares(errors: FloatArray, first: int) -> float:
+    """Of errors (N,) from the sample `first` on."""
+    total = 0.0
+    for t in range(first, len(errors)):
+        total += errors[t] * errors[t]
+    return total
+
+
 @njit(cache=True, nogil=True)
 def cumulated(x: FloatArray) -> FloatArray:
     """(N + 1,) sums of the first 0, 1, .. N samples of x (N,)."""

@@ -148,12 +148,14 @@ def _moving(kind: str, size: float, clock: _Clock, rng: np.random.Generator) -> 
         period_s = clock.slowest_s * float(10 ** rng.uniform(0.6, 1.5))
         return replace(background, waves=(Wave(size, period_s, "sine", float(rng.uniform(0.0, 6.28))),))
     if kind == "steps":
-        return replace(background, steps=_random_steps(size, 25.0 * clock.slowest_s, rng))
+        return replace(background, steps=random_steps(size, 25.0 * clock.slowest_s, rng))
     slow_s = clock.slowest_s * float(10 ** rng.uniform(0.3, 1.3))
     return Signal(noise_sd=float(np.hypot(size, _LOAD_PCT)), noise_tau_s=slow_s)
 
 
-def _random_steps(size: float, apart_s: float, rng: np.random.Generator, count: int = 40) -> tuple:
+def random_steps(
+    size: float, apart_s: float, rng: np.random.Generator, count: int = 40
+) -> tuple[tuple[float, float], ...]:
     """Steps between levels of that size (standard deviation) around zero, so that they do not wander off."""
     levels = np.concatenate(([0.0], size * rng.standard_normal(count)))
     times = np.cumsum(rng.exponential(apart_s, count)) - 2.0 * apart_s
@@ -166,9 +168,9 @@ def _set_point(case: Case, clock: _Clock, rng: np.random.Generator) -> Signal:
         form = str(rng.choice(["sine", "square", "triangle"]))
         return Signal(waves=(Wave(size, clock.slowest_s * float(rng.uniform(15.0, 50.0)), form),))  # type: ignore[arg-type]
     if case.set_point == "few_steps":
-        return Signal(steps=_random_steps(size, 100.0 * clock.slowest_s, rng, 4))
+        return Signal(steps=random_steps(size, 100.0 * clock.slowest_s, rng, 4))
     if case.set_point == "many_steps":
-        return Signal(steps=_random_steps(size, 20.0 * clock.slowest_s, rng))
+        return Signal(steps=random_steps(size, 20.0 * clock.slowest_s, rng))
     if case.set_point == "sine":
         return Signal(waves=(Wave(size, 40.0 * clock.slowest_s),))
     if case.set_point == "ramp":

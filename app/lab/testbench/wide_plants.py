@@ -27,6 +27,7 @@ from app.engine.simulate import (
     second_order,
     simulate_loop,
 )
+from app.lab.testbench.building import random_steps
 from app.lab.testbench.case import log_uniform
 from app.lab.testbench.tuning import tuned
 
@@ -37,6 +38,7 @@ _PLANT_CHANCES = (0.15, 0.2, 0.15, 0.08, 0.07, 0.22, 0.13)
 _LEVELS = ("level", "lagging_level")
 _FEWEST_REVERSALS = 4
 _LARGEST_TRAVEL = 40.0
+_STEPS = 60
 
 
 @dataclass(frozen=True)
@@ -132,12 +134,12 @@ def _disturbance(rng: np.random.Generator, drawn: _Draw) -> Signal:
         if kind == "waves":
             return replace(pushed, waves=_waves(rng, slow_s, log_uniform(rng, 0.1, 2.0)))
         if kind == "steps":
-            return replace(pushed, steps=_steps(rng, log_uniform(rng, 0.1, 1.0), 25.0 * slow_s))
+            return replace(pushed, steps=random_steps(log_uniform(rng, 0.1, 1.0), 25.0 * slow_s, rng, _STEPS))
         return pushed
     if drawn.cause in ("oscillation", "saturation"):
         return replace(calm, waves=_waves(rng, slow_s, 1.0))
     if drawn.cause == "steps":
-        return replace(calm, steps=_steps(rng, 1.0, slow_s * log_uniform(rng, 8.0, 60.0)))
+        return replace(calm, steps=random_steps(1.0, slow_s * log_uniform(rng, 8.0, 60.0), rng, _STEPS))
     return replace(calm, noise_sd=1.0) if drawn.cause == "load" else calm
 
 
@@ -150,7 +152,7 @@ def _set_point(rng: np.random.Generator, drawn: _Draw) -> Signal:
         return Signal(waves=_waves(rng, slow_s, size))
     if kind == "noise":
         return Signal(noise_sd=size, noise_tau_s=slow_s * log_uniform(rng, 3.0, 30.0))
-    return Signal(steps=_steps(rng, size, slow_s * log_uniform(rng, 20.0, 200.0)))
+    return Signal(steps=random_steps(size, slow_s * log_uniform(rng, 20.0, 200.0), rng, _STEPS))
 
 
 def _waves(rng: np.random.Generator, slow_s: float, size: float) -> tuple[Wave, ...]:
@@ -162,12 +164,6 @@ def _waves(rng: np.random.Generator, slow_s: float, size: float) -> tuple[Wave, 
     if rng.random() < 0.3:
         waves.append(Wave(0.4 * size, period_s / 2.0, "sine", float(rng.uniform(0.0, 6.28))))
     return tuple(waves)
-
-
-def _steps(rng: np.random.Generator, size: float, apart_s: float, count: int = 60) -> tuple[tuple[float, float], ...]:
-    levels = np.concatenate(([0.0], size * rng.standard_normal(count)))
-    times = np.cumsum(rng.exponential(apart_s, count)) - 2.0 * apart_s
-    return tuple(zip(times.tolist(), np.diff(levels).tolist(), strict=True))
 
 
 def _recorded(rng: np.random.Generator, drawn: _Draw, spec: LoopSpec) -> SimulatedLoop:

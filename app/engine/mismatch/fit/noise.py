@@ -14,7 +14,7 @@ from numba import njit
 from scipy.linalg import solve_toeplitz
 
 from app.engine.recording import BoolArray, FloatArray
-from app.engine.signals.sampled import REORDERED_SUMS
+from app.engine.signals.sampled import REORDERED_SUMS, sum_of_squares
 
 POLE_MAX = 0.9995
 ZERO_MAX = 0.97
@@ -135,18 +135,10 @@ def _limit(shape: FloatArray) -> None:
         shape[k] = min(max(shape[k], low), high)
 
 
-@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
-def _energy(e: FloatArray, skip: int) -> float:
-    total = 0.0
-    for t in range(skip, len(e)):
-        total += e[t] * e[t]
-    return total
-
-
 @njit(cache=True, nogil=True)
 def _cost(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray, skip: int) -> float:
     _whiten(r, usable, shape, e)
-    return _energy(e, skip)
+    return sum_of_squares(e, skip)
 
 
 @njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
@@ -305,7 +297,7 @@ def with_further(r: FloatArray, usable: BoolArray, found: NoiseModel, lags: int)
     if lags == 0 or not covariances[0] > 0.0:
         return found
     richer = replace(found, further=tuple(autoregression(covariances).tolist()))
-    cost = _energy(whiten(r, usable, richer), settling_samples(len(r)))
+    cost = sum_of_squares(whiten(r, usable, richer), settling_samples(len(r)))
     return model_of(found.shape, cost, compared_count(usable), richer.further)
 
 
