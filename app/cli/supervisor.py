@@ -79,15 +79,24 @@ class Supervisor:
                 self._launch(child, now)
         elif (code := child.process.poll()) is not None:
             child.pause_s = FIRST_PAUSE_S if now - child.started_at > STABLE_AFTER_S else child.pause_s
-            text = f"loopaudit: {child.name} ended with code {code}; starting it again in {child.pause_s:.0f} s"
-            say(text, "warning")
             close_pipe(child.process)
-            child.process, child.due_at = None, now + child.pause_s
-            child.pause_s = min(2 * child.pause_s, LONGEST_PAUSE_S)
+            child.process = None
+            put_off(child, now, f"ended with code {code}")
 
     def _launch(self, child: Child, now: float) -> None:
-        child.process = subprocess.Popen(self.command(child), stdin=subprocess.PIPE, start_new_session=True)  # noqa: S603 - our own command
-        child.started_at = now
+        try:
+            child.process = subprocess.Popen(self.command(child), stdin=subprocess.PIPE, start_new_session=True)  # noqa: S603 - our own command
+        except OSError as error:  # no room for one more process, which may pass: this thread must outlive it
+            put_off(child, now, f"could not be started ({error.strerror})")
+        else:
+            child.started_at = now
+
+
+def put_off(child: Child, now: float, why: str) -> None:
+    """The next start waits, and the one after that twice as long."""
+    say(f"loopaudit: {child.name} {why}; starting it again in {child.pause_s:.0f} s", "warning")
+    child.due_at = now + child.pause_s
+    child.pause_s = min(2 * child.pause_s, LONGEST_PAUSE_S)
 
 
 def close_pipe(process: "subprocess.Popen[bytes]") -> None:

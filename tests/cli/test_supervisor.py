@@ -1,5 +1,6 @@
 """Child processes of `serve`: started, started again, stopped, and never left behind."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -70,6 +71,30 @@ def test_waits_longer_each_time_before_the_next_start(child):
     supervisor.start()
     wait_for(lambda: child.pause_s >= 4.0)
     supervisor.stop()
+
+
+def test_a_start_that_fails_is_said_and_tried_again(child, capsys, monkeypatch):
+    """Where there is no room for one more process for a while."""
+    failing, starts, own = 2, [], subprocess.Popen
+
+    def scarce(*arguments, **options):
+        starts.append(time.monotonic())
+        if len(starts) <= failing:
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+        return own(*arguments, **options)
+
+    monkeypatch.setattr("app.cli.supervisor.subprocess.Popen", scarce)
+    child.pause_s = 0.3
+    supervisor = Sleeping([child], grace_s=5.0)
+    supervisor.start()
+    try:
+        wait_for(lambda: child.process is not None, seconds=5.0)
+    finally:
+        supervisor.stop()
+    assert child.process.returncode is not None
+    assert capsys.readouterr().err.count("sleeper could not be started (Resource temporarily unavailable); ") == failing
+    first, second, third = starts
+    assert (second - first >= 0.3, third - second >= 0.6) == (True, True)
 
 
 def test_kills_what_does_not_listen_to_sigterm(child):
