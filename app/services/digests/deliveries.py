@@ -207,9 +207,11 @@ def _not_sent(backend: Backend, claim: DeliveryClaim, reason: str, *, final: boo
     text = reason[:LONGEST_ERROR]
     with backend.database.write() as connection:
         if given_up:
-            deliveries.end(connection, claim, "failed", text)
+            held = deliveries.end(connection, claim, "failed", text)
         else:
-            deliveries.try_later(connection, claim, wait_s(claim.attempt), text)
+            held = deliveries.try_later(connection, claim, wait_s(claim.attempt), text)
+    if not held:
+        return  # whoever has it now tells what became of it
     told = {"run": claim.audit_id, "receiver": shown(claim.receiver), "attempt": claim.attempt, "reason": text}
     log.warning("digest given up" if given_up else "digest not sent, tried again later", extra=told)
     if given_up:

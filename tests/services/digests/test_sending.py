@@ -84,6 +84,32 @@ def test_sent_but_not_marked_is_sent_again_with_the_same_id(
     assert len({body for _, body in receiver.posts}) == 1
 
 
+@pytest.mark.parametrize("final", [True, False])
+def test_who_lost_the_lease_tells_nothing_of_what_another_has_delivered(
+    backend: Backend,
+    night: str,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    final: bool,
+) -> None:
+    alone = with_settings(backend, digest_webhooks="")
+    own = deliveries._send
+
+    def overtaken(*arguments: Any) -> None:
+        monkeypatch.setattr(deliveries, "_send", own)
+        let_time_pass(alone)
+        sweep(alone)
+        assert deliveries.deliver_next(alone, "another")
+        raise NotSentError("the receiver answered 404", final=final)
+
+    sweep(alone)
+    monkeypatch.setattr(deliveries, "_send", overtaken)
+    assert deliveries.deliver_next(alone, "the first")
+    assert states(alone, night) == {"mailto": ("done", 2)}
+    assert [row.outcome for row in list_trail(alone, action=deliveries.ACTION).rows] == ["done"]
+    assert "answered 404" not in repr([vars(record) for record in caplog.records])
+
+
 def test_a_mail_server_that_takes_its_time_gets_it_once(backend: Backend, night: str, mailbox: Mailbox) -> None:
     """Longer than a lease: another worker would send it again meanwhile, and one more after that."""
     short = with_settings(backend, lease_s=3.0, digest_webhooks="")
