@@ -81,13 +81,15 @@ def digest(
 
 def sent(backend: "Backend", run: str, *, again: bool = False) -> ExitCode:
     """Each receiver and what became of it, on stdout."""
+    from app.services.access.identity import COMMAND_LINE
     from app.services.digests.deliveries import send_now
 
     if not backend.settings.digest_receivers:
         raise RequestError(
             "no_receiver", "nobody is to get it: set LOOPAUDIT_DIGEST_MAIL_TO or LOOPAUDIT_DIGEST_WEBHOOKS"
         )
-    found = send_now(backend, f"digest:{socket.gethostname()}:{os.getpid()}", run, again=again)
+    owner = f"digest:{socket.gethostname()}:{os.getpid()}"
+    found = send_now(backend, owner, run, by=COMMAND_LINE, again=again)
     for one in found:
         sys.stdout.write(f"{one.receiver}: {outcome(one, backend.clock)}\n")
     undone = sum(one.state != "done" for one in found)

@@ -17,7 +17,7 @@ import httpx
 
 from app.errors import LoopauditError
 from app.services.access import trail
-from app.services.access.identity import SCHEDULE
+from app.services.access.identity import SCHEDULE, Identity
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.digests.digest import Digest
@@ -69,9 +69,9 @@ def announce_digests(backend: Backend) -> int:
     return waiting
 
 
-def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False) -> list[DeliveryView]:
-    """For whoever sends a digest by hand: this run's to every receiver that has not got it, those given up too, each
-    tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own
+def send_now(backend: Backend, owner: str, audit_id: str, *, by: Identity, again: bool = False) -> list[DeliveryView]:
+    """For whoever sends a digest by hand (`by`): this run's to every receiver that has not got it, those given up too,
+    each tried once; what fails is tried again by the service. `again`: also to those who have it, with an id of its own
     that it keeps, because mail servers drop what they know by its id."""
     ended_run(backend, audit_id)
     run, receivers = identifier(audit_id), backend.settings.digest_receivers
@@ -83,7 +83,7 @@ def send_now(backend: Backend, owner: str, audit_id: str, *, again: bool = False
         had = {row.receiver for row in deliveries.of_run(connection, run) if row.state == "done"}
     made = cache(partial(digest_of, backend))
     for receiver in receivers:
-        deliver_next(backend, owner, (run, receiver), made)
+        deliver_next(backend, owner, (run, receiver), made, by)
     with backend.database.read() as connection:
         rows = [row for row in deliveries.of_run(connection, run) if row.receiver in receivers]
     return [replace(_view(row), before=row.receiver in had) for row in rows]
@@ -94,9 +94,11 @@ def deliver_next(
     owner: str,
     this: tuple[int, str] | None = None,
     made: Callable[[str], Digest] | None = None,
+    by: Identity = SCHEDULE,
 ) -> bool:
     """Sends the digest whose turn it is, or `this` run's to this receiver; False where there is none. Sent and not
-    marked is sent again, with the same id. made: gives the digest of a run; None: it is made anew."""
+    marked is sent again, with the same id. made: gives the digest of a run; None: it is made anew. by: whom the trail
+    names."""
     with backend.database.write() as connection:
         claim = deliveries.claim_next(connection, owner, backend.settings.lease_s, this)
     if claim is None:
@@ -105,14 +107,14 @@ def deliver_next(
         with Heartbeat(backend, lambda connection, lease_s: deliveries.renew(connection, claim, lease_s)):
             _send(backend, claim, made or partial(digest_of, backend))
     except NotSentError as error:
-        _not_sent(backend, claim, str(error), final=error.final)
+        _not_sent(backend, claim, by, str(error), final=error.final)
     except LoopauditError as error:
-        _not_sent(backend, claim, error.message, final=True)
+        _not_sent(backend, claim, by, error.message, final=True)
     except Exception as error:  # one receiver's fault must not hold up the others; it is logged and shown
         log.exception("the digest of run %s was not sent to %s", claim.audit_id, shown(claim.receiver))
-        _not_sent(backend, claim, f"a fault of ours: {type(error).__name__}", final=False)
+        _not_sent(backend, claim, by, f"a fault of ours: {type(error).__name__}", final=False)
     else:
-        _sent(backend, claim)
+        _sent(backend, claim, by)
     return True
 
 
@@ -194,15 +196,15 @@ def _send(backend: Backend, claim: DeliveryClaim, made: Callable[[str], Digest])
         send_webhook(backend.settings, post_of(digest, *to), claim.receiver)
 
 
-def _sent(backend: Backend, claim: DeliveryClaim) -> None:
+def _sent(backend: Backend, claim: DeliveryClaim, by: Identity) -> None:
     with backend.database.write() as connection:
         held = deliveries.end(connection, claim, "done", None)
     if held:
         log.info("digest sent", extra={"run": claim.audit_id, "receiver": shown(claim.receiver)})
-        _tell(backend, claim, "done")
+        _tell(backend, claim, by, "done")
 
 
-def _not_sent(backend: Backend, claim: DeliveryClaim, reason: str, *, final: bool) -> None:
+def _not_sent(backend: Backend, claim: DeliveryClaim, by: Identity, reason: str, *, final: bool) -> None:
     given_up = final or claim.attempt >= backend.settings.digest_attempts
     text = reason[:LONGEST_ERROR]
     with backend.database.write() as connection:
@@ -215,7 +217,7 @@ def _not_sent(backend: Backend, claim: DeliveryClaim, reason: str, *, final: boo
     told = {"run": claim.audit_id, "receiver": shown(claim.receiver), "attempt": claim.attempt, "reason": text}
     log.warning("digest given up" if given_up else "digest not sent, tried again later", extra=told)
     if given_up:
-        _tell(backend, claim, "failed", reason=text)
+        _tell(backend, claim, by, "failed", reason=text)
 
 
 def wait_s(attempt: int) -> float:
@@ -228,6 +230,6 @@ def _view(row: DeliveryRow) -> DeliveryView:
     return DeliveryView(str(row.audit_id), shown(row.receiver), row.state, row.attempts, ended_at, row.error_text)
 
 
-def _tell(backend: Backend, claim: DeliveryClaim, outcome: str, **detail: str) -> None:
+def _tell(backend: Backend, claim: DeliveryClaim, by: Identity, outcome: str, **detail: str) -> None:
     subject_ = f"/v1/audits/{claim.audit_id}"
-    trail.record(backend, SCHEDULE, ACTION, subject_, outcome, receiver=shown(claim.receiver), **detail)
+    trail.record(backend, by, ACTION, subject_, outcome, receiver=shown(claim.receiver), **detail)

@@ -15,6 +15,7 @@ from app.cli.digest import sent
 from app.cli.main import cli
 from app.cli.messages import ExitCode
 from app.errors import RequestError
+from app.services.access.trail import list_trail
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
@@ -51,6 +52,17 @@ def test_what_was_given_up_is_sent_by_hand_once_its_reason_is_mended(
     told = capsys.readouterr().out
     assert "the receiver answered 404" in told
     assert "mailto:you@example.com: already delivered at 20" in told
+
+
+def test_the_trail_names_who_had_it_sent(backend: Backend, night: str, receiver: Receiver) -> None:
+    receiver.answers = 404
+    sweep(backend)
+    deliver_all(backend)
+    assert sent(backend, night, again=True) is ExitCode.SOME_FAILED
+    told = list_trail(backend, action=deliveries.ACTION).rows
+    assert sorted((row.who, row.outcome, row.detail["via"]) for row in told) == [
+        (who, outcome, who) for who in ("command line", "schedule") for outcome in ("done", "failed")
+    ]
 
 
 def test_what_is_taken_up_by_hand_has_all_its_tries_again(backend: Backend, night: str, receiver: Receiver) -> None:
