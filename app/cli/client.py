@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 
 from app.client import Client, NoServiceError, ServiceError
-from app.client.connection import NO_PROBLEM, E, shown_address
+from app.client.connection import CSV, NO_PROBLEM, E, T, shown_address
 from app.errors import DataError, RequestError
 
 ANSWERS_WITHIN_S = 30.0
@@ -38,11 +38,11 @@ class ServiceClient(Client):
 
     def loop_list(self) -> str:
         """All loops of the plant as CSV."""
-        return self._sent("GET", "/v1/loops", params={"format": "csv"}).text
+        return self._csv("/v1/loops", {"format": "csv"})
 
     def take_loop_list(self, listed: bytes) -> dict[str, Any]:
         """Sets what a CSV of loops says; the answer says which could not be set."""
-        return self._asked("PATCH", "/v1/loops", content=BytesIO(listed), headers={"Content-Type": "text/csv"})
+        return self._asked("PATCH", "/v1/loops", content=BytesIO(listed), headers={"Content-Type": CSV})
 
     def until_ended(self, what: str, ask: Callable[[], E], seen: Callable[[E], None], timeout_s: float) -> E:
         """Asks until it has ended, and shows each answer; RequestError("timeout") after timeout_s seconds."""
@@ -85,9 +85,9 @@ class ServiceClient(Client):
             time.sleep(0.1)
         return False
 
-    def _sent(self, method: str, path: str, **request: Any) -> httpx.Response:
+    def _sent(self, method: str, path: str, read: Callable[[httpx.Response], T], **request: Any) -> T:
         try:
-            return super()._sent(method, path, **request)
+            return super()._sent(method, path, read, **request)
         except NoServiceError as error:
             cause = error.__cause__
             text = f"no answer from {self.url}: {cause or type(cause).__name__}"

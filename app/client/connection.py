@@ -22,8 +22,10 @@ SLOWEST_WRITE_S = 300.0
 """A service whose disk is slow takes an export in pauses."""
 PAGE = 1000
 NO_PROBLEM = "no_problem_details"
-"""The code where something else than the service refuses, such as a proxy."""
+"""The code where something else than the service refuses or answers, such as a proxy."""
+CSV = "text/csv"
 
+T = TypeVar("T")
 A = TypeVar("A", bound=Answer)
 
 
@@ -188,7 +190,7 @@ class Client:
 
     def explanation_trace(self, tag: str, explanation_id: str) -> str:
         """Recording, simulations and residuals over the whole window, as CSV."""
-        return self._sent("GET", _of_loop(tag, f"/explanations/{quote(explanation_id, safe='')}/trace")).text
+        return self._csv(_of_loop(tag, f"/explanations/{quote(explanation_id, safe='')}/trace"))
 
     def groups(self) -> Iterator[Group]:
         """Loops that oscillate together, by the newest verdicts: groups in step first, the larger ones first."""
@@ -256,21 +258,25 @@ class Client:
         return self._asked("GET", path, params=_given(params or {}))
 
     def _asked(self, method: str, path: str, **request: Any) -> dict[str, Any]:
-        found: dict[str, Any] = self._sent(method, path, **request).json()
-        return found
+        return self._sent(method, path, _object, **request)
+
+    def _csv(self, path: str, params: Mapping[str, Any] | None = None) -> str:
+        return self._sent("GET", path, _table, params=params)
 
     def _sent(
         self,
         method: str,
         path: str,
+        read: Callable[[httpx.Response], T],
         *,
         params: Mapping[str, Any] | None = None,
         json: Any = None,
         headers: Mapping[str, str] | None = None,
         content: BinaryIO | None = None,
         files: Mapping[str, Any] | None = None,
-    ) -> httpx.Response:
-        """The answer, where it is no refusal."""
+    ) -> T:
+        """What `read` makes of the answer, where it is no refusal. read: raises ValueError for what the service does
+        not send."""
         until = time.monotonic() + self._patience_s
         for left in range(self._tries - 1, -1, -1):
             if content is not None:
@@ -285,9 +291,14 @@ class Client:
             if answer.status_code not in BUSY or not left or time.monotonic() + pause_s > until:
                 break
             time.sleep(pause_s)
-        if answer.is_success:
-            return answer
-        raise _refusal(answer)
+        if not answer.is_success:
+            raise _refusal(answer)
+        try:
+            return read(answer)
+        except ValueError as error:  # a server of pages answers every address, so a wrong one shows here alone
+            got = answer.headers.get("Content-Type", "no content type")
+            told = f"{shown_address(self._http.base_url)} does not answer like loopaudit: {method} {path} gave {got}"
+            raise ServiceError(answer.status_code, NO_PROBLEM, told) from error
 
 
 def _body(stream: BinaryIO, mapping: bytes | None) -> dict[str, Any]:
@@ -316,6 +327,20 @@ def _given(values: Mapping[str, Any]) -> dict[str, Any]:
 def _pause_s(answer: httpx.Response) -> float:
     told = answer.headers.get("Retry-After", "")
     return min(float(told), LONGEST_WAIT_S) if told.isdigit() else PAUSE_S
+
+
+def _object(answer: httpx.Response) -> dict[str, Any]:
+    found = answer.json()
+    if not isinstance(found, dict):
+        raise ValueError("no object")
+    return found
+
+
+def _table(answer: httpx.Response) -> str:
+    """Any text can be read as CSV, so its kind is looked at."""
+    if answer.headers.get("Content-Type", "").partition(";")[0].strip().lower() != CSV:
+        raise ValueError(f"not {CSV}")
+    return answer.text
 
 
 def _refusal(answer: httpx.Response) -> ServiceError:

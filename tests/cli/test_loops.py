@@ -1,8 +1,10 @@
 """`loopaudit loops`: the list out, changed, and back."""
 
+import httpx
 import pytest
 from typer.testing import CliRunner
 
+from app.cli.client import ServiceClient
 from app.cli.main import cli
 from app.errors import DataError
 from app.main import create_app
@@ -10,6 +12,7 @@ from app.services.backend import Backend
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import loops
+from tests.cli.calling import as_program
 
 
 @pytest.fixture
@@ -47,3 +50,16 @@ def test_a_list_that_is_not_there_is_said(service, tmp_path):
     done = run(service, tmp_path / "none.csv")
     assert isinstance(done.exception, DataError)
     assert done.exception.code == "no_such_file"
+
+
+@pytest.mark.parametrize("into", [False, True])
+def test_a_page_of_something_else_is_no_list(tmp_path, monkeypatch, capsys, into):
+    page = httpx.Response(200, html="<!doctype html>")
+    transport = httpx.MockTransport(lambda _: page)
+    monkeypatch.setattr("app.cli.client.ServiceClient", lambda *_: ServiceClient("http://server", transport=transport))
+    file = tmp_path / "loops.csv"
+    file.write_text("tag,importance\nFIC1,7\n")
+    code, out, err = as_program(monkeypatch, capsys, "loops", *[file] * into)
+    assert (code, out) == (2, "")
+    assert "http://server does not answer like loopaudit" in err
+    assert "[http_200]" in err

@@ -213,6 +213,18 @@ def test_what_the_service_or_a_proxy_refuses_is_told_with_its_code(answer, code,
     assert (refusal.value.code, refusal.value.message) == (code, message)
 
 
+def test_an_address_of_something_else_refuses_each_file(tmp_path, monkeypatch, capsys):
+    page = httpx.Response(200, html="<!doctype html>")
+    monkeypatch.setattr("app.cli.client.ServiceClient", lambda *_: answering(page))
+    (tmp_path / "plant.csv").write_text(WIDE)
+    code, out, err = as_program(monkeypatch, capsys, "upload", tmp_path / "plant.csv")
+    assert (code, out) == (2, "")
+    assert err.endswith(
+        "plant.csv: http://server does not answer like loopaudit: POST /v1/uploads gave text/html; charset=utf-8"
+        " [http_200]\n"
+    )
+
+
 def test_an_upload_that_does_not_end_in_time_is_said():
     stored = httpx.Response(200, json={"id": "7", "state": "reading"})
     with (

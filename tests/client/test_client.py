@@ -255,6 +255,31 @@ def test_what_a_proxy_says_is_an_error_too():
     assert (refusal.value.status, refusal.value.code) == (502, "no_problem_details")
 
 
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda client: client.loop("A"),
+        lambda client: list(client.loops()),
+        lambda client: next(client.groups()),
+        lambda client: client.start_audit(),
+        lambda client: client.write_note("A", "b"),
+        lambda client: client.explanation_trace("A", "1"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("answer", "got"),
+    [
+        (httpx.Response(200, html="<!doctype html>"), "text/html; charset=utf-8"),
+        (httpx.Response(200, content=b"\xff"), "no content type"),
+        (httpx.Response(200, json=["a"]), "application/json"),
+    ],
+)
+def test_whoever_answers_all_with_200_is_no_service(ask, answer, got):
+    with answering(answer) as client, pytest.raises(ServiceError, match=f"does not answer like.* {got}") as refusal:
+        ask(client)
+    assert (refusal.value.status, refusal.value.code) == (200, "no_problem_details")
+
+
 def test_a_redirect_does_not_take_the_key_elsewhere():
     asked: list[httpx.Request] = []
     moved = httpx.Response(302, headers={"Location": "http://elsewhere/"})
