@@ -30,6 +30,8 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
+SHOWN = 60
+"""Characters of a manifest that is none."""
 ANEW = 3
 """So many times its parts may be copied before nobody is let in between any more."""
 UNUSABLE = (DatabaseError, sqlite3.Error)
@@ -304,9 +306,13 @@ def _digest(path: Path) -> str:
 
 def _checked_manifest(folder: Path) -> dict[str, Any]:
     try:
-        told: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        text = (folder / MANIFEST).read_text(encoding="utf-8")
+        told: dict[str, Any] = json.loads(text)
     except (OSError, ValueError) as error:
         raise RequestError("no_backup", f"{folder} holds no backup: {MANIFEST} cannot be read") from error
+    if not _of_a_backup(told):
+        needed = f"{MANIFEST} needs database, schema and files as `loopaudit backup` writes them"
+        raise RequestError("no_backup", f"{folder} holds no backup: {needed}, and is {text[:SHOWN]!r}")
     wrong = [name for name, digest in told["files"].items() if not _same(folder / name, digest)]
     if wrong:
         raise RequestError("backup_broken", f"missing or changed since the backup was made: {', '.join(wrong[:5])}")
@@ -314,6 +320,14 @@ def _checked_manifest(folder: Path) -> dict[str, Any]:
     if added:
         raise RequestError("backup_broken", f"not of this backup, take it away: {', '.join(added[:5])}")
     return told
+
+
+def _of_a_backup(told: Any) -> bool:
+    """Others write a manifest.json too. A kind of data base that is not known here is that of a newer backup."""
+    if not isinstance(told, dict) or not isinstance(files := told.get("files"), dict):
+        return False
+    kind, revision = told.get("database"), told.get("schema")
+    return isinstance(kind, str) and kind in files and isinstance(revision, str)
 
 
 def _same(path: Path, digest: str) -> bool:

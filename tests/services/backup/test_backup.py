@@ -100,6 +100,28 @@ def test_a_backup_of_postgresql_is_not_for_sqlite(plant, tmp_path):
     assert refused.value.code == "backup_kind"
 
 
+@pytest.mark.parametrize(
+    "written",
+    [
+        "{}",
+        "[]",
+        '"a"',
+        '{"files": {}}',
+        '{"files": [], "database": "loopaudit.db", "schema": "0001"}',
+        '{"files": {}, "database": "loopaudit.db", "schema": "0001"}',
+        '{"files": {"loopaudit.db": "0"}, "database": "loopaudit.db"}',
+        '{"files": {"loopaudit.db": "0"}, "database": ["loopaudit.db"], "schema": "0001"}',
+        '{"name": "an app", "icons": []}',
+    ],
+)
+def test_a_manifest_of_something_else_is_no_backup(tmp_path, written):
+    (tmp_path / "manifest.json").write_text(written)
+    with pytest.raises(RequestError, match="holds no backup") as refused:
+        backups.restore(Settings(data_dir=tmp_path / "there"), tmp_path)
+    assert refused.value.code == "no_backup"
+    assert written[:60] in refused.value.message
+
+
 def test_without_its_exports_no_backup_is_made(plant, tmp_path):
     """It would look whole."""
     folder = plant.settings.uploads_dir
