@@ -47,7 +47,7 @@ def print_verdicts(lines: Iterable[Mapping[str, Any]], stream: IO[str]) -> None:
 def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
     verdict = line["verdict"]
     return [
-        Text(line["recording"]),
+        Text(named(line)),
         Text(VERDICT_WORDS[verdict] + (POSSIBLY if weakly(line) else ""), style=VERDICT_STYLE[verdict]),
         Text(chance(line)),
         Text(rely(line)),
@@ -55,6 +55,12 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
         Text(number(line["yper_pct"], 1)),
         Text(line["reasons"][0]["text"] if line["reasons"] else ""),
     ]
+
+
+def named(line: Mapping[str, Any]) -> str:
+    """The recording, and the loop where its name does not tell: of a file's loops one alone may have been audited."""
+    recording, loop = line["recording"], line["loop"]
+    return recording if loop.casefold() in recording.casefold() else f"{recording}: {loop}"
 
 
 def size(told: Mapping[str, Any]) -> str:

@@ -123,7 +123,13 @@ def test_a_prior_is_no_measurement_in_rows_and_in_lines():
 
 
 def line(**changes) -> dict:
-    told = {"recording": "A", "verdict": "inconclusive", "stiction_probability": 0.6, "reliability": "not_reliable"}
+    told = {
+        "recording": "A",
+        "loop": "A",
+        "verdict": "inconclusive",
+        "stiction_probability": 0.6,
+        "reliability": "not_reliable",
+    }
     return {**told, "stiction_size": {"S": None}, "yper_pct": None, **changes}
 
 
