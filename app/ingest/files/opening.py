@@ -14,7 +14,7 @@ import numpy as np
 
 from app.errors import DataError
 from app.ingest.files.heading import after_lines, whole_heading
-from app.ingest.files.unpacking import GZIP, STEP_BYTES, Unpacking
+from app.ingest.files.unpacking import GZIP, STEP_BYTES, ZIP, Unpacking
 from app.ingest.model import IngestOptions
 
 HEAD_BYTES = 1 << 18
@@ -56,6 +56,7 @@ class TextFile:
         self._size = max(path.stat().st_size, 1)
         self._taken = 0
         first = self._first_bytes()
+        _refuse_archive(first)
         if not first.strip():
             raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self.encoding = detect_encoding(first)
@@ -301,6 +302,16 @@ def _reads_as_chinese(first: bytes) -> bool:
     words = len(_CHINESE.findall(text))
     accented = len(_INSIDE_A_WORD.findall(text)) + len(_INSIDE_CAPITALS.findall(first))
     return bool(strange) and common >= 0.8 * len(strange) and 2 * accented < words
+
+
+def _refuse_archive(first: bytes) -> None:
+    """A workbook is such an archive as well, and was opened before. One that stores its files as they are would be read
+    as text."""
+    if first.startswith(ZIP):
+        raise DataError(
+            "not_an_export",
+            "this is a zip archive, and no xlsx that can be read: unpack it and send its files, or send them as .gz",
+        )
 
 
 def _refuse_binary(head: str) -> None:

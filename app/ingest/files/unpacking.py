@@ -7,6 +7,7 @@ from app.errors import DataError
 from app.ingest.model import IngestOptions
 
 GZIP = b"\x1f\x8b"
+ZIP = (b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08PK\x03\x04")  # with files, without any, in parts
 STEP_BYTES = 1 << 18
 TAKEN_BYTES = 1 << 15  # at a time: what is left of it is copied at each step and each member
 RATIO_FREE_BYTES = 64 << 20  # below this a high ratio is a quiet plant, not a bomb
