@@ -232,6 +232,28 @@ def test_a_bare_mode_or_output_leaves_the_tags_their_loops(read: Read) -> None:
     assert sorted(one["night"].others) == ["A.OP", "A.PV", "TI1"]
 
 
+@pytest.mark.parametrize("bare", [".PV,.OP", "PV,OP", "..PV,_OP", "PV,OP,SP,Mode"])
+def test_a_nameless_loop_leaves_the_named_ones_theirs(read: Read, bare: str) -> None:
+    rows = "".join(f"2024-03-01 00:0{i}:00,1,2,3,4,{','.join('5678'[: bare.count(',') + 1])}\n" for i in range(4))
+    content = read(f"time,A.PV,A.OP,B.PV,B.OP,{bare}\n{rows}", name="night.csv")
+    assert {name: (loop.pv[0], loop.op[0], dict(loop.others)) for name, loop in content.loops.items()} == {
+        "A": (1, 2, {}),
+        "B": (3, 4, {}),
+        "night": (5, 6, {}),
+    }
+
+
+def test_a_pair_without_its_tag_leaves_another_one_its_loop(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:0{i}:00,1,2,3,4\n" for i in range(4))
+    assert list(read(f"time,A.PV,A.OP,.PV,.OP\n{rows}", name="night.csv").loops) == ["A", "night"]
+
+
+def test_lone_signals_of_others_belong_to_the_loop_of_the_file(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:0{i}:00,1,2,3,4,5\n" for i in range(4))
+    (loop,) = read(f"time,PV,OP,A.PV,B.OP,TI1\n{rows}", name="night.csv").loops.values()
+    assert list(loop.others) == ["A.PV", "B.OP", "TI1"]
+
+
 LONG_TAGS = ["F1.CO", "F1.MEAS", "F1.MV", "F1.OP", "F1.PV", "F1.SP", "F1.OUT"]
 
 

@@ -50,7 +50,7 @@ _ATTRIBUTES = frozenset(
 )  # DeltaV writes FIC101/PV.CV and FIC101/MODE.ACTUAL
 LONGEST_NAME = 1000  # the patterns cost the square of a name's length
 LONGEST_LOOP = IngestOptions().max_name
-_SEPARATORS = "._-/:|\\ "
+SEPARATORS = "._-/:|\\ "
 _LETTER = r"(?:[^\W\d_]|[\u0300-\u036f])"  # of any script, or its accent where that stands behind it
 _ANY_LETTER = re.compile(r"[^\W\d_]")
 _ENDING = re.compile(rf"^(?P<loop>.+)[._\-/:|\\ ]+(?P<word>{_LETTER}+)$")
@@ -274,10 +274,10 @@ def _place(tag: str, stem: str) -> Place:
         return found
     name = _CURRENT_VALUE.sub("", name)
     if of_system := _OF_SYSTEM.fullmatch(name):
-        return Place(tag, of_system["loop"].rstrip(_SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
+        return Place(tag, of_system["loop"].rstrip(SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
     spelled = _SPLIT_WORDS.search(name)
     if spelled:
-        return Place(tag, name[: spelled.start()].rstrip(_SEPARATORS), _WORDS[_plain(spelled.group(1))])
+        return Place(tag, name[: spelled.start()].rstrip(SEPARATORS), _WORDS[_plain(spelled.group(1))])
     return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
 
 
@@ -337,7 +337,7 @@ def _by_ending(tag: str, name: str) -> Place | None:
             found = inner
     if not found or _plain(found["word"]) not in _WORDS:
         found = _WITHOUT_BLANKS.match(name)
-    return Place(tag, found["loop"].rstrip(_SEPARATORS), _WORDS[_plain(found["word"])]) if found else None
+    return Place(tag, found["loop"].rstrip(SEPARATORS), _WORDS[_plain(found["word"])]) if found else None
 
 
 def _by_letters(tag: str, name: str) -> Place | None:

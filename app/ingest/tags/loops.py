@@ -1,12 +1,13 @@
 """Tags into loops: which tag has which signal of its loop, and which are kept beside them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from app.ingest.model import LoopTags, Signal
 from app.ingest.tags.grouping import (
     AUDITED,
     OPTIONAL,
+    SEPARATORS,
     Place,
     TagMapping,
     number_of,
@@ -127,16 +128,25 @@ class Grouping:
         if tag not in self._places and not mapped:
             self._places[tag] = self._beside(tag, loop)
 
-    def attach_bare(self, tags: Iterable[str]) -> None:
+    def attach_bare(self, tags: Sequence[str]) -> None:
         """In a file of one loop without tags, the other columns belong to that loop; of one loop it is where PV and OP
         have no tag, or no other loop's have one."""
         places = [place(tag, "") for tag in tags]
         bare = {found.signal for found in places if found.loop == ""}
         if not bare.issuperset(AUDITED) and any(found.loop and found.signal in AUDITED for found in places):
             return
+        if self._is_of_named_loops(tags):
+            return
         for tag, loop, _ in places:
             if loop != "":
                 self.place_beside(tag, self._stem)
+
+    def _is_of_named_loops(self, tags: Sequence[str]) -> bool:
+        """Whether several loops have PV and OP by their tags, or one beside names that lack theirs, as `.PV`: the
+        nameless loop is one more then. A single one may be what is measured beside the loop of the file."""
+        pairs = sum(loop.loop != "" and bool(loop.pv and loop.op) for loop in group(tags, self._mapping))
+        lacking = any(tag.strip()[:1] in tuple(SEPARATORS) and place(tag, "").loop == "" for tag in tags)
+        return pairs > 1 or (pairs == 1 and lacking)
 
     @property
     def tags(self) -> int:
