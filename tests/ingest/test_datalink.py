@@ -124,3 +124,45 @@ def test_the_last_value_of_a_group_may_be_in_a_few_rows(read: Read) -> None:
     lines = table("Time,A.PV,Time,A.OP,A.SP", "{t},{i}.5,{u},{i}").splitlines()
     lines[9] += ",50"
     assert np.nansum(read("\n".join(lines) + "\n").loops["A"].sp) == 50
+
+
+TAGS = ["FIC-101.PV,,FIC-101.OP,,PIC-202.PV,,PIC-202.OP,", ",FIC-101.PV,,FIC-101.OP,,PIC-202.PV,,PIC-202.OP"]
+ABOVE = [
+    ["Night report 27-Nov-26"],
+    ["Night report,,,,,,,", ""],
+    ["Server:,PISRV01,,,,,,"],
+    ["27-Nov-26 06:00:00,,,,,,,", ""],
+    ["PI DataLink Compressed Data", "Start time:,10-Mar-26 00:00:00,End time:,11-Mar-26 00:00:00,,,,"],
+    ["Feed flow,,Feed valve,,Header pressure,,Vent valve,"],
+    ["Night report,,,,,,,", "Feed flow,,Feed valve,,Header pressure,,Vent valve,"],
+]
+PAIRS = ",".join(["{t},{i}.5"] * 4)
+
+
+@pytest.mark.parametrize("tags", TAGS)
+@pytest.mark.parametrize("above", ABOVE, ids=lambda rows: rows[-1][:12])
+def test_titles_and_descriptions_above_the_tags(read: Read, above: list[str], tags: str) -> None:
+    content = read(table("\n".join((*above, tags)), PAIRS))
+    assert content.summary.layout == "pi_datalink"
+    assert list(content.loops) == ["FIC-101", "PIC-202"]
+    assert all(loop.pv is not None and loop.op is not None for loop in content.loops.values())
+    assert not content.summary.notes
+
+
+def test_what_stands_below_the_tags_names_nothing(read: Read) -> None:
+    for below in ("Feed flow,,Feed valve,,Header pressure,,Vent valve,", "t/h,,%,,bar,,%,", "m3/h,,m3/h,,m3/h,,m3/h,"):
+        assert list(read(table(f"{TAGS[0]}\n{below}", PAIRS)).loops) == ["FIC-101", "PIC-202"]
+
+
+def test_a_title_above_the_tags_of_a_workbook(read: Read) -> None:
+    pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
+    cells = [[stamp(i), f"{i}.5", stamp(i, -2), f"{i}"] for i in range(30)]
+    sheet = [["Night report", "", "", ""], ["", "", "", ""], ["A.PV", "", "A.OP", ""], *cells]
+    assert list(read(workbook(sheet), name="night.xlsx").loops) == ["A"]
+
+
+def test_names_without_numbers_below_a_title_or_descriptions(read: Read) -> None:
+    loops = read(table("Server:,PISRV01,,\nFeed,,Valve,", "{t},{i}.5,{t},{i}")).summary.loops
+    assert [loop.loop for loop in loops] == ["Feed", "Valve"]
+    loops = read(table("Flow1,,Valve1,\nFeed.PV,,Feed.OP,", "{t},{i}.5,{t},{i}")).summary.loops
+    assert [(loop.loop, loop.pv, loop.op) for loop in loops] == [("Feed", "Feed.PV", "Feed.OP")]

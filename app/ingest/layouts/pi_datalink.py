@@ -3,6 +3,8 @@ from group to group."""
 
 import re
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise, takewhile
 
 from app.ingest.columns.clocks import SHOWN
@@ -12,6 +14,8 @@ from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
+from app.ingest.numbers.units import is_unit
+from app.ingest.tags.grouping import like_a_tag, place
 from app.ingest.tags.quality import tells_quality
 from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
@@ -24,7 +28,7 @@ Rows = tuple[tuple[str, ...], ...]
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
-    first_row = first_row_of_times(head, 0, options)
+    first_row = first_row_of_times(_without_lone_dates(head), 0, options)
     if first_row == NO_ROWS:
         return None
     widths = Counter(len(row) for row in head.rows[first_row:])
@@ -39,6 +43,11 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     return of_widest if named or more else usual  # else a row has fields too many
 
 
+def _without_lone_dates(head: Head) -> Head:
+    """A title may be of a date alone: a first row of data has something beside it."""
+    return replace(head, rows=tuple(row if any(row[1:]) else () for row in head.rows))
+
+
 def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> WidePlan | None:
     """Of rows of so many columns. A row may end behind any group: spreadsheets leave out what is empty behind it."""
     forms = {column: form for column in range(width) if (form := _dated(head.column(column, first_row), options))}
@@ -46,21 +55,29 @@ def _plan(head: Head, first_row: int, width: int, options: IngestOptions) -> Wid
         return None
     start = _first_data(head, first_row, [column for column in range(width) if column not in forms])
     titles = head.rows[:start]
+    columns = {
+        time: _values(head, range(time + 1, end), start, first_row)
+        for time, end in zip(forms, [*list(forms)[1:], width], strict=True)
+    }
+    if not all(_may_be_group(titles, time, values) for time, values in columns.items()):
+        return None
+    tags = _tags(titles, [(time, value) for time, own in columns.items() for value in own])
     groups: list[TimedColumns] = []
-    for (column, form), end in zip(forms.items(), [*list(forms)[1:], width], strict=True):
-        values = _values(head, range(column + 1, end), start, first_row)
-        if not values or (len(values) > 1 and not _named_as_time(titles, column)):
-            return None
+    for column, values in columns.items():
         named = tuple(
-            ValueColumn(value, _tag(titles, value, column) or f"{head.stem}.{len(groups) + 1}", quality=judging)
+            ValueColumn(value, tags[value] or f"{head.stem}.{len(groups) + 1}", quality=judging)
             for value, judging in values.items()
         )
         names = (row[column] for row in titles if column < len(row))
-        groups.append(TimedColumns((column,), with_told_zone(form, " ".join(names)), named))
+        groups.append(TimedColumns((column,), with_told_zone(forms[column], " ".join(names)), named))
     heading = _heading(titles, groups)
     ends = {end for one, other in pairwise(groups) for end in range(_last(one) + 1, other.time[0] + 1)}
     ends.update(range(_last(groups[-1]) + 1, width))
     return WidePlan("pi_datalink", start, width, tuple(groups), heading=heading, ends=frozenset(ends))
+
+
+def _may_be_group(titles: Rows, time: int, values: Mapping[int, int | None]) -> bool:
+    return bool(values) and (len(values) == 1 or _named_as_time(titles, time))
 
 
 def _last(group: TimedColumns) -> int:
@@ -122,8 +139,24 @@ def _named_as_time(titles: Rows, column: int) -> bool:
     return any(plain(row[column]) in TIME_NAMES for row in titles if column < len(row))
 
 
-def _tag(titles: Rows, value: int, time: int) -> str:
-    """The first name that stands above the value, or above its time; empty where none does."""
+def _tags(titles: Rows, columns: list[tuple[int, int]]) -> dict[int, str]:
+    """By column of values the name above it, or above its time; empty where none is. columns: of times and values.
+
+    Titles and descriptions may stand above the row of tags, which is the one that reads most as such; the others tell
+    what it leaves open."""
+    rows = [{value: _name_in(row, time, value) for time, value in columns} for row in titles]
+    rows.sort(key=_reads_as_tags, reverse=True)
+    return {value: next((row[value] for row in rows if row[value]), "") for _, value in columns}
+
+
+def _name_in(row: tuple[str, ...], time: int, value: int) -> str:
     columns = (time, value) if value == time + 1 else (value,)
-    names = (row[column] for row in titles for column in columns if column < len(row))
+    names = (row[column] for column in columns if column < len(row))
     return next((name for name in names if plain(name) not in _GENERIC), "")
+
+
+def _reads_as_tags(row: Mapping[int, str]) -> tuple[int, int, int]:
+    """How many names of a row are like tags or tell a loop's signal, these once more, and how many names there are."""
+    names = [name for name in row.values() if name and not is_unit(name)]
+    signals = sum(found.signal != "OTHER" and found.loop != "" for found in (place(name, "") for name in names))
+    return sum(map(like_a_tag, names)) + signals, signals, len(names)
