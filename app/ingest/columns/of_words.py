@@ -26,7 +26,7 @@ _STATES = """
     on off open opened close closed run running stop stopped start started idle busy true false yes no
     hi lo hihi lolo normal norm alarm ok rising falling loaded unloaded active inactive
 """
-_OF_THE_PROCESS = frozenset(_STATES.split())
+OF_THE_PROCESS = frozenset(_STATES.split())
 """States that a valve, a pump or an alarm goes through, and values with it; none is a place or a machine."""
 _LEVELS = 3.0  # how much further than the next value of its word the one of the next row is, where words have their own
 _HOLE, _USUAL = 1.5, 0.25  # how many usual steps a hole is longer than, and which share of steps, at least, are usual
@@ -123,7 +123,7 @@ def take_turns(words: Sequence[str]) -> bool:
 
 
 def _take_turns_as_places(words: Sequence[str]) -> bool:
-    return take_turns(words) and not {word.lower() for word in words} - {""} <= _OF_THE_PROCESS
+    return take_turns(words) and not {word.lower() for word in words} - {""} <= OF_THE_PROCESS
 
 
 def _numbers(rows: Sequence[tuple[str, ...]], column: int, head: Head) -> list[float]:
@@ -171,11 +171,13 @@ def _take_turns_over_tags(words: Sequence[str], rows: list[tuple[str, ...]], pla
 
 def refuse_to_mix(names: tuple[str, ...], column: int | None) -> None:
     """Raises WordsPartRows where there is a column that tells rows of one time apart and is not read."""
-    if column is None:
-        return
-    name = names[column][:80] if column < len(names) else ""
-    raise WordsPartRows(
-        f"the column {name!r} tells the rows of one time apart, and would be mixed; needed is a tag, such as "
+    if column is not None:
+        raise would_mix(names[column] if column < len(names) else "", column)
+
+
+def would_mix(name: str, column: int) -> WordsPartRows:
+    return WordsPartRows(
+        f"the column {name[:80]!r} tells the rows of one time apart, and would be mixed; needed is a tag, such as "
         "FIC101.PV, with a time and a value in each row, or a column Loop beside PV and OP",
         column,
     )

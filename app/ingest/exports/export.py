@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
+from functools import partial
 from types import MappingProxyType
 from typing import Protocol
 
@@ -11,6 +12,7 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.align import stretches
 from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.exports.mixing import refuse_mixed
 from app.ingest.exports.preparing import prepared
 from app.ingest.files.head import Head
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
@@ -156,11 +158,19 @@ class TableExport(Export):
             raise RuntimeError("an export is read once; open it again")
         self._taken = True
         try:
-            yield from table.batches(self._source.reader(self._plan.width, table.types(), self._log))
+            for batch in table.batches(self._source.reader(self._plan.width, table.types(), self._log)):
+                self._refuse_mixed()
+                yield batch
         except UNREADABLE as error:
             raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
         if not self._tally.rows_kept:
             raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
+
+    def _refuse_mixed(self) -> None:
+        lines = self._tally.contradictions.lines_to_ask()
+        if lines is not None:
+            read = partial(self._source.reader, self._plan.width, log=RejectLog(0))
+            refuse_mixed(self._plan, self._source.head, lines, read)
 
     def _table(self, plan: Plan) -> WideTable | LongTable:
         if isinstance(plan, WidePlan):

@@ -30,6 +30,7 @@ class BlocksByTag:
         """Blocks by tag, the rows of a tag in the order in which they came."""
         if not any(map(len, pieces)):
             return
+        self._tally.contradictions.rows += sum(map(len, pieces))
         grid = joined_grid(pieces)
         if grid is not None:
             yield from self._of_grid(grid)
@@ -107,6 +108,8 @@ class BlocksByTag:
             time_ns, values, lines = time_ns[order], values[order], lines[order]
         time_ns = hours_apart(time_ns, self._zone)
         values = self._without_codes(place, values, lines)
+        if place.signal != "MODE":
+            self._tally.contradictions.look(time_ns, values[:, None], lines)
         once_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         self._tally.repeats += len(time_ns) - len(once_ns)
         return self._signal(place, once_ns, matrix[:, 0])

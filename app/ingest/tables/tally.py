@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from app.ingest.model import TimeArray
 from app.ingest.numbers.no_data import NoData
 from app.ingest.numbers.writing import Writing
+from app.ingest.tables.contradictions import Contradictions
 from app.ingest.tags.modes import ModesMet
 from app.ingest.tags.quality import Quality
 
@@ -38,6 +39,7 @@ class Tally:
     quality: Quality = field(default_factory=Quality)
     no_data: NoData = field(default_factory=NoData)
     modes: ModesMet = field(default_factory=ModesMet)
+    contradictions: Contradictions = field(default_factory=Contradictions)
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

@@ -1,6 +1,6 @@
 """Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -344,13 +344,28 @@ class WideTable:
         order = in_order(steady)
         if order is not None:
             steady, matrix, lines = steady[order], matrix[order], lines[order]
-        time_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
-        self._tally.repeats += len(steady) - len(time_ns)
-        self._tally.saw_times(time_ns)
+        audited = self._audited(value.index for value in chunk.columns)
+        self._tally.contradictions.rows += len(steady)
+        self._tally.contradictions.look(steady, matrix, lines, audited)
+        once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
+        self._tally.repeats += len(steady) - len(once_ns)
+        self._tally.saw_times(once_ns)
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
         columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
-        no_lines = np.zeros(len(time_ns), dtype=np.uint32)  # nothing of these is refused any more
-        return Grid(columns, time_ns, np.ascontiguousarray(matrix.T), no_lines, columns)
+        last = lines[np.append(steady[1:] != steady[:-1], True)].astype(np.uint32)
+        return Grid(columns, once_ns, np.ascontiguousarray(matrix.T), last, np.zeros(len(columns), dtype=np.uint32))
+
+    def _audited(self, columns: Iterable[int]) -> list[int]:
+        """The positions of PV and OP: a number beside them may be that of the plant."""
+        return [position for position, index in enumerate(columns) if self._places[index].signal in AUDITED]
+
+    def _look_across(self, grids: Sequence[Grid]) -> None:
+        """For rows that contradict those of another chunk."""
+        time_ns, lines = (np.concatenate(each) for each in zip(*((at.time_ns, at.lines) for at in grids), strict=True))
+        audited = self._audited(grids[0].codes.tolist())
+        values = np.concatenate([grid.values[audited] for grid in grids], axis=1).T
+        order = np.argsort(time_ns, kind="stable")
+        self._tally.contradictions.look(time_ns[order], values[order], lines[order], range(len(audited)))
 
     def _blocks(self, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
         """Signals whole, or chunk by chunk where time goes back or some chunks have no value of them. Of a signal that
@@ -362,6 +377,8 @@ class WideTable:
             if runs_back(np.array([grid.time_ns[0] for grid in own])):
                 own.reverse()  # of a time that is in two of them too, the later value holds
             whole = joined_grid(own)
+            if whole is None:
+                self._look_across(own)
             given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
             everywhere = np.asarray(given.all(axis=0))
             with_blanks = np.any([are_blank(grid.values).any(axis=1) for grid in own], axis=0)

@@ -1,0 +1,140 @@
+"""Plants that have the same tags in one file: one contradicts the other, wherever in the file the two stand."""
+
+from collections.abc import Callable, Iterator
+from datetime import datetime, timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+
+from app.errors import DataError
+from app.ingest import IngestOptions
+
+from .conftest import Read
+from .test_tables import parquet
+
+N = 720
+FIRST = datetime(2026, 3, 10)
+AT = [(FIRST + timedelta(seconds=5 * k)).isoformat() for k in range(N)]
+NOISE = np.random.default_rng(1).normal(50, 1, (2, 2, N)).round(3)  # by place and signal
+PLACES = {"words": ("North", "South"), "numbers": ("1", "2")}
+
+Rows = Iterator[str]
+
+
+def long(places: tuple[str, str], later: Callable[[int, int], float] | None = None, second: range = range(N)) -> Rows:
+    """One place behind the other. later: the value of a signal at the second one."""
+    for place, word in enumerate(places):
+        for k in second if place else range(N):
+            for s, signal in enumerate(("PV", "OP")):
+                value = later(s, k) if place and later else NOISE[place, s, k]
+                yield f"{word},FIC101.{signal},{AT[k]},{value}"
+
+
+def by_tag(places: tuple[str, str]) -> Rows:
+    return iter(sorted(long(places), key=lambda row: row.split(",")[1]))
+
+
+def in_turn(places: tuple[str, str]) -> Rows:
+    return iter(sorted(long(places), key=lambda row: row.split(",")[2]))
+
+
+def wide(places: tuple[str, str]) -> Rows:
+    return (
+        f"{word},{AT[k]},{NOISE[place, 0, k]},{NOISE[place, 1, k]}"
+        for place, word in enumerate(places)
+        for k in range(N)
+    )
+
+
+def of_loops(places: tuple[str, str]) -> Rows:
+    return (row.replace(",", ",FIC101,", 1) for row in wide(places))
+
+
+def of_loops_in_turn(places: tuple[str, str]) -> Rows:
+    return iter(sorted(of_loops(places), key=lambda row: row.split(",")[2]))
+
+
+SHAPES = [
+    ("Tag,Time,Value", long),
+    ("Tag,Time,Value", by_tag),
+    ("Tag,Time,Value", in_turn),
+    ("Time,FIC101.PV,FIC101.OP", wide),
+    ("Loop,Time,PV,OP", of_loops),
+    ("Loop,Time,PV,OP", of_loops_in_turn),
+]
+
+
+def text(names: str, rows: Rows) -> str:
+    return "\n".join((names, *rows)) + "\n"
+
+
+def refused(read: Read, data: str | bytes, options: IngestOptions | None = None) -> None:
+    with pytest.raises(DataError, match="'Plant' tells the rows of one time apart") as error:
+        read(data, options=options)
+    assert error.value.code == "unknown_layout"
+
+
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=5000, buffered_values=600)])
+@pytest.mark.parametrize("places", PLACES.values(), ids=PLACES)
+@pytest.mark.parametrize(("names", "shape"), SHAPES, ids=[shape.__name__ for _, shape in SHAPES])
+def test_two_plants_are_refused_whatever_the_order_of_rows(
+    read: Read, names: str, shape: Callable[[tuple[str, str]], Rows], places: tuple[str, str], options: IngestOptions
+) -> None:
+    refused(read, text(f"Plant,{names}", shape(places)), options)
+
+
+@pytest.mark.parametrize("kind", [pl.String(), pl.Int64(), pl.Float64()])
+def test_in_parquet(read: Read, kind: pl.DataType) -> None:
+    rows = [row.split(",") for row in long(PLACES["words" if kind == pl.String() else "numbers"])]
+    frame = pl.DataFrame(rows, schema=["Plant", "Tag", "Time", "Value"], orient="row")
+    refused(read, parquet(frame.with_columns(pl.col("Value").cast(pl.Float64), pl.col("Plant").cast(kind))))
+
+
+def test_a_plant_of_which_there_is_a_part(read: Read) -> None:
+    refused(read, text("Plant,Tag,Time,Value", long(PLACES["words"], second=range(500, 720))))
+
+
+def test_a_plant_that_has_few_of_the_tags(read: Read) -> None:
+    others = (f"North,TI{n},{at},{n}" for n in range(20) for at in AT)
+    refused(read, text("Plant,Tag,Time,Value", iter([*others, *long(PLACES["words"])])))
+
+
+GOOD = {
+    "the same again": ("Plant", PLACES["words"], lambda s, k: NOISE[0, s, k], range(N)),
+    "some corrected": ("Plant", PLACES["words"], lambda s, k: NOISE[0, s, k] + (k % 12 == 0), range(N)),
+    "few corrected": ("Source", ("raw", "lab"), None, range(60)),
+    "a remark": ("Info", ("", "corrected"), None, range(N)),
+    "qualities": ("State of value", ("Good", "Questionable"), None, range(N)),
+    "qualities in numbers": ("OPC Quality", ("192", "216"), None, range(N)),
+    "descriptions": ("Description", ("Feed", "Feed flow"), None, range(N)),
+    "versions": ("Version", ("1", "2"), None, range(N)),
+    "another plant's name in all": ("Plant", ("North", "North"), None, range(N)),
+}
+
+
+@pytest.mark.parametrize("case", GOOD)
+def test_what_comes_again_is_no_other_plant(read: Read, case: str) -> None:
+    name, words, later, second = GOOD[case]
+    content = read(text(f"{name},Tag,Time,Value", long(words, later, second)))
+    assert content.loops["FIC101"].samples == N
+
+
+def test_numbers_of_rows_tell_no_plants_apart(read: Read) -> None:
+    rows = (f"{number},{row.partition(',')[2]}" for number, row in enumerate(long(PLACES["words"])))
+    assert read(text("Row number,Tag,Time,Value", rows)).loops["FIC101"].samples == N
+
+
+def test_a_step_number_goes_with_values_that_were_corrected(read: Read) -> None:
+    rows = (f"{k % N // 100},{row.partition(',')[2]}" for k, row in enumerate(wide(PLACES["words"])))
+    assert read(text("Step,Time,FIC101.PV,FIC101.OP", rows)).loops["FIC101"].samples == N
+
+
+@pytest.mark.parametrize("words", [("S", "W"), ("CEST", "CET"), ("0", "1")])
+def test_the_hour_that_clocks_have_twice_is_no_other_plant(read: Read, words: tuple[str, str]) -> None:
+    rows = []
+    for k in range(720):
+        at = datetime(2026, 10, 25) + timedelta(seconds=30 * k)
+        later = at.hour >= 3
+        rows.append(f"{words[later]},{at - timedelta(hours=later)},{NOISE[0, 0, k]},{NOISE[0, 1, k]}")
+    assert read(text("P,Time,FIC101.PV,FIC101.OP", iter(rows))).loops["FIC101"].samples == 600
