@@ -91,7 +91,7 @@ def to_recording(samples: LoopSamples, name: str) -> Recording:
         pv[given],
         op[given],
         sp=None if samples.sp is None else carried(samples.sp)[given],
-        automatic=None if automatic is None or not np.any(np.isfinite(automatic)) else _flags(automatic)[given],
+        automatic=None if automatic is None or not np.any(automatic >= 0.0) else _flags(automatic)[given],
         others=MappingProxyType({tag: values[given] for tag, values in samples.others.items()}),
     )
 
@@ -116,7 +116,8 @@ def _or_missing(signal: np.ndarray | None, samples: LoopSamples) -> np.ndarray:
 
 def _flags(automatic: np.ndarray) -> np.ndarray:
     """Where no mode is written the last one goes on, and before the first the first. One that is not understood is not
-    taken for automatic: what was recorded under it is not audited."""
+    taken for automatic: what was recorded under it is not audited, unless none is understood: then nothing is known
+    of modes."""
     first = automatic[np.argmax(np.isfinite(automatic))]
     held = carried(automatic)
     return np.where(np.isnan(held), first, held) == 1

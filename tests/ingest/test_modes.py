@@ -33,7 +33,9 @@ AUTOMATIC += ("LOC AUTO", "REMOTE AUTO", "Automatik", "CAS", "1", "1.0", "2", "3
 AUTOMATIC += ("自动", "自動", "串级", "1-自动", "Авто", "Каскад", "Автоматический")
 MANUAL = ("0.MAN", "MODE_MAN", "B-MAN", "MAN(0)", "0 - Man", "manuel", "LOCAL MANUAL", "Hand", "128", "O/S", "0", "off")
 MANUAL += ("手动", "手動", "0 手动", "Ручной", "РУЧНОЙ", "Руч.")
-OTHERS = ("LOCAL", "AUTO_MAN", "NOT AUTO", "AUTO OFF", "A/M", "Auto disabled", "Normal", "17", "-1")
+AUTOMATIC += ("RSP", "Remote SP", "remote set point", "P-AUTO", "Lokal Automatik", "Automatikbetrieb")
+MANUAL += ("P-MAN", "Lokal Hand", "Forced Manual")
+OTHERS = ("LOCAL", "Lokal", "Shutdown", "badge", "AUTO/MAN", "AUTO_MAN", "NOT AUTO", "AUTO OFF", "A/M", "Auto disabled", "Normal", "17", "-1")
 OTHERS += ("自动手动", "Авто/Руч")
 
 
@@ -43,7 +45,10 @@ def test_words_and_numbers(words: tuple[str, ...], flag: float) -> None:
     assert dict(zip(words, flags.tolist(), strict=True)) == dict.fromkeys(words, flag)
 
 
-@pytest.mark.parametrize("word", ["", " ", "-", "NaN", "null", None])
+NO_DATA = ("I/O Timeout", "No Data", "Bad", "BAD INPUT", "Bad_Quality", "Comm Fail", "Scan Off", "#N/A", "Pt Created")
+
+
+@pytest.mark.parametrize("word", ["", " ", "-", "NaN", "null", None, *NO_DATA])
 def test_nothing_written(word: str | None) -> None:
     assert np.isnan(automatic_flags(pl.Series([word], dtype=pl.String))).all()
 
@@ -114,6 +119,8 @@ def test_bits_of_which_nothing_tells_whose_they_are(read: Read, layout) -> None:
         "nothing tells whether modes are counted as in DeltaV (8 MAN, 16 AUTO) or in FOUNDATION Fieldbus "
         "(8 AUTO, 16 MAN): A.MODE",
         "modes that are not understood count neither as automatic nor as manual: 16 (2), 8 (1)",
+        "not one mode of these tags is understood, and their loops are judged as if no mode had been recorded, unless "
+        "other files have some: A.MODE",
     )
 
 
@@ -180,8 +187,33 @@ def test_a_mode_that_is_not_understood_goes_on_until_the_next_one(tmp_path: Path
 
 
 @pytest.mark.parametrize("layout", [wide, long])
-def test_a_recording_of_which_no_mode_is_understood_is_not_taken_for_automatic(tmp_path: Path, layout) -> None:
-    assert automatic(tmp_path, layout("Ramp", "Ramp", "Soak")) == [False, False, False]
+def test_of_a_recording_of_which_no_mode_is_understood_none_is_known(tmp_path: Path, layout) -> None:
+    assert automatic(tmp_path, layout("Ramp", "Ramp", "Soak")) is None
+    assert automatic(tmp_path, layout("Ramp", "Bad", "MAN")) == [False, False, False]
+
+
+@pytest.mark.parametrize("layout", [wide, long])
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 120])
+def test_tags_of_which_no_mode_is_understood_are_told(read: Read, layout, chunk_bytes: int) -> None:
+    def notes(*modes: str) -> list[str]:
+        told = read(layout(*modes), options=IngestOptions(chunk_bytes=chunk_bytes)).summary.notes
+        return [note.rsplit(": ", 1)[1] for note in told if note.startswith("not one mode of these tags")]
+
+    assert notes("Ramp", "Soak", "Ramp", "17") == ["A.MODE"]
+    assert notes("Ramp", "Bad", "", "Ramp") == ["A.MODE"]
+    assert notes("Ramp", "Ramp", "Ramp", "0") == notes("Ramp", "", "Auto") == notes("Ramp", "", "2") == []
+    assert notes("Bad", "", "Bad", "No Data") == []
+
+
+@pytest.mark.parametrize("layout", [wide, long])
+def test_words_of_a_historian_without_a_value_are_refused_and_leave_the_mode(read: Read, tmp_path: Path, layout) -> None:
+    modes = ("AUTO", "I/O Timeout", "MAN", "No Data", "AUTO", "Bad")
+    content = read(layout(*modes))
+    assert [(reject.code, reject.text) for reject in content.rejects.listed] == [
+        ("not_a_number", word) for word in ("I/O Timeout", "No Data", "Bad")
+    ]
+    assert not content.summary.notes
+    assert automatic(tmp_path, layout(*modes)) == [True, True, False, False, True, True]
 
 
 def test_without_any_mode_that_is_written_none_was_recorded(tmp_path: Path) -> None:

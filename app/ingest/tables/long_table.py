@@ -26,7 +26,7 @@ from app.ingest.tables.tally import Tally
 from app.ingest.tables.unit_column import UnitColumn
 from app.ingest.tags.grouping import Place
 from app.ingest.tags.loops import Grouping
-from app.ingest.tags.modes import UNKNOWN_MODE
+from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.tags.quality import Quality
 from app.ingest.tags.settling import family
 from app.ingest.times.stamps import TimeReader
@@ -425,6 +425,8 @@ class LongTable:
         if writing.own:
             left |= (read & all_tags.is_in(list(writing.own)) & texts.str.contains(MARKED)).fill_null(False).to_numpy()
             missing |= left  # what is refused here is not refused once more for what is left of it
+        no_data = of_modes[stand_for_no_data(texts[of_modes])]
+        self._refuse(cells, "not_a_number", no_data, (texts[int(row)] for row in no_data))
         others = np.flatnonzero(left)
         tags = all_tags[others]
         found = odd_numbers(texts[others], tags, writing)

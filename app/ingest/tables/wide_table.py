@@ -25,7 +25,7 @@ from app.ingest.tables.wide_chunk import Chunk
 from app.ingest.tables.wordy_columns import WordyColumns
 from app.ingest.tags.grouping import AUDITED
 from app.ingest.tags.loops import Grouping
-from app.ingest.tags.modes import UNKNOWN_MODE
+from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
 from app.ingest.times.order import in_order, last_of_repeats, runs_back, without_stutter
@@ -264,13 +264,13 @@ class WideTable:
         kept: NDArray[np.bool_],
     ) -> None:
         for position in modes:
-            texts = _texts(rows, group.values[position])
-            at = np.flatnonzero((matrix[:, position] == UNKNOWN_MODE) & kept)
-            if len(at):
-                lines = rows.lines(at)
-                self._log.add_many(
-                    "unknown_mode", lines, (str(texts[int(row)]) for row in at), group.values[position].tag
-                )
+            value, of_mode = group.values[position], matrix[:, position]
+            texts = _texts(rows, value)
+            no_data = np.flatnonzero(~np.isfinite(of_mode) & kept)
+            no_data = no_data[stand_for_no_data(texts[no_data])]
+            unknown = np.flatnonzero((of_mode == UNKNOWN_MODE) & kept)
+            for code, at in {"unknown_mode": unknown, "not_a_number": no_data}.items():
+                self._log.add_many(code, rows.lines(at), (str(texts[int(row)]) for row in at), value.tag)
 
     def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
         matrix = numbers.values

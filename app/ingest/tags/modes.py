@@ -24,6 +24,7 @@ _AUTOMATIC = frozenset(
     (
         *("auto", "aut", "a", "automatic", "automatik", "automatisch", "automatico", "automatique", "pauto", "prd"),
         *("cas", "casc", "cascade", "kaskade", "cascada", "cascata", "rcas", "remcas", "bcas", "rmt", "remote"),
+        *("rsp", "remotesp", "remotesetpoint", "automat", "automatikbetrieb", "kaskadenbetrieb", "bauto"),
         *("spc", "supervisory", "true", "on", "авто", "автомат", "автоматическии", "каскад", "каскадныи"),
         *("自动", "自動", "自动模式", "串级", "串级模式"),
     )
@@ -31,14 +32,28 @@ _AUTOMATIC = frozenset(
 _MANUAL = frozenset(
     (
         *("man", "m", "manual", "manuell", "manuel", "manuelle", "manuale", "hand", "handbetrieb", "rout", "iman"),
+        *("bman", "pman", "forcedmanual", "reczny", "rucni"),
         *("lo", "oos", "o/s", "tracking", "trk", "track", "init", "false", "off", "ручнои", "руч", "手动", "手動"),
         "手动模式",
     )
 )
 """Without accents, as words are looked up."""
-_BESIDE = frozenset(["mode", "loc", "local", "lcl", "b", "nr", "act", "actual", "operator", "oper", "program", "prog"])
+_BESIDE = frozenset(
+    (
+        *("mode", "loc", "local", "lokal", "lcl", "b", "p", "nr", "act", "actual", "operator", "oper"),
+        *("program", "prog"),
+    )
+)
 """Words beside that of a mode that say nothing against it: where the controller is worked from, or its backup."""
 _NO_WORD = NO_WORD | {"nan"}
+_NO_DATA = frozenset(
+    (
+        *("nodata", "iotimeout", "timeout", "scantimeout", "scanoff", "commfail", "commfailure", "nosample", "noresult"),
+        *("ptcreated", "pointcreated", "intfshut", "calcfailed", "notconnect", "notconnected", "dcsfailed", "settobad"),
+        *("invaliddata", "invalidfloat", "arcoffline", "schlecht", "nogooddataforcalculation"),
+    )
+)
+"""Letters of what a historian writes where it has no value, `Bad` and words behind it apart. `Shutdown` may be a mode."""
 _USUAL = {0.0: 0.0, 1.0: 1.0, 2.0: 1.0, 3.0: 1.0, 4.0: 1.0, 128.0: 0.0}
 """0 and 1 as all count them; 2 and 3 cascade and remote where these go on, as 4 is where it does or is a CAS bit."""
 _FIELDBUS = {0.0: 0.0, 1.0: 0.0, 2.0: 1.0, 4.0: 1.0, 8.0: 1.0, 16.0: 0.0, 32.0: 0.0, 64.0: 0.0, 128.0: 0.0}
@@ -87,13 +102,26 @@ def _counting_by_name(tag: str) -> Mapping[float, float] | None:
 def _flag_of(text: str) -> float:
     """Of a word, or of words and numbers around it that do not contradict each other: `1 - Auto`, `LOCAL MANUAL`."""
     word = _without_accents(text.strip(' "').lower())
-    if word in _NO_WORD:
+    if word in _NO_WORD or _stands_for_no_data(word):
         return np.nan
     if (flag := _flag_of_word(word)) is not None:
+        return flag
+    if (flag := _flag_of_word(re.sub(r"[\s_\-]", "", word))) is not None:
         return flag
     told = {_flag_of_word(part) for part in re.findall(r"[^\W\d_]+", word) if part not in _BESIDE}
     (flag,) = told if len(told) == 1 else (None,)
     return UNKNOWN_MODE if flag is None else flag
+
+
+def _stands_for_no_data(word: str) -> bool:
+    return re.match(r"bad(?![a-z])|#[a-z]", word) is not None or re.sub(r"[\W\d_]", "", word) in _NO_DATA
+
+
+def stand_for_no_data(texts: pl.Series) -> NDArray[np.bool_]:
+    """(n,) where modes are words of a historian that has no value: they say nothing of the mode, which goes on."""
+    words = texts.drop_nulls().unique().to_list()
+    found = [word for word in words if _stands_for_no_data(word.strip(' "').lower())]
+    return texts.is_in(found).fill_null(False).to_numpy() if found else np.zeros(len(texts), dtype=bool)
 
 
 def _flag_of_word(word: str) -> float | None:
@@ -121,6 +149,7 @@ class ModesMet:
     unknown: Counter[str] = field(default_factory=Counter)
     numbers: set[tuple[float, float]] = field(default_factory=set)  # with their flags
     untold: dict[str, None] = field(default_factory=dict)  # tags whose numbers DeltaV and Fieldbus read contrarily
+    _understood: dict[str, bool] = field(default_factory=dict)  # by tag, whether one of its modes is
     _telling: dict[str, set[float]] = field(default_factory=dict)
     _met: dict[str, dict[float, _Times]] = field(default_factory=dict)  # by tag, those above 1
     _lines_held: int = 0
@@ -133,6 +162,7 @@ class ModesMet:
             modes[left] = _flags_of_words(texts[left])
             unknown = texts[left].filter(pl.Series(modes[left] == UNKNOWN_MODE)).str.strip_chars(' "')
             self._note_unknown(Counter(unknown.to_list()))
+            self._note_understood(tag, modes[left])
         return modes
 
     def of_numbers(self, numbers: FloatArray, tag: str, lines: Lines | None = None) -> FloatArray:
@@ -141,6 +171,7 @@ class ModesMet:
         counted, given = np.isin(numbers, _COUNTED), np.isfinite(numbers)
         self._note_unknown(Counter(f"{number:g}" for number in numbers[given & ~counted]))
         modes = np.where(counted, numbers + NUMBERED, UNKNOWN_MODE)
+        self._note_understood(tag, np.where(given & (~counted | (numbers <= 1)), modes, np.nan))
         return np.where(given, modes, np.nan)
 
     def may_be_understood(self, numbers: FloatArray) -> bool:
@@ -175,6 +206,7 @@ class ModesMet:
             if counting is _UNTOLD:
                 self.untold[tag] = None
             self.numbers |= {(number, counting[number]) for number in met if number in counting}
+            self._note_understood(tag, np.array([counting.get(number, UNKNOWN_MODE) for number in met]))
             for number, times in met.items():
                 if number not in counting:
                     self._note_unknown({f"{number:g}": times.count})
@@ -185,6 +217,11 @@ class ModesMet:
     def _note_unknown(self, words: Mapping[str, int]) -> None:
         if len(self.unknown) < _MOST:
             self.unknown.update(words)
+
+    def _note_understood(self, tag: str, flags: FloatArray) -> None:
+        """flags: NaN where nothing is said."""
+        if not np.isnan(flags).all():
+            self._understood[tag] = self._understood.get(tag, False) or bool((flags >= 0).any())
 
     def _counting(self, tag: str) -> Mapping[float, float]:
         """How a tag counts, by its name, else by what it holds."""
@@ -203,10 +240,14 @@ class ModesMet:
         unknown = ", ".join(f"{word[:40]} ({times})" for word, times in self.unknown.most_common(_SHOWN))
         more = ", ..." if len(self.unknown) > _SHOWN else ""
         untold = ", ".join(tag[:80] for tag in list(self.untold)[:_SHOWN])
+        strange = [tag[:80] for tag, some in self._understood.items() if tag and not some]
+        alone = ", ".join(strange[:_SHOWN]) + (", ..." if len(strange) > _SHOWN else "")
+        judged = "their loops are judged as if no mode had been recorded, unless other files have some"
         whose = "nothing tells whether modes are counted as in DeltaV (8 MAN, 16 AUTO) or in FOUNDATION Fieldbus"
         told = {
             "modes as numbers other than 0 and 1 were read as": shown,
             f"{whose} (8 AUTO, 16 MAN)": untold,
             "modes that are not understood count neither as automatic nor as manual": unknown and unknown + more,
+            f"not one mode of these tags is understood, and {judged}": alone,
         }
         return [f"{what}: {which}" for what, which in told.items() if which]

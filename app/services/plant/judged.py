@@ -88,6 +88,6 @@ def _judged(connection: Connection, row: SpanRow, hold_days: float) -> Judged | 
     later = series.readable(connection, row.loop_id, ns_of(row.window_end) + 1, row.input_end_ns, hold_days)
     mode = None if later.samples is None else later.samples.signals.get("automatic")
     known = np.array([]) if mode is None else mode[np.isfinite(mode)]
-    manual = bool(len(known)) and float(np.mean(known)) < 0.5 and not known[-1]
+    manual = bool(len(known)) and float(np.mean(known == 0.0)) > 0.5 and bool(known[-1] == 0.0)
     disagrees = "newer_disagrees" in codes_in(row.reasons)
     return Judged(iso_utc(row.window_start) or "", iso_utc(row.window_end) or "", manual, later.damaged, disagrees)

@@ -146,7 +146,10 @@ class Ask(StrEnum):
     DOES_NOT_ACT = (
         "Find out whether the controller acts at all, whether OP stands at a limit, and whether it is recorded."
     )
-    IN_MANUAL = "Find out why it is in manual, and whether it may be put in automatic."
+    IN_MANUAL = (
+        "Find out why it is in manual, or in a mode that is not understood (the upload says which), and whether it may "
+        "be put in automatic."
+    )
     TOO_SLOW = "Have it recorded faster: ten samples a cycle or more."
 
 
