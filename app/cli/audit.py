@@ -258,9 +258,13 @@ def in_words(content: "RecordingsRead") -> Iterator[str]:
     for reject in content.rejects[:SHOWN_REJECTS]:
         where = "" if reject.line is None else f"line {reject.line}: "
         yield f"{where}{reject.text} [{reject.code}]"
-    more = sum(content.reject_counts.values()) - SHOWN_REJECTS
-    if more > 0:
-        yield f"and {more} more rows or values that could not be read"
+    yield from beside_shown(sum(content.reject_counts.values()), len(content.rejects[:SHOWN_REJECTS]))
+
+
+def beside_shown(refused: int, shown: int) -> Iterator[str]:
+    """How many rows and values were refused beside those that are shown, where there are more."""
+    if refused > shown:
+        yield f"and {refused - shown} more rows or values that could not be read"
 
 
 def exit_code(audited: list[AuditedFile], named: list[Path]) -> ExitCode:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.audit import FORMS, recording_files
+from app.cli.audit import FORMS, SHOWN_REJECTS, beside_shown, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.stamps import DateOrder
@@ -136,9 +136,12 @@ def report(file: Path, state: Mapping[str, Any]) -> None:
     typer.echo(f"{file}\t{state['id']}\t{state['state']}\tloops {len(state.get('loops') or ())}")
     for note in state.get("notes") or ():
         say(f"{file}: {note}")
-    for reject in (state.get("rejects") or ())[:3]:
+    shown = (state.get("rejects") or ())[:SHOWN_REJECTS]
+    for reject in shown:
         where = "" if reject["line"] is None else f"line {reject['line']}: "
         say(f"{file}: {where}{reject['text']} [{reject['code']}]")
+    for more in beside_shown(state.get("rows_refused") or 0, len(shown)):
+        say(f"{file}: {more}")
 
 
 def holds_no_loop(file: Path, state: Mapping[str, Any]) -> bool:
