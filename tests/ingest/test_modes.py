@@ -35,7 +35,21 @@ MANUAL = ("0.MAN", "MODE_MAN", "B-MAN", "MAN(0)", "0 - Man", "manuel", "LOCAL MA
 MANUAL += ("手动", "手動", "0 手动", "Ручной", "РУЧНОЙ", "Руч.")
 AUTOMATIC += ("RSP", "Remote SP", "remote set point", "P-AUTO", "Lokal Automatik", "Automatikbetrieb")
 MANUAL += ("P-MAN", "Lokal Hand", "Forced Manual")
-OTHERS = ("LOCAL", "Lokal", "Shutdown", "badge", "AUTO/MAN", "AUTO_MAN", "NOT AUTO", "AUTO OFF", "A/M", "Auto disabled", "Normal", "17", "-1")
+OTHERS = (
+    "LOCAL",
+    "Lokal",
+    "Shutdown",
+    "badge",
+    "AUTO/MAN",
+    "AUTO_MAN",
+    "NOT AUTO",
+    "AUTO OFF",
+    "A/M",
+    "Auto disabled",
+    "Normal",
+    "17",
+    "-1",
+)
 OTHERS += ("自动手动", "Авто/Руч")
 
 
@@ -206,7 +220,9 @@ def test_tags_of_which_no_mode_is_understood_are_told(read: Read, layout, chunk_
 
 
 @pytest.mark.parametrize("layout", [wide, long])
-def test_words_of_a_historian_without_a_value_are_refused_and_leave_the_mode(read: Read, tmp_path: Path, layout) -> None:
+def test_words_of_a_historian_without_a_value_are_refused_and_leave_the_mode(
+    read: Read, tmp_path: Path, layout
+) -> None:
     modes = ("AUTO", "I/O Timeout", "MAN", "No Data", "AUTO", "Bad")
     content = read(layout(*modes))
     assert [(reject.code, reject.text) for reject in content.rejects.listed] == [

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from app.ingest import IngestOptions
+from app.ingest.tags.quality import Quality
 
 from .conftest import Content, Read
 
@@ -208,3 +209,55 @@ def test_words_with_their_code_behind_them(read: Read) -> None:
     content = read(text)
     assert content.loops["A"].pv.tolist()[:3] == [0, 1, 2]
     assert content.rejects.counts["bad_quality"] == 4
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 300])
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        *(("Valid", good, bad) for good, bad in (("1", "0"), ("True", "False"), ("Y", "N"), ("", "no"), ("ok", "bad"))),
+        *(("Is Valid", "Y", "N"), ("gültig", "ja", "nein"), ("Valid", "0", "1")),
+        *(("IsBad", "0", "1"), ("Bad", "FALSE", "TRUE"), ("Error", "n", "y"), ("Has Error", "No", "Yes")),
+        *(("Questionable", "0.0", "1.0"), ("Invalid", "", "True"), ("Fehler", "nein", "ja")),
+        *(("Qual", "192", "0"), ("QC", "216", "24"), ("vtq", "Good", "Bad"), ("Q", "G", "B"), ("Sts", "OK", "NOK")),
+    ],
+)
+def test_flags_and_short_names_of_a_long_table(read: Read, name: str, good: str, bad: str, chunk_bytes: int) -> None:
+    content = read(long(good, bad, name), options=IngestOptions(chunk_bytes=chunk_bytes))
+    expected = [i for i in range(20) if i not in BAD_ROWS] if (name, good) == ("Valid", "0") else BAD_ROWS
+    assert refused(content) == refused(content, "op") == expected
+    assert dict(content.rejects.counts) == {"bad_quality": 2 * len(expected)}
+    assert not [note for note in content.summary.notes if "not read" in note]
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "other"),
+    [
+        *(("Error", "0.25", "1"), ("Error", "0", "-1.5"), ("Bad", "Bath", "Bed"), ("Q", "1", "0"), ("Q", "192.5", "0")),
+        *(
+            ("Sts", "Normal", "Alarm"),
+            ("Sts", "on", "off"),
+            ("QC", "7", "9"),
+            ("Valid", "Jan", "Feb"),
+            ("Lab", "2", "3"),
+        ),
+    ],
+)
+def test_a_column_that_may_be_anything_judges_nothing_and_is_told(read: Read, name: str, one: str, other: str) -> None:
+    content = read(long(one, other, name))
+    assert refused(content) == []
+    assert not content.rejects.counts
+    assert content.summary.notes == (f"columns beside tag, time and value were not read: {name}",)
+
+
+def test_what_is_wrong_may_stand_beside_flags_further_down() -> None:
+    words = {"False": False, "": False, "n/a": False, "Good": False, "0": False, "Sensor break": True, "27": True}
+    quality = Quality(good_if_set=False)
+    assert {word: quality.is_bad(word) for word in words} == words
+
+
+def test_a_quality_goes_before_flags_and_these_are_told(read: Read) -> None:
+    rows = "".join(f"{n},A.{s},{stamp},1.{n},Good,False,\n" for n, stamp in enumerate(STAMPS) for s in ("PV", "OP"))
+    content = read("Id,Tag,Time,Value,Status,Questionable,Remark\n" + rows)
+    assert not content.rejects.counts
+    assert content.summary.notes == ("columns beside tag, time and value were not read: Questionable",)

@@ -62,7 +62,8 @@ class WidePlan:
 @dataclass(frozen=True)
 class LongPlan:
     """A row holds one value of one tag. `zero_is_good`: the quality column counts from 0 = good instead of OPC's 192
-    = good; None where it is not told. `signals`: where a row holds several values of the loop that stands in column
+    = good; None where it is not told. `good_if_set`: whether flags there tell good values or bad ones; None where they
+    are no flags. `signals`: where a row holds several values of the loop that stands in column
     `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
     where it is not one for all rows. `others`: such columns of no signal, which are kept beside them. `ends`: as in a
     wide plan. `unit`: the column of the units of the values."""
@@ -83,6 +84,7 @@ class LongPlan:
     others: tuple[ValueColumn, ...] = ()
     ends: frozenset[int] = frozenset()
     unit: int | None = None
+    good_if_set: bool | None = None
 
     @property
     def read(self) -> frozenset[int | None]:

@@ -13,6 +13,7 @@ from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
 from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
+from app.ingest.columns.quality_of_rows import with_columns_left, with_flags
 from app.ingest.columns.row_ends import with_ends
 from app.ingest.columns.unit_column import with_unit_column
 from app.ingest.files.head import PREAMBLE_ROWS, Head
@@ -58,7 +59,8 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     if plan is None:
         return None
     plan = with_ends(plan, head)
-    plan = with_unit_column(plan, head) if isinstance(plan, LongPlan) else plan
+    if isinstance(plan, LongPlan):
+        plan = with_columns_left(with_flags(with_unit_column(plan, head), head), head)
     return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
 
 

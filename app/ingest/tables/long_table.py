@@ -65,7 +65,7 @@ class LongTable:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._time = TimeReader(plan.form, options)
         self._dates = DatesOnce(plan.time)
-        self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good)
+        self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good, plan.good_if_set)
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
         # polars forgets the codes of a type of which no series is left: between two chunks that it parsed, others may

@@ -48,7 +48,17 @@ _BESIDE = frozenset(
 _NO_WORD = NO_WORD | {"nan"}
 _NO_DATA = frozenset(
     (
-        *("nodata", "iotimeout", "timeout", "scantimeout", "scanoff", "commfail", "commfailure", "nosample", "noresult"),
+        *(
+            "nodata",
+            "iotimeout",
+            "timeout",
+            "scantimeout",
+            "scanoff",
+            "commfail",
+            "commfailure",
+            "nosample",
+            "noresult",
+        ),
         *("ptcreated", "pointcreated", "intfshut", "calcfailed", "notconnect", "notconnected", "dcsfailed", "settobad"),
         *("invaliddata", "invalidfloat", "arcoffline", "schlecht", "nogooddataforcalculation"),
     )

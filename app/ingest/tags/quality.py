@@ -9,6 +9,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from app.ingest.numbers.no_data import NO_WORD
+
 _GOOD = frozenset(
     (
         *("good", "ok", "g", "true", "valid", "normal", "raw", "interpolated", "goodsubstituted", "good[sub]"),
@@ -26,6 +28,10 @@ _OF_QUALITY_ALONE = frozenset(
     )
 )
 """Words that the state of something has not, as `normal`, `true` and `ok`."""
+_SET = frozenset(("1", "1.0", "true", "t", "yes", "y", "on", "ja", "j", "wahr", "oui", "vrai", "si"))
+_NOT_SET = frozenset(("0", "0.0", "false", "f", "no", "n", "off", "nein", "falsch", "non", "faux"))
+_SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
+_SHORT_BAD = frozenset(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
@@ -38,11 +44,13 @@ class Quality:
     """Judges texts of quality columns; each distinct text of a chunk once.
 
     zero_is_good: None where the file does not tell. Numbers that are none of OPC's are judged by the most frequent one
-    then: most values of a plant are good.
+    then: most values of a plant are good. good_if_set: what flags as `true` and `N` say; None where there are none.
     """
 
-    def __init__(self, drop_uncertain: bool = False, zero_is_good: bool | None = None) -> None:
-        self._drop_uncertain = drop_uncertain
+    def __init__(
+        self, drop_uncertain: bool = False, zero_is_good: bool | None = None, good_if_set: bool | None = None
+    ) -> None:
+        self._drop_uncertain, self._good_if_set = drop_uncertain, good_if_set
         self._told = zero_is_good is not None
         self._good = 0.0 if zero_is_good else 1.0  # beside numbers of OPC, if there are any
         self._ua = False  # numbers are those of OPC UA, whose low bits say nothing of good and bad
@@ -99,6 +107,10 @@ class Quality:
         word = _word(text)
         if not word:
             return False
+        if self._good_if_set is not None and word in _SET | _NOT_SET:
+            return (word in _SET) != self._good_if_set
+        if self._good_if_set is False:  # what else stands beside flags of what is bad says what is wrong
+            return word not in NO_WORD and not word.startswith("good") and _number(text) != 0.0
         number = _number(text)
         if number is not None:
             return self._judge_number(number)
@@ -140,6 +152,27 @@ def tells_quality(fields: list[str]) -> bool:
     """Whether most of a column's fields are words or numbers that a quality has, and not the state of something."""
     known = sum(_number(text) is not None or _is_known(_word(text)) for text in fields)
     return 2 * known > len(fields)
+
+
+def are_flags(fields: list[str]) -> bool:
+    """Whether all of a column's fields are flags that are set or not."""
+    return bool(fields) and {_word(text) for text in fields} <= _SET | _NOT_SET
+
+
+def tell_quality_for_sure(fields: list[str]) -> bool:
+    """Whether all of a column's fields are words of qualities, or numbers of OPC with good ones among them: none that a
+    state, a count or a flow may have as well."""
+    words = set(map(_word, fields))
+    numbers = [number for word in words if (number := _number(word)) is not None]
+    if numbers:
+        return len(numbers) == len(words) and max(numbers) >= OPC_GOOD and all(map(_is_of_opc, numbers))
+    known = _SHORT_GOOD | _UNCERTAIN | _SHORT_BAD
+    return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
+
+
+def _is_of_opc(number: float) -> bool:
+    """Good, uncertain or bad, with why, and at which limit: none has a meaning behind 219."""
+    return number == int(number) and 0 <= number < OPC_GOOD + 28 and int(number) & 0xC0 != 0x80
 
 
 def holds_quality_words(fields: list[str]) -> bool:
