@@ -189,7 +189,8 @@ def test_columns_that_hold_no_numbers_leave_the_others(read: Read) -> None:
     assert (loop.op, loop.sp) == (None, None)
     assert loop.automatic.tolist() == [-1, -1, -1, -1]
     note, left, modes, unknown = content.summary.notes
-    assert unknown.startswith("not one mode of these tags is understood") and unknown.endswith(": A.MODE")
+    assert unknown.startswith("not one mode of these tags is understood")
+    assert unknown.endswith(": A.MODE")
     assert left == "columns that hold no number were left out: A.OP"
     assert note == "2 columns hold lists, structures or bytes, which are no values: A.OP, A.SP"
     assert modes.startswith("modes that are not understood count neither as automatic nor as manual: 2024-03-01")

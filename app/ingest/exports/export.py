@@ -316,6 +316,7 @@ class TableExport(Export):
             notes.append("hours go to 12 and begin again: nothing tells AM from PM, and times may be wrong by 12 hours")
         if self._tally.without_date:
             notes.append(f"{self._tally.without_date} rows have a clock without a date: that of a row above was taken")
+        notes += self._tally.turns.notes()
         if self._tally.stuttering:
             notes.append(
                 f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"

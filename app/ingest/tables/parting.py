@@ -41,6 +41,7 @@ class BlocksByTag:
         """Blocks of tags that were sampled together: they share their times."""
         doubtful = ends_are_codes(np.fmin.reduce(grid.values, axis=1), np.fmax.reduce(grid.values, axis=1))
         self._tally.saw_times(grid.time_ns)
+        self._tally.turns.saw(grid.time_ns, self._zone, of_tag=True)
         for row in np.argsort(grid.codes):
             place, values = self._places[grid.codes[row]], grid.values[row]
             if doubtful[row]:
@@ -62,6 +63,7 @@ class BlocksByTag:
                 times = self._spread(time_ns[part]) if differ else time_ns[part]
                 yield self._block(place, times, values[part], lines[part])
             else:
+                self._tally.turns.saw(time_ns[part], self._zone, of_tag=True)
                 yield self._signal(place, time_ns[part], values[part])
 
     def _odd_tags(
@@ -112,6 +114,7 @@ class BlocksByTag:
             self._tally.contradictions.look(time_ns, values[:, None], lines)
         once_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
         self._tally.repeats += len(time_ns) - len(once_ns)
+        self._tally.turns.saw(once_ns, self._zone, of_tag=True)
         return self._signal(place, once_ns, matrix[:, 0])
 
 

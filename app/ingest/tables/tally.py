@@ -8,6 +8,7 @@ from app.ingest.numbers.writing import Writing
 from app.ingest.tables.contradictions import Contradictions
 from app.ingest.tags.modes import ModesMet
 from app.ingest.tags.quality import Quality
+from app.ingest.times.read_once import TurnsMet
 
 
 @dataclass
@@ -40,6 +41,7 @@ class Tally:
     no_data: NoData = field(default_factory=NoData)
     modes: ModesMet = field(default_factory=ModesMet)
     contradictions: Contradictions = field(default_factory=Contradictions)
+    turns: TurnsMet = field(default_factory=TurnsMet)
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

@@ -350,6 +350,7 @@ class WideTable:
         once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
         self._tally.repeats += len(steady) - len(once_ns)
         self._tally.saw_times(once_ns)
+        self._tally.turns.saw(once_ns, zone)
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
         columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
         last = lines[np.append(steady[1:] != steady[:-1], True)].astype(np.uint32)

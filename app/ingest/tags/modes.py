@@ -46,24 +46,14 @@ _BESIDE = frozenset(
 )
 """Words beside that of a mode that say nothing against it: where the controller is worked from, or its backup."""
 _NO_WORD = NO_WORD | {"nan"}
-_NO_DATA = frozenset(
-    (
-        *(
-            "nodata",
-            "iotimeout",
-            "timeout",
-            "scantimeout",
-            "scanoff",
-            "commfail",
-            "commfailure",
-            "nosample",
-            "noresult",
-        ),
-        *("ptcreated", "pointcreated", "intfshut", "calcfailed", "notconnect", "notconnected", "dcsfailed", "settobad"),
-        *("invaliddata", "invalidfloat", "arcoffline", "schlecht", "nogooddataforcalculation"),
-    )
-)
-"""Letters of what a historian writes where it has no value, `Bad` and words behind it apart. `Shutdown` may be a mode."""
+_WORDS_FOR_NO_DATA = """
+    nodata iotimeout timeout scantimeout scanoff commfail commfailure nosample noresult ptcreated pointcreated intfshut
+    calcfailed notconnect notconnected dcsfailed settobad invaliddata invalidfloat arcoffline schlecht
+    nogooddataforcalculation
+"""
+_NO_DATA = frozenset(_WORDS_FOR_NO_DATA.split())
+"""Letters of what a historian writes where it has no value, but for `Bad` and what stands behind it. `Shutdown` may be
+a mode."""
 _USUAL = {0.0: 0.0, 1.0: 1.0, 2.0: 1.0, 3.0: 1.0, 4.0: 1.0, 128.0: 0.0}
 """0 and 1 as all count them; 2 and 3 cascade and remote where these go on, as 4 is where it does or is a CAS bit."""
 _FIELDBUS = {0.0: 0.0, 1.0: 0.0, 2.0: 1.0, 4.0: 1.0, 8.0: 1.0, 16.0: 0.0, 32.0: 0.0, 64.0: 0.0, 128.0: 0.0}
