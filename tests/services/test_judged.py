@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from sqlalchemy import update
+from sqlalchemy import select, update
 
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -109,6 +109,24 @@ def test_a_loop_that_is_back_in_automatic_did_not_go_to_manual(backend: Backend,
     run(backend, start_audit(backend).id)
     assert judged(backend, ["A"])["A"].words(backend.clock) == TOLD
     assert judged(backend, ["A"], again)["A"].words(backend.clock).endswith("was not judged")
+
+
+def test_a_mode_that_is_not_understood_is_not_told_as_manual(backend: Backend, add_loops: AddLoops) -> None:
+    of = add_loops("A", n=0)["A"]
+    for first, count, mode in ((0, 900, 1.0), (900, 500, -1.0), (1400, 100, 0.0)):
+        record(backend, of, first, count, mode)
+    run(backend, start_audit(backend).id)
+    told = judged(backend, ["A"])["A"].words(backend.clock)
+    assert told == "judged 2025-06-15 15:06 to 2025-06-16 06:05; what was recorded since was not judged"
+
+
+def test_a_loop_of_which_no_mode_is_understood_is_judged(backend: Backend, add_loops: AddLoops) -> None:
+    for tag, of in add_loops("A", "B", n=0).items():
+        record(backend, of, 0, 900, -1.0 if tag == "A" else 0.0)
+    run(backend, start_audit(backend).id)
+    with backend.database.read() as connection:
+        causes = dict(connection.execute(select(loops.c.tag, verdicts.c.likely_cause).join_from(loops, verdicts)).all())
+    assert causes["A"] != "not_in_automatic" == causes["B"]
 
 
 def test_the_same_window_is_no_other_night(backend: Backend, left: tuple[int, int]) -> None:
