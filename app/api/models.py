@@ -54,6 +54,9 @@ class UploadListed(Read):
     rows_kept: int = Field(description="Rows of the file that gave samples.")
     rows_refused: int = Field(description="Rows and values that could not be used.")
     samples_added: int = Field(description="Samples that were not there before.")
+    samples_replaced: int = Field(
+        0, description="Samples that took the place of other values, which were stored before."
+    )
     reject_counts: dict[str, int] = Field(description="How many rows and values were refused, by code.")
     notes: list[str] = Field(description="What was found out about the file, in words.")
     tags_found: int = Field(0, description="How many tags the file has.")

@@ -95,6 +95,7 @@ class Upload(Answer):
     rows_kept: int
     rows_refused: int
     samples_added: int
+    samples_replaced: int
 
     @property
     def ended(self) -> bool:

@@ -50,6 +50,7 @@ class UploadView:
     rows_kept: int
     rows_refused: int
     samples_added: int
+    samples_replaced: int
     reject_counts: dict[str, int]
     rejects: list[RejectView]
     notes: list[str]

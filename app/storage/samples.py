@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 import zstandard
@@ -206,17 +207,36 @@ def _no_more_apart(apart: BoolArray, places: NDArray[np.int64], joint: Samples) 
             apart[together[0] : together[-1] + 1] = False
 
 
-def news(sent: Samples, stored: Samples) -> NDArray[np.bool_]:
-    """Which samples of `sent` are not in `stored` yet: new times, new signals, other values."""
+class Compared(NamedTuple):
+    """Of samples that are sent beside what is stored, (n,) each. new: at a time, or of a signal, of which nothing is
+    there. other: another value is there in its place; one where none is replaces nothing."""
+
+    new: BoolArray
+    other: BoolArray
+
+
+def compared(sent: Samples, stored: Samples) -> Compared:
     if not len(stored):
-        return np.ones(len(sent), dtype=bool)
+        return Compared(np.ones(len(sent), dtype=np.bool_), np.zeros(len(sent), dtype=np.bool_))
     places = np.minimum(np.searchsorted(stored.time_ns, sent.time_ns), len(stored) - 1)
-    fresh = stored.time_ns[places] != sent.time_ns
+    there = stored.time_ns[places] == sent.time_ns
+    new, other = ~there, np.zeros(len(sent), dtype=np.bool_)
     for name, values in sent.signals.items():
+        differs = there & ~np.isnan(values)
         before = stored.signals.get(name)
-        same = np.isnan(values) if before is None else np.isnan(values) | (values == before[places])
-        fresh |= ~same
-    return fresh
+        if before is not None:
+            differs &= values != before[places]
+            replaced = np.flatnonzero(differs)
+            replaced = replaced[~np.isnan(before[places[replaced]])]
+            other[replaced] = True
+        new |= differs
+    return Compared(new & ~other, other)
+
+
+def news(sent: Samples, stored: Samples) -> BoolArray:
+    """Which samples of `sent` are not in `stored` yet: new times, new signals, other values."""
+    found = compared(sent, stored)
+    return found.new | found.other
 
 
 def refused_anew(sent: Samples, stored: Samples) -> BoolArray:

@@ -17,7 +17,7 @@ from sqlalchemy import ColumnElement, Connection, Select, and_, bindparam, func,
 from app.nanoseconds import EVER_NS, NS_PER_DAY, NS_PER_H
 from app.storage.ahead import newest_until
 from app.storage.bulk import among_many, columns_of, from_arrays, from_json, insert_new_rows
-from app.storage.samples import DamagedStretchError, Samples, merged, news, refused_anew, unpack_stored
+from app.storage.samples import DamagedStretchError, Samples, compared, merged, news, refused_anew, unpack_stored
 from app.storage.steps import known_before, last_known, led_in
 from app.storage.tables import AS_RECEIVED, loops, series
 
@@ -70,10 +70,15 @@ class Stored(NamedTuple):
 
 @dataclass(frozen=True)
 class Added:
-    """What a write changed: stretches and samples that were new, and samples that replace other values."""
+    """What a write changed: stretches that were stored, samples that were not there before, and samples that took the
+    place of other values."""
 
-    stretches: int
-    samples: int
+    stretches: int = 0
+    samples: int = 0
+    replaced: int = 0
+
+    def __add__(self, other: "Added") -> "Added":
+        return Added(self.stretches + other.stretches, self.samples + other.samples, self.replaced + other.replaced)
 
 
 def add(
@@ -83,17 +88,17 @@ def add(
     nothing; where a value differs from the stored one at its time, the one that was received later holds."""
     place = place or Place()
     prints = _not_stored(connection, stretches, upload_id, place)
-    rows, new = [], 0
+    rows, added = [], Added()
     for (loop_id, fingerprint), stretch, stored in _beside_stored(connection, prints):
         fresh = _fresh(stretch.samples, stored, place)
-        new += fresh.new
+        added += Added(samples=fresh.new, replaced=fresh.replaced)
         if len(fresh.samples):
             named = {"loop_id": loop_id, "fingerprint": fingerprint, "upload_id": upload_id}
             rows.append({**named, "receipt_number": place.receipt_number, **_columns(fresh.samples)})
     if rows:
         insert_new_rows(connection, series, rows)
         _note_newest(connection, rows)
-    return Added(len(rows), new)
+    return added + Added(len(rows))
 
 
 def windows(
@@ -350,10 +355,11 @@ def _stored(connection: Connection, stretch_ids: list[int]) -> dict[int, list[St
 
 
 class _Fresh(NamedTuple):
-    """What is to be stored of a stretch, and how many of its samples change what holds."""
+    """What is to be stored of a stretch, how many of its samples were not there, and how many replace other values."""
 
     samples: Samples
     new: int
+    replaced: int = 0
 
 
 def _fresh(sent: Samples, stored: list[Stored], place: Place) -> _Fresh:
@@ -364,16 +370,17 @@ def _fresh(sent: Samples, stored: list[Stored], place: Place) -> _Fresh:
     later = [one.samples for one in stored if one.receipt_number > place.receipt_number]
     shown = sent if not later else _over(sent, later)
     whole = merged([one.samples for one in stored])
-    changes = news(shown, whole)
+    found = compared(shown, whole)
     sure = [one.samples for one in stored if one.receipt_number >= place.unread_before]
     if len(sure) == len(stored):
-        kept = changes | refused_anew(sent, whole)
+        kept = found.new | found.other | refused_anew(sent, whole)
     elif sure:
         known = merged(sure)
         kept = news(shown, known) | refused_anew(sent, known)
     else:
         kept = np.ones(len(sent), dtype=bool)
-    return _Fresh(sent if kept.all() else sent.part(kept), int(np.count_nonzero(changes)))
+    new, replaced = (int(np.count_nonzero(which)) for which in (found.new, found.other))
+    return _Fresh(sent if kept.all() else sent.part(kept), new, replaced)
 
 
 def _over(sent: Samples, later: list[Samples]) -> Samples:

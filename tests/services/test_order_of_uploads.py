@@ -5,6 +5,7 @@ import pytest
 from sqlalchemy import delete, func, select
 
 from app.services.backend import Backend
+from app.services.intake import reading
 from app.services.plant.trend import trend
 from app.storage.tables import series as series_table
 from app.storage.tables import uploads as uploads_table
@@ -34,14 +35,15 @@ def test_a_correction_that_is_taken_back_holds_no_more(backend: Backend) -> None
     second = read(backend, send(backend, corrected))
     assert stored_pv(backend)[0] == pytest.approx([*before[:20], *(v + 5.0 for v in before[20:30]), *before[30:]])
     third = read(backend, send(backend, sent + b"\n"))
-    assert (second.samples_added, third.samples_added) == (10, 10)
+    assert [(one.samples_added, one.samples_replaced) for one in (second, third)] == [(0, 10), (0, 10)]
     assert stored_pv(backend) == (before, 4)
     fourth = read(backend, send(backend, corrected + b"\n"))
-    assert fourth.samples_added == 10
+    assert (fourth.samples_added, fourth.samples_replaced) == (0, 10)
     held = stored_pv(backend)
     for upload in (first, second, third, fourth):  # each task may run twice, and late
         expire(backend, upload, state="received")
-        assert read(backend, upload).samples_added == 0
+        again = read(backend, upload)
+        assert (again.samples_added, again.samples_replaced) == (0, 0)
         assert stored_pv(backend) == held
     repeated = read(backend, send(backend, corrected + b"\n\n"))
     assert (repeated.samples_added, stored_pv(backend)) == (0, held)
@@ -75,7 +77,7 @@ def test_an_upload_that_failed_by_a_fault_of_ours_counts_as_received_when_it_is_
     failed = send(backend, corrected)
     expire(backend, failed, state="failed", error_code="fault")
     read(backend, send(backend, sent + b"\n"))
-    assert read(backend, send(backend, corrected)).samples_added == 10
+    assert read(backend, send(backend, corrected)).samples_replaced == 10
     assert stored_pv(backend)[0][20:30] == pytest.approx([value + 5.0 for value in before[20:30]])
 
 
@@ -85,4 +87,80 @@ def test_numbers_go_on_where_uploads_are_gone(backend: Backend) -> None:
     read(backend, send(backend, export() + b"\n"))
     with backend.database.write() as connection:
         connection.execute(delete(uploads_table))
-    assert read(backend, send(backend, changed(20, 30, by=5.0))).samples_added == 10
+    assert read(backend, send(backend, changed(20, 30, by=5.0))).samples_replaced == 10
+
+
+def test_a_file_that_is_sent_again_holds_over_what_came_in_between(backend: Backend) -> None:
+    right, wrong = export(), changed(20, 30, by=5.0)
+    first = read(backend, send(backend, right))
+    before = stored_pv(backend)[0]
+    told = read(backend, send(backend, wrong))
+    assert (told.samples_added, told.samples_replaced) == (0, 10)
+    assert any(note.startswith("10 stored samples were replaced by others") for note in told.notes)
+    again = send(backend, right)
+    assert (again.id, again.state) == (first.id, "received")
+    done = read(backend, again)
+    assert (done.state, done.samples_added, done.samples_replaced) == ("done", 0, 10)
+    assert stored_pv(backend)[0] == before
+    held = stored_pv(backend)
+    assert send(backend, right).state == "done"  # now it is the last one, and costs nothing
+    assert read(backend, send(backend, wrong)).samples_replaced == 10
+    assert read(backend, send(backend, right)).samples_replaced == 10
+    assert stored_pv(backend)[0] == held[0]
+
+
+def test_what_is_sent_again_is_not_read_where_others_brought_nothing_of_it(backend: Backend) -> None:
+    """A folder that is sent anew every night is not read anew: other times, other loops, the same values."""
+    others = (
+        export(start=1_750_100_000),
+        export().replace(b"FIC1", b"FIC3").replace(b"LIC2", b"LIC4"),
+        export() + b"\n",
+    )
+    for data in (export(), *others):
+        read(backend, send(backend, data))
+    assert [send(backend, data).state for data in (export(), *others)] == ["done"] * 4
+
+
+def test_what_is_sent_again_while_another_waits_to_be_read_holds_over_it(backend: Backend) -> None:
+    right, wrong = export(), changed(20, 30, by=5.0)
+    read(backend, send(backend, right))
+    before = stored_pv(backend)[0]
+    between = send(backend, wrong)
+    again = send(backend, right)
+    assert again.state == "received"
+    for upload in (again, between):
+        read(backend, upload)
+    assert stored_pv(backend)[0] == before
+    assert send(backend, right).state == "done"
+
+
+def test_what_waits_to_be_read_and_is_sent_again_holds_over_what_came_in_between(backend: Backend) -> None:
+    right, wrong = send(backend, export()), send(backend, changed(20, 30, by=5.0))
+    assert send(backend, export()).id == right.id
+    for upload in (right, wrong):
+        read(backend, upload)
+    assert stored_pv(backend)[0][20:30] == pytest.approx([50 + np.sin(i / 9) for i in range(20, 30)], abs=1e-3)
+
+
+@pytest.mark.parametrize("by", [5.0, None])
+def test_what_is_sent_again_while_it_is_read_is_read_once_more_where_another_came_in_between(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, by: float | None
+) -> None:
+    """None: the other one has other loops, and changes nothing of it."""
+    other = export().replace(b"FIC1", b"FIC3").replace(b"LIC2", b"LIC4") if by is None else changed(20, 30, by=by)
+    right, store = send(backend, export()), reading._store
+    calls: list[int] = []
+
+    def meanwhile(*arguments: object) -> object:
+        calls.append(1)
+        if len(calls) == 1:
+            read(backend, send(backend, other), owner="other")
+            assert send(backend, export()).state == "reading"
+        return store(*arguments)
+
+    monkeypatch.setattr(reading, "_store", meanwhile)
+    state = read(backend, right).state
+    assert state == ("done" if by is None else "received")
+    assert read(backend, right).state == "done"
+    assert stored_pv(backend)[0][20:30] == pytest.approx([50 + np.sin(i / 9) for i in range(20, 30)], abs=1e-3)
+    assert send(backend, export()).state == "done"

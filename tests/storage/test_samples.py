@@ -10,7 +10,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from app.storage.coding import coded, coded_each, decoded, shuffled
-from app.storage.samples import HEADER, DamagedStretchError, Samples, merged, news, pack, prepare, unpack, unpack_stored
+from app.storage.samples import (
+    HEADER,
+    DamagedStretchError,
+    Samples,
+    compared,
+    merged,
+    news,
+    pack,
+    prepare,
+    unpack,
+    unpack_stored,
+)
 
 SECOND = 1_000_000_000
 
@@ -111,6 +122,16 @@ def test_news_are_new_times_new_signals_and_other_values() -> None:
     assert list(news(sent, stored)) == [False, True, True, True]
     assert not news(stored, stored).any()
     assert list(news(samples([1], sp=[9]), stored)) == [True]
+
+
+def test_another_value_replaces_one_and_a_value_where_none_was_is_new() -> None:
+    stored = samples([1, 2, 3], pv=[1, 2, 3], op=[1, np.nan, 3])
+    sent = samples([1, 2, 3, 4], pv=[np.nan, 2, 3.5, 4], op=[1, 7, np.nan, 4], sp=[5, 5, 5, 5])
+    found = compared(sent, stored)
+    assert list(found.other) == [False, False, True, False]
+    assert list(found.new) == [True, True, False, True]
+    assert not any(which.any() for which in compared(stored, stored))
+    assert [list(which) for which in compared(sent, samples([]))] == [[True] * 4, [False] * 4]
 
 
 @given(st.lists(st.lists(st.integers(0, 20), min_size=1, max_size=8, unique=True), min_size=1, max_size=5))

@@ -32,10 +32,11 @@ def add(database: Database, tag: str, *stretches: Samples) -> series.Added:
 
 
 def add_as(database: Database, tag: str, stretch: Samples, place: Place) -> int:
-    """How many samples were new."""
+    """How many samples were new, or replaced others."""
     with database.write() as connection:
         loop_id = loops.ensure(connection, [tag])[tag]
-        return series.add(connection, [Stretch(loop_id, stretch)], None, place).samples
+        added = series.add(connection, [Stretch(loop_id, stretch)], None, place)
+        return added.samples + added.replaced
 
 
 def window(database: Database, tag: str, hours: float = 24.0, most: int = 10**6) -> Samples:
@@ -110,7 +111,7 @@ def test_stored_stretches_are_read_by_some_loops_at_a_time_and_each_once(
         series.add(connection, [Stretch(ids[tag], night(n)) for tag in tags for n in range(2)], None)
         read = unpacked(monkeypatch)
         both = [Stretch(ids[tag], merged([night(0), night(1, offset=0.5)])) for tag in tags]
-        assert series.add(connection, both, None).samples == 600 * len(tags)
+        assert series.add(connection, both, None) == series.Added(len(tags), 0, replaced=600 * len(tags))
     assert len(read) == len(set(read)) == 2 * len(tags)
     for tag in tags:
         assert window(database, tag, hours=25).signals["pv"][[0, 600]].tolist() == [0.0, 86_400.5]
@@ -118,7 +119,7 @@ def test_stored_stretches_are_read_by_some_loops_at_a_time_and_each_once(
 
 def test_the_later_upload_holds_where_values_differ(database: Database) -> None:
     add(database, "FIC1", ramp(0, 100))
-    assert add(database, "FIC1", ramp(90, 110, offset=0.5)).samples == 20
+    assert add(database, "FIC1", ramp(90, 110, offset=0.5)) == series.Added(1, 10, replaced=10)
     found = window(database, "FIC1")
     assert list(found.signals["pv"][88:92]) == [88, 89, 90.5, 91.5]
 

@@ -134,3 +134,19 @@ def test_tags_and_refusals_that_are_not_shown_are_counted(client, monkeypatch):
     assert f'{tags - 2} more tags: <a href="/v1/uploads/1">' in page
     assert f'{len(told["rejects"]) - 1} more with what was got: <a href="/v1/uploads/1">' in page
     assert page.count("<tr data-tag=") == 2
+
+
+def test_an_upload_says_how_many_stored_samples_it_replaced(client, web_backend):
+    first, other = (
+        "time,FIC77.PV,FIC77.OP\n" + "".join(f"{at},{at % 7 + more},2\n" for at in range(1_750_000_000, 1_750_000_060))
+        for more in (0, 1)
+    )
+    for data, added, replaced in ((first, 60, 0), (other, 0, 60)):
+        number = client.post("/v1/uploads", content=data.encode()).json()["id"]
+        read_upload(web_backend, int(number), "test")
+        told = client.get(f"/v1/uploads/{number}").json()
+        assert (told["samples_added"], told["samples_replaced"]) == (added, replaced)
+    page = seen(client, f"/uploads/{number}").texts
+    assert page[page.index("Stored samples replaced") + 1] == "60"
+    assert any(text.startswith("60 stored samples were replaced by others") for text in page)
+    assert client.get("/uploads").text.count('<td class="number">60</td>') >= 2

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from sqlalchemy import Connection
+
 from app.errors import DataError, LoopauditError
 from app.ingest import (
     Export,
@@ -27,13 +29,14 @@ from app.services.backend import DATABASE_AWAY, Backend, megabytes, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
-from app.services.intake.uploads import path_of
+from app.services.intake.uploads import brought_samples, path_of
 from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
 from app.services.telling.naming import named
-from app.storage import loops, receipts, series, uploads
+from app.storage import loops, lost, receipts, series, uploads
+from app.storage.overtaken import is_overtaken
 from app.storage.samples import Samples, prepare
-from app.storage.series import Place, Stretch
+from app.storage.series import Added, Place, Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
 BATCH_LOOPS = 200
@@ -92,7 +95,8 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
     try:
         with Heartbeat(backend, lambda connection, lease_s: uploads.renew(connection, claim, lease_s)):
             result = _read_file(backend, row, claim)
-        _end_read(backend, claim, result)
+        if _end_read(backend, claim, result):
+            backend.queue.read_upload(claim.upload_id)
     except ClaimLostError:
         return
     except LoopauditError as error:
@@ -118,14 +122,23 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         raise
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
+        brought = brought_samples(row) or lost.has_stretches(connection, row.id)
     summary, refused = export.summary(), export.rejects()
     places = places_of(summary.loops, row.filename, summary.units)
     told = {
         "layout": summary.layout,
         "rows_kept": summary.rows_kept,
-        "samples_added": added,
+        "samples_added": added.samples,
+        "samples_replaced": added.replaced,
+        "brought_samples": brought,
         "reject_counts": dict(refused.counts),
-        "notes": [*kept_notes(placing, places), *set_points.notes(), *summary.notes, *_of_retired(retired)],
+        "notes": [
+            *kept_notes(placing, places),
+            *set_points.notes(),
+            *summary.notes,
+            *_of(added),
+            *_of_retired(retired),
+        ],
         "tags_found": summary.tags,
         "damaged": bool(export.damage()),
         **_times(summary),
@@ -152,6 +165,13 @@ def _times(summary: FileSummary) -> dict[str, str | None]:
     told = {name: None if at_ns is None else moment_of(at_ns) for name, at_ns in ends.items()}
     dated = {name: at if at is not None and at >= FIRST_DATED else None for name, at in told.items()}
     return {"time_zone": summary.time_zone, **{name: iso_utc(at) for name, at in dated.items()}}
+
+
+def _of(added: Added) -> Iterator[str]:
+    """A correction replaces what was stored, and so does a file by a clock that is wrong."""
+    if added.replaced:
+        which = f"{added.replaced} stored samples were" if added.replaced > 1 else "One stored sample was"
+        yield f"{which} replaced by others: unless this is a correction, are the times and tags of the file right?"
 
 
 def _of_retired(tags: list[str]) -> Iterator[str]:
@@ -195,13 +215,13 @@ def _batches(export: Export, set_points: SetPoints) -> Generator[list[LoopSample
         yield batch
 
 
-def _stored(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], said: Attributes) -> int:
-    """How many samples were new. A batch is prepared in a thread and written in another while the next one is read.
+def _stored(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], said: Attributes) -> Added:
+    """What is new of it. A batch is prepared in a thread and written in another while the next one is read.
     said: what a mapping says of loops."""
-    added = 0
-    writing: deque[Future[int]] = deque()
+    added = Added()
+    writing: deque[Future[Added]] = deque()
 
-    def store(prepared: Future[list[Prepared]]) -> int:
+    def store(prepared: Future[list[Prepared]]) -> Added:
         return patiently(partial(_store, backend, claim, prepared.result(), said), backend.settings.lease_s)
 
     with (
@@ -211,7 +231,7 @@ def _stored(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSa
         try:
             for batch in batches:
                 writing.append(storing.submit(store, preparing.submit(_prepared, batch)))
-                added += writing.popleft().result() if len(writing) > BATCHES_AHEAD else 0
+                added += writing.popleft().result() if len(writing) > BATCHES_AHEAD else Added()
             while writing:
                 added += writing.popleft().result()
         finally:
@@ -228,8 +248,7 @@ def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
     return ready
 
 
-def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: Attributes) -> int:
-    """How many samples were new."""
+def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: Attributes) -> Added:
     with backend.database.write() as connection:
         if not uploads.renew(connection, claim, backend.settings.lease_s):
             raise ClaimLostError
@@ -240,7 +259,7 @@ def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: A
         uploads.note_loops(connection, claim.upload_id, ids.values())
         if told := {ids[tag]: said[key] for tag in ids if (key := tag.casefold()) in said}:
             loops.fill_in(connection, told)
-    return added.samples
+    return added
 
 
 def _samples(stretch: LoopSamples) -> Samples:
@@ -279,11 +298,12 @@ def _units_of_pv(places: Sequence[TagPlace]) -> dict[str, str]:
     return {place.loop: place.unit for place in places if place.signal == "PV" and 0 < len(place.unit) <= LONGEST_UNIT}
 
 
-def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> None:
-    """What changed of its tags is told and kept at once, however many files end now."""
+def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> bool:
+    """Whether it is to be read again at once: sent again while it was read, after what came in between. What changed of
+    its tags is told and kept at once, however many files end now."""
     listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in result.rejects.listed]
 
-    def write() -> None:
+    def write() -> bool:
         with backend.database.write() as connection:
             changed = note_read(connection, claim.receipt_number, result.places)
             units = _units_of_pv(result.places)
@@ -294,8 +314,19 @@ def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> None:
             if not uploads.end(connection, claim, "done", told):
                 raise ClaimLostError
             uploads.replace_rejects(connection, claim.upload_id, listed)
+            return _again_at_its_place(connection, claim)
 
-    patiently(write, backend.settings.lease_s)
+    return patiently(write, backend.settings.lease_s)
+
+
+def _again_at_its_place(connection: Connection, claim: ReadingClaim) -> bool:
+    row = uploads.by_id(connection, claim.upload_id)
+    if row is None or row.receipt_number == claim.receipt_number:
+        return False
+    if not is_overtaken(connection, row.id, claim.receipt_number, row.receipt_number):
+        return False
+    uploads.read_at_its_place(connection, row.id)
+    return True
 
 
 def _end(backend: Backend, claim: ReadingClaim, state: str, values: dict[str, Any]) -> None:
