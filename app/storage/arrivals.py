@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, Select, Subquery, and_, func, select
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, and_, case, func, select
 
 from app.nanoseconds import EVER_NS
 from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import audits, loops, verdicts
+from app.storage.tables import audits, loops, series, uploads, verdicts
 
 
 class EndRow(NamedTuple):
@@ -111,6 +111,18 @@ def _ends(audit_id: int | None) -> Subquery:
     if audit_id is None:
         query = select(*shown, loops.c.newest_ns.label("end_ns"))
         return query.where(loops.c.newest_ns.is_not(None), IN_SERVICE).subquery()
-    query = select(*shown, verdicts.c.input_end_ns.label("end_ns")).join(verdicts, verdicts.c.loop_id == loops.c.id)
+    query = select(*shown, _end_then(audit_id).label("end_ns")).join(verdicts, verdicts.c.loop_id == loops.c.id)
     given = (verdicts.c.audit_id == audit_id, verdicts.c.input_end_ns.is_not(None))
     return query.where(*given, IN_SERVICE).subquery()
+
+
+def _end_then(audit_id: int) -> ColumnElement[int]:
+    """The newest sample that the loop of a verdict had when the run began: what it was given, unless more was read
+    before, which then was ahead of the clock. A loop whose clock is wrong is so in its run as it is on the day itself.
+    """
+    began = select(audits.c.created_at).where(audits.c.id == audit_id).scalar_subquery()
+    not_given = (series.c.loop_id == loops.c.id, series.c.end_ns > verdicts.c.input_end_ns)
+    reading = select(func.max(series.c.end_ns)).join(uploads, uploads.c.id == series.c.upload_id)
+    ahead = reading.where(*not_given, uploads.c.ended_at <= began).correlate(loops, verdicts).scalar_subquery()
+    more = case((loops.c.newest_ns > verdicts.c.input_end_ns, ahead))
+    return func.coalesce(more, verdicts.c.input_end_ns)

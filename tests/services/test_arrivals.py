@@ -38,6 +38,7 @@ from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import loops, newest_rows, verdicts
 from tests.services.conftest import MINUTE, START_NS
+from tests.services.sent_uploads import read, send
 
 AddLoops = Callable[..., dict[str, int]]
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -274,3 +275,25 @@ def test_that_no_valve_sticks_is_not_said_where_one_of_an_old_record_does(
     for text in told(A="no_stiction", B="no_stiction"):
         assert "No valve sticks, as far as the records tell." in text
         assert "worst of old records" not in text.lower()
+
+
+def test_a_run_and_the_plant_say_the_same_of_a_loop_that_is_ahead_of_the_clock(backend: Backend) -> None:
+    """Of such a loop a run is given what is not ahead: that is no newest sample of the plant."""
+    now = datetime.now(UTC).replace(microsecond=0)
+    for tag, ahead in (("A", timedelta(minutes=-10)), ("B", timedelta(hours=7))):
+        first = int((now + ahead).timestamp()) - 5 * 7200
+        rows = "".join(f"{first + 5 * k},{k % 7}.5,{k % 5}.5\n" for k in range(7201))
+        assert (
+            read(backend, send(backend, f"time,{tag}.PV,{tag}.OP\n{rows}".encode(), name=f"{tag}.csv")).state == "done"
+        )
+    run = start_audit(backend)
+    audit_chunk(backend, int(run.id), "test")
+    at = datetime.fromisoformat(run.created_at)
+    of_plant, of_that_run = arrivals(backend, at=at), arrivals(backend, int(run.id), at)
+    assert of_plant.recorded_to == iso_utc(now - timedelta(minutes=10))
+    assert (of_plant.ahead, of_plant.named_ahead) == (1, (("B", iso_utc(now + timedelta(hours=7))),))
+    assert of_that_run == of_plant
+    digest = digest_of(backend, run.id)
+    assert digest.arrivals[:2] == sentences(of_plant)
+    read(backend, send(backend, f"time,A.PV,A.OP\n{int(now.timestamp()) + 60},1,1\n".encode(), name="later.csv"))
+    assert arrivals(backend, int(run.id), at) == of_plant
