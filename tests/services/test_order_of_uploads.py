@@ -7,6 +7,7 @@ from sqlalchemy import delete, func, select
 from app.services.backend import Backend
 from app.services.intake import reading
 from app.services.plant.trend import trend
+from app.storage import overtaken
 from app.storage.tables import series as series_table
 from app.storage.tables import uploads as uploads_table
 from tests.services.sent_uploads import expire, export, read, send
@@ -90,13 +91,17 @@ def test_numbers_go_on_where_uploads_are_gone(backend: Backend) -> None:
     assert read(backend, send(backend, changed(20, 30, by=5.0))).samples_replaced == 10
 
 
-def test_a_file_that_is_sent_again_holds_over_what_came_in_between(backend: Backend) -> None:
+@pytest.mark.parametrize("few_loops", [0, overtaken.FEW_LOOPS])
+def test_a_file_that_is_sent_again_holds_over_what_came_in_between(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, few_loops: int
+) -> None:
+    monkeypatch.setattr(overtaken, "FEW_LOOPS", few_loops)
     right, wrong = export(), changed(20, 30, by=5.0)
     first = read(backend, send(backend, right))
     before = stored_pv(backend)[0]
     told = read(backend, send(backend, wrong))
     assert (told.samples_added, told.samples_replaced) == (0, 10)
-    assert any(note.startswith("10 stored samples were replaced by others") for note in told.notes)
+    assert any(note.startswith("10 stored samples were replaced by other values") for note in told.notes)
     again = send(backend, right)
     assert (again.id, again.state) == (first.id, "received")
     done = read(backend, again)
@@ -109,8 +114,12 @@ def test_a_file_that_is_sent_again_holds_over_what_came_in_between(backend: Back
     assert stored_pv(backend)[0] == held[0]
 
 
-def test_what_is_sent_again_is_not_read_where_others_brought_nothing_of_it(backend: Backend) -> None:
+@pytest.mark.parametrize("few_loops", [0, overtaken.FEW_LOOPS])
+def test_what_is_sent_again_is_not_read_where_others_brought_nothing_of_it(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, few_loops: int
+) -> None:
     """A folder that is sent anew every night is not read anew: other times, other loops, the same values."""
+    monkeypatch.setattr(overtaken, "FEW_LOOPS", few_loops)
     others = (
         export(start=1_750_100_000),
         export().replace(b"FIC1", b"FIC3").replace(b"LIC2", b"LIC4"),

@@ -148,5 +148,5 @@ def test_an_upload_says_how_many_stored_samples_it_replaced(client, web_backend)
         assert (told["samples_added"], told["samples_replaced"]) == (added, replaced)
     page = seen(client, f"/uploads/{number}").texts
     assert page[page.index("Stored samples replaced") + 1] == "60"
-    assert any(text.startswith("60 stored samples were replaced by others") for text in page)
+    assert any(text.startswith("60 stored samples were replaced by other values") for text in page)
     assert client.get("/uploads").text.count('<td class="number">60</td>') >= 2

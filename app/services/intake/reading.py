@@ -171,7 +171,7 @@ def _of(added: Added) -> Iterator[str]:
     """A correction replaces what was stored, and so does a file by a clock that is wrong."""
     if added.replaced:
         which = f"{added.replaced} stored samples were" if added.replaced > 1 else "One stored sample was"
-        yield f"{which} replaced by others: unless this is a correction, are the times and tags of the file right?"
+        yield f"{which} replaced by other values; where that is no correction, times or tags of the file are wrong."
 
 
 def _of_retired(tags: list[str]) -> Iterator[str]:
