@@ -12,6 +12,7 @@ import pytest
 
 from app.ingest import LoopSamples
 from app.services.intake import reading
+from app.storage.series import Added
 from app.storage.uploads import ReadingClaim
 
 BACKEND: Any = SimpleNamespace(settings=SimpleNamespace(lease_s=1.0))
@@ -40,23 +41,23 @@ def threads() -> set[str]:
 def test_batches_are_written_in_their_order_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[str] = []
 
-    def store(_: Any, __: Any, batch: list[reading.Prepared], ___: Any) -> int:
+    def store(_: Any, __: Any, batch: list[reading.Prepared], ___: Any) -> Added:
         written.extend(it.loop for it in batch)
-        return sum(len(it.samples) for it in batch)
+        return Added(len(batch), sum(len(it.samples) for it in batch), replaced=1)
 
     monkeypatch.setattr(reading, "_store", store)
-    assert reading._stored(BACKEND, CLAIM, iter(Batches(9)), {}) == 27
+    assert reading._stored(BACKEND, CLAIM, iter(Batches(9)), {}) == Added(9, 27, replaced=9)
     assert written == [f"L{number}" for number in range(9)]
 
 
 def test_a_lost_claim_ends_reading_and_leaves_neither_thread_nor_file(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
 
-    def store(*_: Any) -> int:
+    def store(*_: Any) -> Added:
         calls.append(1)
         if len(calls) == 2:
             raise reading.ClaimLostError
-        return 1
+        return Added(1, 1)
 
     monkeypatch.setattr(reading, "_store", store)
     before, batches = threads(), Batches(50)
@@ -72,7 +73,7 @@ def test_a_lost_claim_ends_reading_and_leaves_neither_thread_nor_file(monkeypatc
 
 
 def test_an_error_of_reading_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "_store", lambda *_: 1)
+    monkeypatch.setattr(reading, "_store", lambda *_: Added(1, 1))
 
     def broken() -> Iterator[list[LoopSamples]]:
         yield from Batches(1)

@@ -188,7 +188,7 @@ def test_a_crash_in_the_middle_has_no_double_effect(backend: Backend, monkeypatc
     monkeypatch.setattr(reading, "BATCH_LOOPS", 1)
     store, calls = reading._store, []
 
-    def crash_at_the_second(*arguments: object) -> int:
+    def crash_at_the_second(*arguments: object) -> object:
         calls.append(1)
         if len(calls) == 2:
             raise OSError("the disk is gone")
