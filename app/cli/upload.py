@@ -55,7 +55,7 @@ def upload(
         ),
     ] = DateOrder.auto,
 ) -> None:
-    """Send export files to a running service. The same file again changes nothing, unless others replaced its samples.
+    """Send export files to a running service. The same file again changes nothing.
 
     Exit code 1: some files were refused, or (told by --wait) hold no loop, came damaged, or were not read within
     --timeout; 2: no file could be used, or none was read within --timeout.

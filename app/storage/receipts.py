@@ -1,6 +1,6 @@
 """The order in which uploads were received, which decides between them: not that in which they are read."""
 
-from sqlalchemy import Connection, ScalarSelect, func, select
+from sqlalchemy import Connection, func, select
 
 from app.storage.bulk import insert_for
 from app.storage.tables import UNREAD, numbers, uploads
@@ -14,11 +14,6 @@ def next_number(connection: Connection) -> int:
     inserting = insert_for(connection, numbers).values(name=UPLOADS, last=1)
     counted = inserting.on_conflict_do_update(index_elements=["name"], set_={"last": numbers.c.last + 1})
     return int(connection.scalar(counted.returning(numbers.c.last)))
-
-
-def last_number() -> ScalarSelect[int]:
-    """The number of the upload that was received last."""
-    return select(numbers.c.last).where(numbers.c.name == UPLOADS).scalar_subquery()
 
 
 def unread_before(connection: Connection, number: int) -> int:

@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func
 
 from app.storage.bulk import insert_new, insert_new_rows
 from app.storage.loops import IN_SERVICE
-from app.storage.receipts import last_number, next_number
+from app.storage.receipts import next_number
 from app.storage.tables import UNREAD, audits, loops, rejects, upload_loops, uploads
 from app.storage.types import clock_s, long_ago, longer_pause, now, run_out
 
@@ -28,7 +28,6 @@ class UploadRow:
     `tags_of`)."""
 
     id: int
-    receipt_number: int
     fingerprint: str
     filename: str
     content_type: str | None
@@ -71,23 +70,13 @@ COLUMNS = [uploads.c[name] for name in UploadRow.__dataclass_fields__]
 
 
 def receive(connection: Connection, values: dict[str, Any]) -> tuple[UploadRow, bool]:
-    """The upload of this content, and whether it is a new one; one that is not is noted to have come again, and takes
-    its place after all others where it is still to be read."""
+    """The upload of this content, and whether it is a new one; one that is not is noted to have come again."""
     inserting = insert_new(connection, uploads).values({**values, "received_at": now()}).returning(uploads.c.id)
     created = connection.scalar(inserting) is not None  # PostgreSQL does not count the rows of such an insert
     this = uploads.c.content_key == values["content_key"]
     noted = {"receipt_number": next_number(connection)} if created else {"sent_again_at": now()}
     connection.execute(update(uploads).where(this).values(noted))
-    if not created:
-        _move_back(connection, this)
     return UploadRow(*connection.execute(select(*COLUMNS).where(this)).one()), created
-
-
-def _move_back(connection: Connection, this: ColumnElement[bool]) -> None:
-    """Whoever reads it at the moment goes on at its former place, and looks for the new one in the end."""
-    overtaken = select(uploads.c.id).where(this, UNREAD, uploads.c.receipt_number < last_number())
-    if connection.scalar(overtaken) is not None:
-        connection.execute(update(uploads).where(this, UNREAD).values(receipt_number=next_number(connection)))
 
 
 def keys_of(connection: Connection, fingerprint: str, reading_json: str) -> list[str]:
@@ -285,24 +274,14 @@ def read_anew(connection: Connection, upload_id: int) -> bool:
     return _anew(connection, upload_id, uploads.c.state == "done", ~going())
 
 
-def read_at_its_place(connection: Connection, upload_id: int) -> None:
-    """An upload that was read to its end is to be read again at the place that it has taken meanwhile."""
-    _as_received(connection, upload_id, uploads.c.state == "done", ~going())
-
-
 def _anew(connection: Connection, upload_id: int, *such: ColumnElement[bool]) -> bool:
     """It counts as received now: others were read meanwhile, and took no heed of it."""
-    again = _as_received(connection, upload_id, *such)
+    this = update(uploads).where(uploads.c.id == upload_id)
+    anew = {"attempts": 0, "ended_at": None, "error_code": None, "error_text": None, **NO_PAUSE}
+    again = connection.execute(this.where(*such).values(state="received", **anew)).rowcount == 1
     if again:
-        this = update(uploads).where(uploads.c.id == upload_id)
         connection.execute(this.values(receipt_number=next_number(connection)))
     return again
-
-
-def _as_received(connection: Connection, upload_id: int, *such: ColumnElement[bool]) -> bool:
-    anew = {"attempts": 0, "ended_at": None, "error_code": None, "error_text": None, **NO_PAUSE}
-    this = update(uploads).where(uploads.c.id == upload_id, *such)
-    return connection.execute(this.values(state="received", **anew)).rowcount == 1
 
 
 def hand_back(connection: Connection, claim: ReadingClaim) -> None:

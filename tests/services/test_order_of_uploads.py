@@ -5,9 +5,7 @@ import pytest
 from sqlalchemy import delete, func, select
 
 from app.services.backend import Backend
-from app.services.intake import reading
 from app.services.plant.trend import trend
-from app.storage import overtaken
 from app.storage.tables import series as series_table
 from app.storage.tables import uploads as uploads_table
 from tests.services.sent_uploads import expire, export, read, send
@@ -37,6 +35,7 @@ def test_a_correction_that_is_taken_back_holds_no_more(backend: Backend) -> None
     assert stored_pv(backend)[0] == pytest.approx([*before[:20], *(v + 5.0 for v in before[20:30]), *before[30:]])
     third = read(backend, send(backend, sent + b"\n"))
     assert [(one.samples_added, one.samples_replaced) for one in (second, third)] == [(0, 10), (0, 10)]
+    assert second.notes[-1].startswith("10 stored samples were replaced by other values; where that is no correction")
     assert stored_pv(backend) == (before, 4)
     fourth = read(backend, send(backend, corrected + b"\n"))
     assert (fourth.samples_added, fourth.samples_replaced) == (0, 10)
@@ -89,87 +88,3 @@ def test_numbers_go_on_where_uploads_are_gone(backend: Backend) -> None:
     with backend.database.write() as connection:
         connection.execute(delete(uploads_table))
     assert read(backend, send(backend, changed(20, 30, by=5.0))).samples_replaced == 10
-
-
-@pytest.mark.parametrize("few_loops", [0, overtaken.FEW_LOOPS])
-def test_a_file_that_is_sent_again_holds_over_what_came_in_between(
-    backend: Backend, monkeypatch: pytest.MonkeyPatch, few_loops: int
-) -> None:
-    monkeypatch.setattr(overtaken, "FEW_LOOPS", few_loops)
-    right, wrong = export(), changed(20, 30, by=5.0)
-    first = read(backend, send(backend, right))
-    before = stored_pv(backend)[0]
-    told = read(backend, send(backend, wrong))
-    assert (told.samples_added, told.samples_replaced) == (0, 10)
-    assert any(note.startswith("10 stored samples were replaced by other values") for note in told.notes)
-    again = send(backend, right)
-    assert (again.id, again.state) == (first.id, "received")
-    done = read(backend, again)
-    assert (done.state, done.samples_added, done.samples_replaced) == ("done", 0, 10)
-    assert stored_pv(backend)[0] == before
-    held = stored_pv(backend)
-    assert send(backend, right).state == "done"  # now it is the last one, and costs nothing
-    assert read(backend, send(backend, wrong)).samples_replaced == 10
-    assert read(backend, send(backend, right)).samples_replaced == 10
-    assert stored_pv(backend)[0] == held[0]
-
-
-@pytest.mark.parametrize("few_loops", [0, overtaken.FEW_LOOPS])
-def test_what_is_sent_again_is_not_read_where_others_brought_nothing_of_it(
-    backend: Backend, monkeypatch: pytest.MonkeyPatch, few_loops: int
-) -> None:
-    """A folder that is sent anew every night is not read anew: other times, other loops, the same values."""
-    monkeypatch.setattr(overtaken, "FEW_LOOPS", few_loops)
-    others = (
-        export(start=1_750_100_000),
-        export().replace(b"FIC1", b"FIC3").replace(b"LIC2", b"LIC4"),
-        export() + b"\n",
-    )
-    for data in (export(), *others):
-        read(backend, send(backend, data))
-    assert [send(backend, data).state for data in (export(), *others)] == ["done"] * 4
-
-
-def test_what_is_sent_again_while_another_waits_to_be_read_holds_over_it(backend: Backend) -> None:
-    right, wrong = export(), changed(20, 30, by=5.0)
-    read(backend, send(backend, right))
-    before = stored_pv(backend)[0]
-    between = send(backend, wrong)
-    again = send(backend, right)
-    assert again.state == "received"
-    for upload in (again, between):
-        read(backend, upload)
-    assert stored_pv(backend)[0] == before
-    assert send(backend, right).state == "done"
-
-
-def test_what_waits_to_be_read_and_is_sent_again_holds_over_what_came_in_between(backend: Backend) -> None:
-    right, wrong = send(backend, export()), send(backend, changed(20, 30, by=5.0))
-    assert send(backend, export()).id == right.id
-    for upload in (right, wrong):
-        read(backend, upload)
-    assert stored_pv(backend)[0][20:30] == pytest.approx([50 + np.sin(i / 9) for i in range(20, 30)], abs=1e-3)
-
-
-@pytest.mark.parametrize("by", [5.0, None])
-def test_what_is_sent_again_while_it_is_read_is_read_once_more_where_another_came_in_between(
-    backend: Backend, monkeypatch: pytest.MonkeyPatch, by: float | None
-) -> None:
-    """None: the other one has other loops, and changes nothing of it."""
-    other = export().replace(b"FIC1", b"FIC3").replace(b"LIC2", b"LIC4") if by is None else changed(20, 30, by=by)
-    right, store = send(backend, export()), reading._store
-    calls: list[int] = []
-
-    def meanwhile(*arguments: object) -> object:
-        calls.append(1)
-        if len(calls) == 1:
-            read(backend, send(backend, other), owner="other")
-            assert send(backend, export()).state == "reading"
-        return store(*arguments)
-
-    monkeypatch.setattr(reading, "_store", meanwhile)
-    state = read(backend, right).state
-    assert state == ("done" if by is None else "received")
-    assert read(backend, right).state == "done"
-    assert stored_pv(backend)[0][20:30] == pytest.approx([50 + np.sin(i / 9) for i in range(20, 30)], abs=1e-3)
-    assert send(backend, export()).state == "done"

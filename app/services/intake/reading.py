@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from sqlalchemy import Connection
-
 from app.errors import DataError, LoopauditError
 from app.ingest import (
     Export,
@@ -29,12 +27,11 @@ from app.services.backend import DATABASE_AWAY, Backend, megabytes, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
-from app.services.intake.uploads import brought_samples, path_of
+from app.services.intake.uploads import path_of
 from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
 from app.services.telling.naming import named
-from app.storage import loops, lost, receipts, series, uploads
-from app.storage.overtaken import is_overtaken
+from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
 from app.storage.series import Added, Place, Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
@@ -95,8 +92,7 @@ def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None
     try:
         with Heartbeat(backend, lambda connection, lease_s: uploads.renew(connection, claim, lease_s)):
             result = _read_file(backend, row, claim)
-        if _end_read(backend, claim, result):
-            backend.queue.read_upload(claim.upload_id)
+        _end_read(backend, claim, result)
     except ClaimLostError:
         return
     except LoopauditError as error:
@@ -122,7 +118,6 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         raise
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
-        brought = brought_samples(row) or lost.has_stretches(connection, row.id)
     summary, refused = export.summary(), export.rejects()
     places = places_of(summary.loops, row.filename, summary.units)
     told = {
@@ -130,7 +125,6 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "rows_kept": summary.rows_kept,
         "samples_added": added.samples,
         "samples_replaced": added.replaced,
-        "brought_samples": brought,
         "reject_counts": dict(refused.counts),
         "notes": [
             *kept_notes(placing, places),
@@ -298,12 +292,11 @@ def _units_of_pv(places: Sequence[TagPlace]) -> dict[str, str]:
     return {place.loop: place.unit for place in places if place.signal == "PV" and 0 < len(place.unit) <= LONGEST_UNIT}
 
 
-def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> bool:
-    """Whether it is to be read again at once: sent again while it was read, after what came in between. What changed of
-    its tags is told and kept at once, however many files end now."""
+def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> None:
+    """What changed of its tags is told and kept at once, however many files end now."""
     listed = [RejectRow(reject.line, reject.code, reject.text, reject.tag) for reject in result.rejects.listed]
 
-    def write() -> bool:
+    def write() -> None:
         with backend.database.write() as connection:
             changed = note_read(connection, claim.receipt_number, result.places)
             units = _units_of_pv(result.places)
@@ -314,19 +307,8 @@ def _end_read(backend: Backend, claim: ReadingClaim, result: Read) -> bool:
             if not uploads.end(connection, claim, "done", told):
                 raise ClaimLostError
             uploads.replace_rejects(connection, claim.upload_id, listed)
-            return _again_at_its_place(connection, claim)
 
-    return patiently(write, backend.settings.lease_s)
-
-
-def _again_at_its_place(connection: Connection, claim: ReadingClaim) -> bool:
-    row = uploads.by_id(connection, claim.upload_id)
-    if row is None or row.receipt_number == claim.receipt_number:
-        return False
-    if not is_overtaken(connection, row.id, claim.receipt_number, row.receipt_number):
-        return False
-    uploads.read_at_its_place(connection, row.id)
-    return True
+    patiently(write, backend.settings.lease_s)
 
 
 def _end(backend: Backend, claim: ReadingClaim, state: str, values: dict[str, Any]) -> None:

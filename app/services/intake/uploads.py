@@ -25,7 +25,6 @@ from app.services.moments import iso_utc
 from app.services.results import Page, Receipt, RejectView, UploadView
 from app.settings import Settings, sync_folder
 from app.storage import lost, uploads
-from app.storage.overtaken import is_overtaken
 from app.storage.types import storable
 from app.storage.uploads import UploadRow
 
@@ -158,19 +157,14 @@ class Receiving:
 
 
 def _read_anew(backend: Backend, upload: UploadView) -> UploadView | None:
-    """The upload, to be read again because what it brought was dropped, cannot be read, or may hold no more: others
-    came since. None: it is all there, and holds."""
-    if upload.state != "done":
+    """The upload, to be read again because what it brought was dropped or cannot be read; None: it is all there."""
+    if upload.state != "done" or not (upload.samples_added or upload.samples_replaced):
         return None
     id_ = int(upload.id)
     with backend.database.read() as connection:
-        row = uploads.by_id(connection, id_)
-        if row is None:
-            return None
-        gone = brought_samples(row) and not lost.has_stretches(connection, id_)
+        gone = not lost.has_stretches(connection, id_)
         damaged = lost.damaged_of(connection, id_)
-        anew = gone or damaged or is_overtaken(connection, id_, row.receipt_number)
-    if not anew:
+    if not gone and not damaged:
         return None
     with backend.database.write() as connection:
         if not uploads.read_anew(connection, id_):
@@ -275,12 +269,6 @@ def _whole(connection: Connection, upload_id: str) -> UploadView:
     found = uploads.loops_of(connection, row.id)
     refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
     return replace(_view(row, len(found)), loops=found, rejects=refused, tags=uploads.tags_of(connection, row.id))
-
-
-def brought_samples(row: UploadRow) -> bool:
-    """Whether anything was stored of it, be it when it was read before."""
-    told = row.summary
-    return bool(told.get("brought_samples", told.get("samples_added", 0)))
 
 
 def path_of(backend: Backend, fingerprint: str) -> Path:
