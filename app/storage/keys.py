@@ -51,11 +51,16 @@ def end(connection: Connection, key_id: int, *, revoked_at: datetime) -> None:
     connection.execute(delete(sessions).where(sessions.c.key_id == key_id))
 
 
-def give_way(connection: Connection, key_id: int, at: datetime, follower: str) -> None:
-    """The key ends at `at`, or earlier where it was to end earlier, and another one (its public_id) follows it."""
+def give_way(connection: Connection, key_id: int, at: datetime, follower: str) -> bool:
+    """The key ends at `at`, or earlier where it was to end earlier, and another one (its public_id) follows it; False
+    where one follows it already."""
     later = or_(keys.c.expires_at.is_(None), keys.c.expires_at > at)
-    connection.execute(update(keys).where(keys.c.id == key_id, later).values(expires_at=at))
-    connection.execute(update(keys).where(keys.c.id == key_id).values(followed_by=follower))
+    this = keys.c.id == key_id
+    alone = update(keys).where(this, keys.c.followed_by.is_(None)).values(followed_by=follower)
+    if connection.execute(alone).rowcount == 0:
+        return False
+    connection.execute(update(keys).where(this, later).values(expires_at=at))
+    return True
 
 
 def note_use(connection: Connection, key_id: int, every_s: float) -> None:
