@@ -17,7 +17,7 @@ N = 720
 FIRST = datetime(2026, 3, 10)
 AT = [(FIRST + timedelta(seconds=5 * k)).isoformat() for k in range(N)]
 NOISE = np.random.default_rng(1).normal(50, 1, (2, 2, N)).round(3)  # by place and signal
-PLACES = {"words": ("North", "South"), "numbers": ("1", "2")}
+PLACES = {"words": ("North", "South"), "numbers": ("1", "2"), "like modes": ("A", "M"), "half": ("Crude", "Hand")}
 
 Rows = Iterator[str]
 
@@ -108,6 +108,10 @@ GOOD = {
     "qualities": ("State of value", ("Good", "Questionable"), None, range(N)),
     "qualities in numbers": ("OPC Quality", ("192", "216"), None, range(N)),
     "descriptions": ("Description", ("Feed", "Feed flow"), None, range(N)),
+    "a corrected day of five": ("Node", ("SRV1", "SRV2"), None, range(N // 2, N // 2 + N // 5)),
+    "another batch": ("Batch", ("4711", "4712"), None, range(N)),
+    "what was corrected": ("Source", ("original", "corrected"), None, range(N)),
+    "another historian's digits": ("Node", PLACES["words"], lambda s, k: round(NOISE[0, s, k], 2), range(N)),
     "versions": ("Version", ("1", "2"), None, range(N)),
     "another plant's name in all": ("Plant", ("North", "North"), None, range(N)),
 }

@@ -21,13 +21,14 @@ _WHOLE = r"^[+-]?\d+([.]0*)?$"
 _NUMBER = r"^[+-]?\d+([.,]\d*)?([eE][+-]?\d+)?$"
 _OF_THE_VALUE = re.compile(
     "qualit|status|flag|valid|version|revision|descri|beschreib|comment|komment|remark|bemerk|note|reason|annotat|"
-    "user|operator|shift|schicht"
+    "user|operator|author|shift|schicht|export|import|load|edit|modif|correct|archiv|batch|charge|grade|recipe|created"
 )
 """In names of columns of what is said of a value, or of who said it: corrected ones have others."""
 _OF_THE_TIME = re.compile(
     "time|zeit|zone|dst|season|daylight|offset|milli|micro|nano|msec|fraction|hour|minute|second|sequence|seqno"
 )
 """In names of columns that tell more of a time than its stamp."""
+_OF_CORRECTIONS = frozenset(("original", "corrected", "correction", "raw", "validated", "edited", "manual", "archive"))
 _SHORT_OF_THE_TIME = frozenset(("ms", "us", "ns", "tz", "seq", "rev", "no", "nr"))
 
 
@@ -70,5 +71,7 @@ def _are_places(words: pl.Series) -> bool:
     """Words, or whole numbers, as plants are called; states, qualities and units change with the values beside them."""
     if words.str.contains(_NUMBER).any():
         return len(words) <= _MOST_NUMBERS and bool(words.str.contains(_WHOLE).all())
-    of_values = states_among(words.to_list()) or set(words.str.to_lowercase()) <= OF_THE_PROCESS
+    different = set(words)
+    are_states = states_among(different) == different and max(map(len, different)) > 1  # plants A and M are none
+    of_values = are_states or {word.lower() for word in different} <= OF_THE_PROCESS | _OF_CORRECTIONS
     return not of_values and not all(map(is_unit, words))

@@ -3,6 +3,7 @@ flag, or by a short name and what stands there."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from app.ingest.columns.names import SKIPPED_NAMES, name_at, plain
 from app.ingest.columns.plans import LongPlan
@@ -11,7 +12,7 @@ from app.ingest.tags.quality import are_flags, tell_quality_for_sure
 
 _GOOD_IF_SET = ("isvalid", "valid", "gueltig", "isgood", "good")
 _BAD_IF_SET = (
-    *("bad", "isbad", "invalid", "isinvalid", "error", "iserror", "haserror", "questionable", "isquestionable"),
+    *("bad", "isbad", "invalid", "isinvalid", "error", "iserror", "haserror"),
     *("fehler", "ungueltig", "schlecht"),
 )
 _SHORT = ("qual", "qc", "q", "sts", "vtq", "qcode", "qualcode", "guete")
@@ -32,8 +33,9 @@ def with_flags(plan: LongPlan, head: Head) -> LongPlan:
         named = (left[name] for name in among if name in left)
         return next((index for index in named if fits(head.column(index, plan.first_row))), None)
 
+    rows = len(head.rows) - plan.first_row
     for among, is_good in ((_GOOD_IF_SET, True), (_BAD_IF_SET, False)):
-        if (index := found(among, are_flags)) is not None:
+        if (index := found(among, partial(are_flags, rows=rows, good_if_set=is_good))) is not None:
             return replace(plan, quality=index, zero_is_good=not is_good, good_if_set=is_good)
     return replace(plan, quality=found((*_GOOD_IF_SET, *_SHORT), tell_quality_for_sure))
 

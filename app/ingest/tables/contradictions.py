@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from app.ingest.model import FloatArray, TimeArray
 from app.ingest.times.half_clock import HOUR_NS
 
-MANY, MANY_SHARE = 10, 0.1  # pairs of rows at least, in so many of the rows of their tags: corrections are fewer
+MANY, MANY_SHARE = 10, 0.2  # pairs of rows at least, in so many of the rows of their tags: corrections are fewer
+_APART = 1e-3  # of a signal's range: two historians round the same value otherwise
 _OF_ALL_TAGS = 0.01  # of the rows of all tags, where one alone was corrected throughout
 _OF_REPEATS = 0.25  # of the rows whose time comes again: most of those that were sent twice are the same
 DAY_NS = 24 * HOUR_NS
@@ -42,7 +43,9 @@ class Contradictions:
         asked = np.asarray(columns, dtype=np.int64)
         earlier, later = matrix[np.ix_(again, asked)], matrix[np.ix_(again + 1, asked)]
         both = np.isfinite(earlier) & np.isfinite(later)
-        at = again[np.any(both & (earlier != later), axis=1)]
+        with np.errstate(invalid="ignore"):
+            apart = np.abs(earlier - later) > _APART * _ranges(matrix[:, asked])
+        at = again[np.any(both & apart, axis=1)]
         if not len(at):
             return
         self.rows_of_tags += len(time_ns)
@@ -68,6 +71,13 @@ class Contradictions:
             return False
         first, last = self._span_ns
         return first // HOUR_NS == last // HOUR_NS and (first // DAY_NS + _THURSDAY) % _WEEK >= _SATURDAY
+
+
+def _ranges(matrix: FloatArray) -> FloatArray:
+    """(m,) of the columns of matrix (n, m); 0 where there is no value."""
+    finite = np.isfinite(matrix)
+    low, high = np.where(finite, matrix, np.inf).min(axis=0), np.where(finite, matrix, -np.inf).max(axis=0)
+    return np.where(high > low, high - low, 0.0)
 
 
 def _joined(span: tuple[int, int] | None, time_ns: TimeArray) -> tuple[int, int]:

@@ -33,7 +33,7 @@ _NOT_SET = frozenset(("0", "0.0", "false", "f", "no", "n", "off", "nein", "falsc
 _SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
 _SHORT_BAD = frozenset(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
-OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
+OPC_GOOD, OPC_LOCAL_OVERRIDE, OPC_UNCERTAIN = 192.0, 216.0, 64.0
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
@@ -110,7 +110,7 @@ class Quality:
         if self._good_if_set is not None and word in _SET | _NOT_SET:
             return (word in _SET) != self._good_if_set
         if self._good_if_set is False:  # what else stands beside flags of what is bad says what is wrong
-            return word not in NO_WORD and not word.startswith("good") and _number(text) != 0.0
+            return not (word in NO_WORD or word in _GOOD or word.startswith("good") or _number(text) == 0.0)
         number = _number(text)
         if number is not None:
             return self._judge_number(number)
@@ -154,9 +154,12 @@ def tells_quality(fields: list[str]) -> bool:
     return 2 * known > len(fields)
 
 
-def are_flags(fields: list[str]) -> bool:
-    """Whether all of a column's fields are flags that are set or not."""
-    return bool(fields) and {_word(text) for text in fields} <= _SET | _NOT_SET
+def are_flags(fields: list[str], rows: int, good_if_set: bool) -> bool:
+    """Whether all of a column's fields are flags that are set or not, and half of the rows at most are called bad by
+    them: a code of which 0 is good has the names of flags as well."""
+    words = [_word(text) for text in fields]
+    bad = sum((word in _SET) != good_if_set for word in words)
+    return bool(words) and set(words) <= _SET | _NOT_SET and 2 * bad <= rows
 
 
 def tell_quality_for_sure(fields: list[str]) -> bool:
@@ -165,7 +168,8 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
     words = set(map(_word, fields))
     numbers = [number for word in words if (number := _number(word)) is not None]
     if numbers:
-        return len(numbers) == len(words) and max(numbers) >= OPC_GOOD and all(map(_is_of_opc, numbers))
+        good = any(number in (OPC_GOOD, OPC_LOCAL_OVERRIDE) for number in numbers)
+        return good and len(numbers) == len(words) and all(map(_is_of_opc, numbers))
     known = _SHORT_GOOD | _UNCERTAIN | _SHORT_BAD
     return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
 
