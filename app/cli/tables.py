@@ -60,7 +60,7 @@ def verdict_cells(line: Mapping[str, Any]) -> list[Text]:
 def named(line: Mapping[str, Any]) -> str:
     """The recording, and the loop where its name does not tell: of a file's loops one alone may have been audited."""
     recording, loop = line["recording"], line["loop"]
-    return recording if loop.casefold() in recording.casefold() else f"{recording}: {loop}"
+    return recording if loop.casefold() in recording.casefold() else f"{recording}:{loop}"
 
 
 def size(told: Mapping[str, Any]) -> str:

@@ -23,7 +23,7 @@ def test_a_verdict_is_told_as_on_the_pages(verdict: str, reliability: str, proba
 @pytest.mark.parametrize(
     ("recording", "loop", "told"),
     [
-        ("night", "PIC-202", "night: PIC-202"),
+        ("night", "PIC-202", "night:PIC-202"),
         ("FIC101", "FIC101", "FIC101"),
         ("fic101_may", "FIC101", "fic101_may"),
     ],
