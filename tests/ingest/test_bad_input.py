@@ -2,10 +2,7 @@
 DataError is raised."""
 
 import gzip
-import io
-import zipfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -263,17 +260,6 @@ def test_packed_twice_or_an_archive(read: Read) -> None:
     assert code_of(read, gzip.compress(gzip.compress((HEADER + GOOD).encode()))) == "not_an_export"
     assert code_of(read, gzip.compress(b"PK\x03\x04" + bytes(500))) == "not_an_export"
     assert code_of(read, b"PK\x03\x04" + bytes(500)) == "not_an_export"
-
-
-@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
-@pytest.mark.parametrize("pack", [bytes, gzip.compress])
-def test_a_zip_archive_is_to_be_unpacked(read: Read, method: int, pack: Callable[[bytes], bytes]) -> None:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", method) as archive:
-        archive.writestr("night.csv", HEADER + GOOD * 50)
-    with pytest.raises(DataError, match="this is a zip archive") as error:
-        read(pack(packed.getvalue()), name="night.zip")
-    assert error.value.code == "not_an_export"
 
 
 def test_a_column_of_nothing_but_the_word_for_no_data(read: Read) -> None:

@@ -1,0 +1,24 @@
+"""Zip archives, as file managers pack what is sent: told as what they are."""
+
+import gzip
+import io
+import zipfile
+from collections.abc import Callable
+
+import pytest
+
+from app.errors import DataError
+
+from .conftest import Read
+from .test_bad_input import GOOD, HEADER
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_a_zip_archive_is_to_be_unpacked(read: Read, method: int, pack: Callable[[bytes], bytes]) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", method) as archive:
+        archive.writestr("night.csv", HEADER + GOOD * 50)
+    with pytest.raises(DataError, match="this is a zip archive") as error:
+        read(pack(packed.getvalue()), name="night.zip")
+    assert error.value.code == "not_an_export"
