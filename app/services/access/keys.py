@@ -83,19 +83,14 @@ def rotate_key(backend: Backend, public_id: str, overlap: timedelta, *, by: Iden
         row = _existing(connection, public_id)
         if state_of(row, now()) != "active":
             raise RequestError("wrong_state", f"key {public_id} is {state_of(row, now())}; make a new one instead")
-        if row.followed_by is not None:
-            raise _rotated(public_id, row.followed_by)
         lifetime = None if row.expires_at is None else row.expires_at - row.created_at
         made = _added(connection, row.name, Role(row.role), lifetime, row.requests_per_minute, by)
-        if not keys.give_way(connection, row.id, now() + overlap, made.key.id):  # somebody else rotated it meanwhile
-            raise _rotated(public_id, _existing(connection, public_id).followed_by)
+        if not keys.give_way(connection, row.id, now() + overlap, made.key.id):
+            follower = _existing(connection, public_id).followed_by  # somebody may have rotated it just now
+            advice = "rotate that one, or make a new one if it has ended"
+            raise RequestError("wrong_state", f"key {public_id} was rotated, and {follower} follows it; {advice}")
         trail.add(connection, by, "key.rotate", public_id, "done", followed_by=made.key.id)
     return made
-
-
-def _rotated(public_id: str, follower: str | None) -> RequestError:
-    text = f"key {public_id} was rotated, and {follower} follows it; rotate that one, or make a new one if it has ended"
-    return RequestError("wrong_state", text)
 
 
 def any_active(backend: Backend) -> bool:

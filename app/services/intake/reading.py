@@ -130,7 +130,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
             *kept_notes(placing, places),
             *set_points.notes(),
             *summary.notes,
-            *_of(added),
+            *_of_replaced(added),
             *_of_retired(retired),
         ],
         "tags_found": summary.tags,
@@ -161,7 +161,7 @@ def _times(summary: FileSummary) -> dict[str, str | None]:
     return {"time_zone": summary.time_zone, **{name: iso_utc(at) for name, at in dated.items()}}
 
 
-def _of(added: Added) -> Iterator[str]:
+def _of_replaced(added: Added) -> Iterator[str]:
     """A correction replaces what was stored, and so does a file by a clock that is wrong."""
     if added.replaced:
         which = f"{added.replaced} stored samples were" if added.replaced > 1 else "One stored sample was"
