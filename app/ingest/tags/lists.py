@@ -9,6 +9,7 @@ from functools import cached_property
 
 from app.errors import DataError
 from app.ingest.files.opening import detect_encoding
+from app.ingest.numbers.marks import before_decimals
 
 DELIMITERS = ",;\t"
 BEYOND = "beyond the names"
@@ -18,7 +19,7 @@ MAY_PART_THOUSANDS = "whose mark may part thousands; write it without one, or wi
 
 _END_OF_FILE = "\x1a"
 _EITHER_WAY = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}", re.ASCII)  # one and a half, or a thousand and a half
-_DECIMALS = re.compile(r"[+-]?\d*([.,])\d+(?:[eE][+-]?\d+)?", re.ASCII)
+_SHOWN = {mark: re.compile(before_decimals(mark, "$"), re.ASCII) for mark in ".,"}
 _SAID_DELIMITER = re.compile(r"(?i)\Asep=([,;|\t])[ \t\r]*\n")
 
 
@@ -36,8 +37,8 @@ class Listed:
         """What stands before decimals in numbers that can be read in one way; where none tells, and commas part the
         cells, a point.
         """
-        numbers = {text for _, row in self.rows for text in row.values() if not _EITHER_WAY.fullmatch(text)}
-        shown = {found[1] for found in map(_DECIMALS.fullmatch, numbers) if found}
+        texts = {text for _, row in self.rows for text in row.values()}
+        shown = {mark for mark, decimals in _SHOWN.items() if any(map(decimals.match, texts))}
         return shown or ({"."} if self.delimiter == "," else set())
 
     def in_doubt(self, text: str) -> bool:
