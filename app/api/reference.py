@@ -13,7 +13,7 @@ from app.api.routes import api
 from app.http.permissions import ROUTES
 from app.services.audit_json import models as audit
 from app.services.explaining import wording as explanation_wording
-from app.services.telling import wording
+from app.services.telling import error_words, wording
 from app.services.telling.reason_wording import REASON_WORDS
 
 TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
@@ -54,6 +54,7 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
 )
 SAID = "Stable codes, and what the pages say for them."
 WINDOWS = "`windows` and `held_out`, in s from the start of the recording, end before their second number."
+COMMANDS = "on the command line in brackets at the end of the line."
 CODES: tuple[tuple[str, str, Mapping[str, str]], ...] = (
     ("Verdicts", SAID, wording.VERDICT_WORDS),
     ("Reliability", SAID, wording.RELIABILITY_WORDS),
@@ -67,6 +68,35 @@ CODES: tuple[tuple[str, str, Mapping[str, str]], ...] = (
     ("Verdicts of an explanation", SAID, explanation_wording.VERDICT_WORDS),
     ("Effects that a simulation lacks", f"{SAID} {WINDOWS}", explanation_wording.EFFECT_WORDS),
     ("Evidence of an explanation", "`evidence` of `loopaudit explain`.", explanation_wording.EVIDENCE_WORDS),
+    (
+        "Codes of refused requests",
+        "`code` of a problem, with which HTTP answers whatever it refuses, and of `refused` in a list of loops taken; "
+        f"{COMMANDS} `http_` before a status: one that has no code of its own.",
+        error_words.REFUSED_WORDS,
+    ),
+    (
+        "Codes of refused files",
+        f"`error_code` of an upload that failed (so is `fault`, of the failed loops), or of a problem; {COMMANDS}",
+        error_words.FILE_WORDS,
+    ),
+    (
+        "Codes of refused rows",
+        "`code` in `rejects` of an upload, and `reject_counts`; `loopaudit inspect` and `upload` show them.",
+        error_words.REJECT_WORDS,
+    ),
+    (
+        "Codes of what cannot be compared or simulated",
+        "`code` of a problem where an explanation is asked for, `error_code` of one that failed; `loopaudit explain` "
+        "and `simulate`.",
+        error_words.COMPARED_WORDS,
+    ),
+    (
+        "Codes of failed loops",
+        "`code` in `failures` of a run, `error_code` of an explanation that failed, and what the engine raises where "
+        "a recording cannot be audited.",
+        error_words.LOOP_WORDS,
+    ),
+    ("Codes of the command line", f"Beside those above; {COMMANDS}", error_words.COMMAND_WORDS),
 )
 
 
