@@ -164,8 +164,9 @@ def cause_to_ask_for(code: str) -> tuple[str, str]:
 def groups(backend: Services) -> HTMLResponse:
     found = grouped.shown(backend)
     shaken, by_chance = grouped.told_apart(found.groups or ())
+    audited = bool(found.groups) or reliability.count(backend, RowFilter()) > 0
     told = {"groups": shaken, "by_chance": by_chance, "known": found.groups is not None, "before": found.before}
-    return page("groups.html", backend.clock, in_step_from=IN_STEP, **told)
+    return page("groups.html", backend.clock, in_step_from=IN_STEP, audited=audited, **told)
 
 
 @router.get("/nights")

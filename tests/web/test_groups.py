@@ -6,6 +6,7 @@ import pytest
 from sqlalchemy import select, update
 
 from app.engine.codes import UNANSWERED
+from app.main import create_app
 from app.services.plant import groups, loop_sheet
 from app.services.plant.groups import plant_groups
 from app.services.results import GroupView
@@ -130,3 +131,15 @@ def test_loops_that_do_not_answer_have_a_prior(web_backend):
     finally:
         with web_backend.database.write() as connection:
             connection.execute(now.values(**before))
+
+
+def test_a_plant_that_was_never_audited_is_not_said_to_have_no_groups(serve, open_plant):
+    with serve(create_app(open_plant().settings)) as empty:
+        told = empty.get("/groups").text
+    assert "No loop in service has been audited yet." in told
+    assert "No two loops were found" not in told
+
+
+def test_an_audited_plant_without_groups_is_told_so(client, monkeypatch):
+    monkeypatch.setattr(groups, "soon", lambda backend: ())
+    assert "No two loops were found to oscillate together." in client.get("/groups").text
