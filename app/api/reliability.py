@@ -68,7 +68,9 @@ class RowFilters(BaseModel):
     no_unit: bool | None = Field(None, description="true: loops that name no unit; false: those that name one.")
     type: str | None = Field(None, max_length=200, description="Only loops of this type.")
     owner: str | None = Field(None, max_length=200, description="Only loops that this owner looks after.")
-    likely_cause: str | None = Field(None, max_length=100, description="Only this likely cause.")
+    likely_cause: str | None = Field(
+        None, max_length=100, description="Only this likely cause; `data`: not auditable, and no cause is named."
+    )
     min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
     open_order: bool | None = Field(
         None, description="true: with a work order that no repair was stated since; false: without one."

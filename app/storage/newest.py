@@ -1,13 +1,16 @@
 """What several questions ask alike: the newest verdict of a loop, and which loops come first, by what is missing to
 full health times importance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from sqlalchemy import CTE, ColumnElement, Connection, FromClause, Select, and_, func, select
+from sqlalchemy import CTE, ColumnElement, Connection, FromClause, Select, and_, func, or_, select
 
 from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
+
+TOO_LITTLE_DATA = "data"
+"""What loops that are not auditable are counted and asked for under where no cause is named; it stands in no row."""
 
 
 def is_newest(said: FromClause) -> ColumnElement[bool]:
@@ -23,6 +26,13 @@ NEWEST_ROWS = loops.join(newest_rows, is_newest(newest_rows))
 def unanswered(said: FromClause) -> ColumnElement[bool]:
     """Of loops in which PV does not answer OP, whether that is a verdict or keeps from one."""
     return and_(said.c.likely_cause == UNANSWERED, said.c.verdict.in_(NO_ANSWER_VERDICTS))
+
+
+def of_cause(columns: Mapping[str, Any], cause: str) -> ColumnElement[bool]:
+    named: ColumnElement[bool] = columns["likely_cause"] == cause
+    if cause != TOO_LITTLE_DATA:
+        return named
+    return or_(named, and_(columns["verdict"] == "not_auditable", columns["likely_cause"].is_(None)))
 
 
 def priority(said: FromClause) -> ColumnElement[Any]:

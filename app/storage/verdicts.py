@@ -24,7 +24,7 @@ from sqlalchemy import (
 from app.storage.bulk import among, among_many
 from app.storage.json_texts import read_json, short_json
 from app.storage.loops import IN_SERVICE, found_by, retired
-from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, priority, unanswered
+from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, of_cause, priority, unanswered
 from app.storage.notes import has_open_order
 from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
 from app.storage.word_order import by_words
@@ -447,10 +447,12 @@ def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> lis
         conditions.append(loops.c.retired if wanted.retired else IN_SERVICE)
     if wanted.verdict is not None:
         conditions.append(columns["verdict"].in_(wanted.verdict))
-    for name in ("reliability", "unit", "type", "owner", "likely_cause", "table2_reading"):
+    for name in ("reliability", "unit", "type", "owner", "table2_reading"):
         value = getattr(wanted, name)
         if value is not None:
             conditions.append(columns[name] == value)
+    if wanted.likely_cause is not None:
+        conditions.append(of_cause(columns, wanted.likely_cause))
     if wanted.min_probability is not None:
         conditions.append(columns["stiction_probability"] >= wanted.min_probability)
     return [*conditions, *_by_newest_sample(wanted), *_of_loops(wanted)]

@@ -123,3 +123,23 @@ def test_valves_that_stick_reliably_come_first_and_loops_that_were_not_judged_ar
     assert [row["loop"] for row in worst.worst(backend)] == ["E", "B", "C", "D"]
     assert [row["loop"] for row in worst.worst(backend, 2, beside={"E"})] == ["B", "C"]
     assert worst.worst_tags(backend, None, shelf(backend)) == ["E", "B", "C", "D"]
+
+
+def test_each_cause_that_loops_are_counted_under_finds_these_loops(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    causes = {"A": None, "B": None, "C": "not_in_automatic"}
+    for tag, cause in causes.items():
+        refused = {"verdict": "not_auditable", "reliability": "not_reliable", "likely_cause": cause}
+        rewrite(backend, first + 1, ids[tag], **refused)
+        rewrite_newest(backend, ids[tag], **refused)
+    rewrite_newest(backend, ids["D"], verdict="inconclusive", likely_cause=None)
+    counted = plant.overview(backend).refused
+    assert counted == {"data": 2, "not_in_automatic": 1}
+    for run in (None, first + 1):
+        for cause, loops_of in counted.items():
+            asked = reliability.RowFilter(likely_cause=cause, audit_id=run)
+            assert reliability.count(backend, asked) == loops_of
+            rows = reliability.table(backend, 10, filters=asked).rows
+            assert [row["loop"] for row in rows] == [tag for tag in "ABC" if (causes[tag] or "data") == cause]

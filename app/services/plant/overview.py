@@ -13,6 +13,7 @@ from app.storage import plant, set_apart
 from app.storage.digests import CountRow
 from app.storage.loops import count as count_loops
 from app.storage.loops import count_retired, owners
+from app.storage.newest import TOO_LITTLE_DATA
 from app.storage.plant import UnitCount
 from app.storage.set_apart import SetApart
 
@@ -73,7 +74,7 @@ def tally(counted: Iterable[UnitCount | CountRow], not_now: Iterable[SetApart]) 
 
 
 def cause_of_refusal(likely_cause: str | None) -> str:
-    return likely_cause or "data"
+    return likely_cause or TOO_LITTLE_DATA
 
 
 def overview(backend: Backend) -> Overview:
