@@ -48,7 +48,7 @@ COLUMNS: Mapping[str, Column] = {
     "sampling_interval_s": Column("Sampling interval, s", "number", 1),
     "recorded_to": Column("Recorded until", "recorded"),
     "audited_at": Column("Audited", "time", 0, "-audited_at"),
-    "reasons_text": Column("Why", "reasons"),
+    "reasons_text": Column("Why", "reasons", 1, None),
     "next_step": Column("What to do", "text", 1, None),
     "work_order": Column("Work order", "text", 1, None),
     "repaired_at": Column("Repaired", "time", 1, None),

@@ -260,3 +260,14 @@ def test_rows_are_narrowed_by_the_likely_cause(client):
     assert '<option value="data" selected>too little usable data</option>' in page.text
     assert "No loop fits." in page.text
     assert '<option value="own" selected>own</option>' in client.get("/table?likely_cause=own").text
+
+
+def test_every_head_that_is_a_link_leads_to_rows_in_that_order(client):
+    every = "&".join(f"column={name}" for name in COLUMNS)
+    heads = client.get(f"/table?{every}").text.split("<thead>")[1].split("</thead>")[0]
+    orders = re.findall(r'<a href="/table\?sort=([^&"]+)', heads)
+    assert len(orders) > 15
+    for order in orders:
+        page = client.get(f"/table?sort={order}&{every}")
+        assert (order, page.status_code) == (order, 200)
+        assert "aria-sort" in page.text
