@@ -131,8 +131,13 @@ def cells(loop: "LoopReport") -> list[str]:
 
 
 def to_audit(loop: "LoopReport") -> str:
+    from app.engine.audit_config import AuditConfig
+
     if not auditable(loop):
         return "no: PV and OP are needed"
+    least = AuditConfig().fitness.min_samples
+    if loop.samples < least:
+        return f"not alone: {least} samples are needed"
     return "yes" if loop.missing_share < MOSTLY else "yes, though mostly missing"
 
 

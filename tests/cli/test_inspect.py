@@ -32,6 +32,17 @@ def test_inspect_says_where_most_is_missing_and_reads_in_the_zone_of_the_setting
     assert "2025-12-31 18:30:00" in text
 
 
+def test_inspect_says_of_fewer_samples_than_an_audit_needs_that_they_do_not_do_alone(tmp_path):
+    header, *rows = ["time,PV,OP", *(f"2026-01-01 00:{k // 60:02d}:{k % 60:02d},{k % 7},{k % 5}" for k in range(100))]
+    for count, told in ((99, "not alone: 100 samples are needed"), (100, "yes")):
+        export = tmp_path / f"FIC{count}.csv"
+        export.write_text("\n".join([header, *rows[:count]]) + "\n")
+        (line,) = (line for line in run("inspect", export).stdout.splitlines() if line.startswith(f" FIC{count} "))
+        assert " ".join(line.split()).endswith(f"2026-01-01 00:01:{38 + count - 99} {told}")
+        refused = json.loads(run("audit", export, "--format", "jsonl").stdout)["verdict"] == "not_auditable"
+        assert refused or count == 100
+
+
 def test_a_matlab_file_is_inspected_and_audited(tmp_path):
     time = np.arange(600.0)
     loop = {"Ts": 2.0, "PV": np.sin(time / 9) ** 2, "OP": 40 + np.cos(time / 9), "SP": 50.0}
