@@ -91,6 +91,18 @@ def _may_be_done(error: DBAPIError) -> bool:
     return error.connection_invalidated or getattr(error.orig, "sqlstate", None) is None
 
 
+@contextmanager
+def in_driver(connection: Connection) -> Iterator[Any]:
+    """The driver's own connection, whose errors are raised as those of all other statements are: whoever waits for a
+    data base that is away, or says so, knows these alone."""
+    driver: Any = connection.connection.driver_connection
+    errors = connection.dialect.loaded_dbapi.Error
+    try:
+        yield driver
+    except errors as error:
+        raise DBAPIError.instance(None, None, error, errors, dialect=connection.dialect) from error
+
+
 def parsed(url: str) -> URL:
     """Raises RequestError where this is no address of PostgreSQL or SQLite; the driver is the one that we install."""
     try:

@@ -22,6 +22,7 @@ from sqlalchemy import (
 )
 
 from app.storage.bulk import among, among_many
+from app.storage.database import in_driver
 from app.storage.json_texts import read_json, short_json
 from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, of_cause, priority, unanswered
@@ -284,8 +285,7 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[in
     """The stored JSON of the loops' newest rows, where it is of this form. Bytes as they are stored: 40 MB of text are
     not taken apart and put together again."""
     if connection.dialect.name == "postgresql":
-        driver: Any = connection.connection.driver_connection
-        with driver.cursor() as cursor:
+        with in_driver(connection) as driver, driver.cursor() as cursor:
             cursor.adapters.register_loader("text", _as_bytes())
             cursor.execute(ROWS_OF, (form, list(loop_ids)))
             return dict(cursor.fetchall())

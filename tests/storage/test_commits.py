@@ -1,7 +1,7 @@
 """A transaction whose COMMIT fails: refused, or with an answer that was lost."""
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from sqlalchemy import Connection, create_engine, text
@@ -9,6 +9,7 @@ from sqlalchemy.exc import IntegrityError, OperationalError
 
 from app.storage import Database
 from app.storage.database import CommitLostError
+from app.storage.verdicts import texts
 
 HUNG_UP = text("SELECT pg_terminate_backend(:of, 5000)")  # and waits until it is gone
 NO_LOOP = text("INSERT INTO notes (id, loop_id, written_at) VALUES (1, 77, '2026-01-01 00:00:00+00:00')")
@@ -55,6 +56,20 @@ def test_where_the_server_is_gone_before_the_end_nothing_was_changed(database: D
     with pytest.raises(OperationalError) as raised, database.write() as connection:
         hang_up_and_ask(connection, other)
     assert not isinstance(raised.value, CommitLostError)
+
+
+def lock_out(connection: Connection, other: Connection) -> None:
+    connection.exec_driver_sql("SET statement_timeout = 100")
+    other.exec_driver_sql("LOCK TABLE newest_rows")
+
+
+@pytest.mark.parametrize("happens", [hang_up, lock_out])
+def test_what_the_driver_reads_by_itself_fails_as_all_else_does(
+    database: Database, other: Connection, happens: Callable[[Connection, Connection], None]
+) -> None:
+    with pytest.raises(OperationalError), database.read() as connection:
+        happens(connection, other)
+        texts(connection, [1], "form")
 
 
 def test_a_refusal_is_an_answer(database: Database) -> None:
