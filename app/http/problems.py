@@ -17,7 +17,7 @@ from app.http.headers import HEADERS
 from app.http.permissions import IN_STEPS, SECOND_ONE
 from app.logs import without_keys
 from app.services.access.identity import request_id
-from app.services.backend import DATABASE_AWAY, commit_lost, no_room
+from app.services.backend import DATABASE_AWAY, commit_lost, no_room, takes_no_writes
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
@@ -203,7 +203,8 @@ async def _database_away(request: Request, error: Exception) -> Response:
     if action in IN_STEPS:
         return _in_doubt(request, error, action)
     log.error("data base away while answering %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
-    text = "the data base does not answer; nothing was changed, try again"
+    why = "takes nothing to be written at the moment" if takes_no_writes(error) else "does not answer"
+    text = f"the data base {why}; nothing was changed, try again"
     return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
 
 

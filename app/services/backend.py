@@ -15,7 +15,7 @@ from app.services.found_groups import PARTING_S, FoundGroups
 from app.services.moments import PlantClock
 from app.settings import Settings
 from app.storage import Database
-from app.storage.database import CommitLostError
+from app.storage.database import READ_ONLY, CommitLostError
 from app.storage.row_texts import RowTexts
 
 DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
@@ -53,6 +53,13 @@ def no_room(error: Exception) -> bool:
         return False
     told = getattr(error, "orig", None)  # the whole text has the statement's parameters in it
     return getattr(told, "sqlstate", None) == FULL_IN_SQL or any(words in str(told) for words in DATABASE_FULL)
+
+
+def takes_no_writes(error: Exception) -> bool:
+    """Whether the data base answers and is read-only, as a standby is, or a file that was mounted so."""
+    told = getattr(error, "orig", None) if isinstance(error, DATABASE_AWAY) else None
+    sqlite = str(getattr(told, "sqlite_errorname", ""))
+    return getattr(told, "sqlstate", None) == READ_ONLY or sqlite.startswith("SQLITE_READONLY")
 
 
 def megabytes(size: float) -> str:

@@ -9,13 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
-from sqlalchemy.engine import URL
+from sqlalchemy.engine import URL, ExceptionContext
 from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
 
 from app.errors import RequestError
 
 BUSY_TIMEOUT_MS = 30_000
 WAL_SAFE_FROM = (3, 51, 3)
+READ_ONLY = "25006"
+AWAY_TO_THE_DRIVER_A_FAULT = (READ_ONLY, "25P03")
+"""SQLSTATEs of a server that takes no writes (a standby, or a disk that ran full and is looked after so), or that ended
+a transaction for its idleness: the driver has them in one class with damaged data."""
 
 
 class CommitLostError(OperationalError):
@@ -203,6 +207,13 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
             "client_encoding": "utf8",  # rows are sent on as they come, whatever a data base stores them in
         },
     )
+
+    @event.listens_for(engine, "handle_error", retval=True)
+    def as_away(context: ExceptionContext) -> Exception | None:
+        told: Any = context.original_exception
+        if not writes or getattr(told, "sqlstate", None) not in AWAY_TO_THE_DRIVER_A_FAULT:
+            return None
+        return OperationalError(context.statement, context.parameters, told)
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:

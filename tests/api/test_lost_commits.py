@@ -7,12 +7,14 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import FastAPI
+from sqlalchemy import create_engine
 from sqlalchemy.exc import OperationalError
 
 from app.main import create_app
 from app.services.auditing import ending
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
+from app.services.upkeep import doctor
 from app.settings import Settings
 
 EXPORT = b"time,FIC1.PV,FIC1.OP\n" + b"".join(b"%d,%d,%d\n" % (60 * i, i % 7, i % 5) for i in range(200))
@@ -133,6 +135,34 @@ def test_a_run_that_is_cancelled_in_part_is_not_said_to_be_untouched(client, mon
     assert "nothing was changed" not in answer.json()["detail"]
     assert outcomes(client)["audit.cancel"] == "not_known"
     assert client.post(f"/v1/audits/{run}/cancel").json()["state"] == "cancelled"
+
+
+@pytest.fixture
+def read_only(app: FastAPI, client: httpx.Client) -> Iterator[Backend]:
+    """The server takes no writes from now on, as a standby that came in the place of the first one."""
+    backend: Backend = app.state.backend
+    engine = create_engine(backend.database.url, isolation_level="AUTOCOMMIT")
+    name = backend.database.url.database
+    with engine.connect() as connection:
+        connection.exec_driver_sql(f'ALTER DATABASE "{name}" SET default_transaction_read_only TO on')
+        backend.database.close()  # its next connections are new ones
+        yield backend
+        connection.exec_driver_sql(f'ALTER DATABASE "{name}" RESET default_transaction_read_only')
+    backend.database.close()
+    engine.dispose()
+
+
+@pytest.mark.parametrize("path", ["/v1/audits", "/v1/loops/FIC1/notes", "/v1/uploads"])
+def test_a_data_base_that_takes_no_writes_says_so_and_is_read(read_only, client, path):
+    answer = client.post(path, json={"text": "seen"} if path.endswith("notes") else {})
+    assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
+    assert "takes nothing to be written" in answer.json()["detail"]
+    assert client.get("/v1/loops/FIC1").status_code == 200
+
+
+def test_the_doctor_names_a_data_base_that_takes_no_writes(read_only):
+    found = doctor.growth(read_only)
+    assert (found.state, "is read-only" in found.found) == ("problem", True)
 
 
 def test_what_was_not_begun_changed_nothing(app, client, monkeypatch):

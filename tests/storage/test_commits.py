@@ -1,14 +1,16 @@
 """A transaction whose COMMIT fails: refused, or with an answer that was lost."""
 
 import sqlite3
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from sqlalchemy import Connection, create_engine, text
+from sqlalchemy import Connection, create_engine, delete, text
 from sqlalchemy.exc import IntegrityError, OperationalError
 
 from app.storage import Database
 from app.storage.database import CommitLostError
+from app.storage.tables import notes
 from app.storage.verdicts import texts
 
 HUNG_UP = text("SELECT pg_terminate_backend(:of, 5000)")  # and waits until it is gone
@@ -67,9 +69,28 @@ def lock_out(connection: Connection, other: Connection) -> None:
 def test_what_the_driver_reads_by_itself_fails_as_all_else_does(
     database: Database, other: Connection, happens: Callable[[Connection, Connection], None]
 ) -> None:
-    with pytest.raises(OperationalError), database.read() as connection:
-        happens(connection, other)
-        texts(connection, [1], "form")
+    def read() -> None:
+        with database.read() as connection:
+            happens(connection, other)
+            texts(connection, [1], "form")
+
+    with pytest.raises(OperationalError):
+        read()
+
+
+@pytest.mark.parametrize("told", ["idle_in_transaction_session_timeout = 100", "transaction_read_only = on"])
+def test_a_server_that_ends_a_transaction_or_takes_no_writes_is_away(
+    database: Database, other: Connection, told: str
+) -> None:
+    def write() -> None:
+        with database.write() as connection:
+            connection.exec_driver_sql(f"SET LOCAL {told}")
+            time.sleep(0.5)
+            connection.execute(delete(notes))
+
+    with pytest.raises(OperationalError) as raised:
+        write()
+    assert not isinstance(raised.value, CommitLostError)
 
 
 def test_a_refusal_is_an_answer(database: Database) -> None:

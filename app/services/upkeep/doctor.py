@@ -17,7 +17,7 @@ from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.auditing.standing_still import stands_still_s
-from app.services.backend import DATABASE_AWAY, Backend, no_room
+from app.services.backend import DATABASE_AWAY, Backend, no_room, takes_no_writes
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
@@ -187,6 +187,9 @@ def growth(backend: Backend) -> Check:
         with backend.database.write() as connection:
             health.try_to_grow(connection)
     except DATABASE_AWAY as error:
+        if takes_no_writes(error):
+            advice = "name the server that takes writes in LOOPAUDIT_DATABASE_URL, or let this one take them again"
+            return Check(name, "problem", f"the data base is read-only: {_reason(error)}", advice)
         if not no_room(error):
             raise
         advice = "make room on the disk of its server: until then nothing is audited, and exports wait to be read"
