@@ -118,6 +118,10 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
             schema.bring_to(database, told["schema"])
     finally:
         database.close()
+    # Exports first: where there is no room for all of them the data base stays as it was, with all that it tells of.
+    for file in _files(folder / UPLOADS):
+        _put(file, settings.uploads_dir / file.name)
+    sync_folder(settings.uploads_dir)
     if is_sqlite:
         _put_sqlite(folder / SQLITE, Path(url.database or ""))
     elif told["database"] == SQLITE:
@@ -128,9 +132,6 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
             program_address(url),
             folder / POSTGRESQL,
         )
-    for file in _files(folder / UPLOADS):
-        _put(file, settings.uploads_dir / file.name)
-    sync_folder(settings.uploads_dir)
     return BackupReport(
         folder, migrate(settings), len(told["files"]), sum(path.stat().st_size for path in _files(folder))
     )
@@ -270,8 +271,12 @@ def _put(source: Path, target: Path) -> None:
 
 def _drafted(source: Path, target: Path) -> Path:
     draft = target.with_name(f".{target.name}.part")
-    with _written(draft):
-        shutil.copyfile(source, draft)
+    try:
+        with _written(draft):
+            shutil.copyfile(source, draft)
+    except BaseException:
+        draft.unlink(missing_ok=True)  # else a disk that is full stays so
+        raise
     with draft.open("rb") as file:
         os.fsync(file.fileno())
     return draft

@@ -49,6 +49,26 @@ def test_a_full_disk_is_told_by_what_a_restore_writes_there(plant, tmp_path_fact
     assert Path(raised.value.filename).is_relative_to(plant.settings.data_dir)
 
 
+def test_where_there_is_no_room_for_the_exports_the_data_base_stays_as_it_was(plant, tmp_path_factory, monkeypatch):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "kept"
+    backups.backup(plant.settings, elsewhere)
+    keys.create_key(plant, "made since", Role.read, lifetime=None)
+    copied = shutil.copyfile
+
+    def copyfile(source: Path, target: Path) -> None:
+        if source.parent.name != "uploads":
+            copied(source, target)
+            return
+        target.write_bytes(b"half")
+        raise OSError(28, "No space left on device", str(target))
+
+    monkeypatch.setattr(backups.shutil, "copyfile", copyfile)
+    with pytest.raises(OSError, match="No space"):
+        backups.restore(plant.settings, elsewhere, force=True)
+    assert "made since" in [key.name for key in keys.list_keys(plant)]
+    assert not list(plant.settings.data_dir.rglob("*.part"))
+
+
 def test_a_full_disk_of_a_backup_is_not_the_data_base_that_cannot_be_used(empty_sqlite, tmp_path, monkeypatch):
     connect = sqlite3.connect
 
@@ -145,7 +165,7 @@ def test_names_of_what_was_written_are_on_disk_too(plant, tmp_path, monkeypatch)
     plant.database.close()
     backups.restore(plant.settings, tmp_path / "new" / "kept", force=True)
     of_sqlite = [plant.settings.data_dir] * 2  # before the new file takes its place, and after
-    assert synced == [*(of_sqlite if plant.database.is_sqlite else []), plant.settings.uploads_dir]
+    assert synced == [plant.settings.uploads_dir, *(of_sqlite if plant.database.is_sqlite else [])]
 
 
 def test_a_data_base_that_is_damaged_is_replaced(empty_sqlite, tmp_path):
