@@ -265,3 +265,15 @@ def test_a_quality_goes_before_flags_and_these_are_told(read: Read) -> None:
     content = read("Id,Tag,Time,Value,Status,Questionable,Remark\n" + rows)
     assert not content.rejects.counts
     assert content.summary.notes == ("columns beside tag, time and value were not read: Questionable",)
+
+
+@pytest.mark.parametrize("names", ["Point,When,Number,State", "PointName,RecordTime,ValueAsReal,QualityDesc"])
+@pytest.mark.parametrize(("good", "bad"), [("Good", "Bad"), ("gut", "schlecht")])
+def test_words_alone_under_names_that_are_not_known(read: Read, names: str, good: str, bad: str) -> None:
+    content = read(long(good, bad).replace("Tagname,TimeStamp,Value,Quality", names))
+    assert refused(content) == refused(content, "op") == BAD_ROWS
+
+
+def test_words_alone_beside_loop_and_signal(read: Read) -> None:
+    content = read(long("Good", "Bad", "State").replace("A.", "A,").replace("Tagname", "Loop,Signal"))
+    assert refused(content) == refused(content, "op") == BAD_ROWS

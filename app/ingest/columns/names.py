@@ -303,6 +303,11 @@ def _rises(numbers: FloatArray) -> bool:
     return bool(max(ways) >= ONE_WAY and min(ways) < ONE_WAY)
 
 
+def counts_rows(numbers: FloatArray) -> bool:
+    """Whether numbers (n,) in the order of the rows are whole and grow from each to the next one."""
+    return bool(len(numbers) > 1 and np.all(numbers == np.round(numbers)) and np.all(np.diff(numbers) > 0.0))
+
+
 def times_assumed(name: str, form: TimeForm) -> str:
     """What is to be said where the numbers of a column are taken for times that no name tells."""
     shown = f", {name.strip()[:80]!r}," if name.strip() else ", which has no name,"
@@ -434,14 +439,14 @@ def long_from(
     if found is None:
         return None
     time, form = found
-    quality = _quality_of(head, known, first_row, {*time, tags[0], values[0]})
+    quality = quality_of(head, known, first_row, {*time, tags[0], values[0]})
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
 
 
-def _quality_of(head: Head, known: list[str], first_row: int, others: set[int]) -> int | None:
-    """The column of qualities in a long table: by its name, else by its words."""
+def quality_of(head: Head, known: list[str], first_row: int, others: Collection[int | None]) -> int | None:
+    """The column of qualities in a long table by its plain name, else by its words. others: those of something else."""
     if (named := quality_named(known)) is not None:
         return named
     by_words = (at for at in range(len(known)) if at not in others and holds_quality_words(head.column(at, first_row)))

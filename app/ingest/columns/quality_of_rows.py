@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from app.ingest.columns.names import SKIPPED_NAMES, name_at, plain
+from app.ingest.columns.names import SKIPPED_NAMES, counts_rows, name_at, numbers_of, plain
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import Head
 from app.ingest.tags.quality import are_flags, tell_quality_for_sure
@@ -45,6 +45,8 @@ def with_columns_left(plan: LongPlan, head: Head) -> LongPlan:
     if _has_signals(plan):
         return plan
     names = {index: name for index, name in _names(plan, head).items() if index not in plan.read}
+    if not plan.first_row:
+        names = {index: f"column {index + 1}" for index in names if not counts_rows(numbers_of(head, index, 0))}
     shown = ", ".join(
         name[:80]
         for index, name in names.items()

@@ -6,7 +6,7 @@ from app.ingest.columns.names import (
     mostly_numbers,
     names_no_measurement,
     plain,
-    quality_named,
+    quality_of,
     times_of_rows,
 )
 from app.ingest.columns.plans import LongPlan
@@ -46,7 +46,7 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, options: IngestOpt
     value = _value(head, names, {index: columns[index] for index in columns if index not in time})
     if value is None:
         return None
-    quality = quality_named([plain(name) for name in names])
+    quality = quality_of(head, [plain(name) for name in names], first_row, {*time, tags[0], value})
     width = named_width(head, names, first_row, time)
     return LongPlan("long", first_row, width, time, form, tags[0], value, quality)
 

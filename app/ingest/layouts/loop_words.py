@@ -1,7 +1,7 @@
 """A row a value of a tag that stands in two columns, loop and signal: Loop,Signal,Time,Value, or InfluxDB's
 _time,_value,_field,_measurement."""
 
-from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, quality_named, times_of_rows
+from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, quality_of, times_of_rows
 from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
@@ -67,7 +67,7 @@ def _joined(
     times: tuple[tuple[int, ...], TimeForm],
 ) -> LongPlan:
     time, form = times
-    quality = quality_named([plain(name) for name in names])
+    quality = quality_of(head, [plain(name) for name in names], first_row, {*time, tag, value, word})
     width = named_width(head, names, first_row, time)
     signals = () if word is None else (ValueColumn(value, ""),)
     return LongPlan(_LAYOUT, first_row, width, time, form, tag, value, quality, signals=signals, word=word)

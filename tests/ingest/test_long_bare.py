@@ -1,0 +1,70 @@
+"""Long tables without names: which column has the values, and which says how good they are."""
+
+import numpy as np
+import pytest
+
+from .conftest import Read
+
+STAMPS = [f"2026-03-01 00:{i:02d}:00" for i in range(40)]
+BAD_ROWS = [7, 20]
+VALUES = {"PV": [20.5 + 3 * np.sin(i) for i in range(40)], "OP": [40.25 + i % 7 for i in range(40)]}
+
+
+def rows(form: str, good: str = "", bad: str = "") -> str:
+    return "".join(
+        form.format(
+            number=2 * i + (signal == "OP"),
+            tag=f"A.{signal}",
+            time=stamp,
+            value=round(VALUES[signal][i], 3),
+            quality=bad if i in BAD_ROWS else good,
+        )
+        + "\n"
+        for i, stamp in enumerate(STAMPS)
+        for signal in ("PV", "OP")
+    )
+
+
+@pytest.mark.parametrize("form", ["{tag};{time};{value};{quality}", "{quality};{tag};{time};{value}"])
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        *(("Good", "Bad"), ("gut", "schlecht"), ("OK", "ERR"), ("G", "B"), ("Good [Limit]", "Bad [No Comm]")),
+        ("192", "0"),
+        ("192", "24"),
+    ],
+)
+def test_qualities_are_known_by_what_they_are(read: Read, form: str, good: str, bad: str) -> None:
+    content = read(rows(form, good, bad))
+    assert content.summary.layout == "long_bare"
+    for signal, values in (("PV", content.loops["A"].pv), ("OP", content.loops["A"].op)):
+        kept = [value for i, value in enumerate(VALUES[signal]) if i not in BAD_ROWS]
+        assert np.flatnonzero(np.isnan(values)).tolist() == BAD_ROWS
+        assert values[~np.isnan(values)].tolist() == pytest.approx(kept, abs=6e-4)
+    assert dict(content.rejects.counts) == {"bad_quality": 2 * len(BAD_ROWS)}
+
+
+@pytest.mark.parametrize(
+    ("form", "left"),
+    [
+        ("{number},{tag},{time},{value}", ""),
+        ("{number},{tag},{time},192,{value}", ""),
+        ("{tag},{time},100,{value}", "column 3"),
+        ("{tag},{time},{value},{quality}", "column 4"),
+        ("{tag},{time},{quality},{value}", "column 3"),
+        ("{tag},{time},{value},Reactor", "column 4"),
+    ],
+)
+def test_numbers_of_rows_and_codes_are_no_values(read: Read, form: str, left: str) -> None:
+    content = read(rows(form, "100", "0"))
+    assert content.loops["A"].pv.tolist() == pytest.approx(VALUES["PV"], abs=6e-4)
+    told = f"columns beside tag, time and value were not read: {left}"
+    assert [note for note in content.summary.notes if "not read" in note] == ([told] if left else [])
+
+
+@pytest.mark.parametrize("code", ["1", "192", "Good"])
+def test_a_value_may_rise_or_rest_beside_a_code(read: Read, code: str) -> None:
+    rising = "".join(f"A.{s},{stamp},{i},{code}\n" for i, stamp in enumerate(STAMPS) for s in ("PV", "OP"))
+    assert read(rising).loops["A"].pv.tolist() == list(range(40))
+    resting = rows("{number},{tag},{time},5.5")
+    assert read(resting).loops["A"].pv.tolist() == [5.5] * 40
