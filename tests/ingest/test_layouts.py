@@ -40,6 +40,23 @@ def test_a_title_with_a_comma_is_not_the_names(read: Read, title: str) -> None:
     assert {name: loop.op.tolist() for name, loop in content.loops.items()} == {"A": [2, 6], "B": [4, 8]}
 
 
+@pytest.mark.parametrize("title", ["Start,2024-03-01 00:00:00\nInterval,10 s\n", "Server,PISRV,,,\nUser,joe,,,"])
+@pytest.mark.parametrize("first", ["Tag", "", "Point"])
+def test_tags_below_a_title_that_has_fewer_cells(read: Read, title: str, first: str) -> None:
+    names = f"{first},F1.PV,F1.OP,F2.PV,F2.OP\nDescriptor,Flow,Valve,Level,Valve\nEngUnits,m3/h,%,m,%"
+    content = read(f"{title}\n{names}\n2024-03-01 00:00:00,1,2,3,4\n2024-03-01 00:01:00,5,6,7,8\n")
+    assert {name: loop.op.tolist() for name, loop in content.loops.items()} == {"F1": [2, 6], "F2": [4, 8]}
+
+
+@pytest.mark.parametrize("title", ["Tags,4", "Rate,100,ms", "400,4"])
+@pytest.mark.parametrize("names", ["No,Date,Time,A.PV,A.OP", "Tag,,,A,\nNo,Date,Time,PV,OP"])
+def test_a_number_above_the_names_is_no_time(read: Read, title: str, names: str) -> None:
+    rows = "".join(f"{k},03/15/2024,06:00:{k},{k}.5,50\n" for k in range(10, 30))
+    content = read(f'{title}\nStart,"2024-03-15"\n{names}\n{rows}', name="A.csv")
+    assert content.loops["A"].pv.tolist() == [k + 0.5 for k in range(10, 30)]
+    assert content.summary.rows_kept == 20
+
+
 @pytest.mark.parametrize(
     "heading",
     [

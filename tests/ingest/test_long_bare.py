@@ -16,6 +16,8 @@ def rows(form: str, good: str = "", bad: str = "") -> str:
             number=2 * i + (signal == "OP"),
             tag=f"A.{signal}",
             time=stamp,
+            date=stamp[:10],
+            clock=stamp[11:],
             value=round(VALUES[signal][i], 3),
             quality=bad if i in BAD_ROWS else good,
         )
@@ -68,3 +70,26 @@ def test_a_value_may_rise_or_rest_beside_a_code(read: Read, code: str) -> None:
     assert read(rising).loops["A"].pv.tolist() == list(range(40))
     resting = rows("{number},{tag},{time},5.5")
     assert read(resting).loops["A"].pv.tolist() == [5.5] * 40
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "{date};{clock};{tag};{value}",
+        "{tag};{date};{clock};{value};Good",
+        "{number};{tag};{clock};{date};{value}",
+        "{date};{clock};Plant-1;{tag};{value}",
+    ],
+)
+def test_date_and_clock_apart_and_the_column_of_tags(read: Read, form: str) -> None:
+    content = read(rows(form))
+    assert list(content.loops) == ["A"]
+    assert content.loops["A"].time_ns.astype("datetime64[ns]").astype(str)[9] == "2026-03-01T00:09:00.000000000"
+    assert content.loops["A"].pv.tolist() == pytest.approx(VALUES["PV"], abs=6e-4)
+
+
+def test_a_title_of_a_number_is_no_data_without_names(read: Read) -> None:
+    lines = rows("{number},{date},{clock},5.5,7").splitlines(keepends=True)[::2]
+    content = read("Tags,4\nNo,Date,Time,A.PV,A.OP\n" + "".join(lines))
+    assert content.summary.layout == "wide"
+    assert content.loops["A"].op.tolist() == [7] * 40

@@ -329,10 +329,10 @@ def form_of(
     )
 
 
-def first_row_of_times(head: Head, column: int, options: IngestOptions, name: str = "") -> int:
-    """The first row from which on the column of this name, which may tell the unit of its numbers, holds times; NO_ROWS
-    where it never does."""
-    for index, row in enumerate(head.rows[:PREAMBLE_ROWS]):
+def first_row_of_times(head: Head, column: int, options: IngestOptions, name: str = "", start: int = 0) -> int:
+    """The first row from `start` on from which on the column of this name, which may tell the unit of its numbers,
+    holds times; NO_ROWS where it never does."""
+    for index, row in enumerate(head.rows[start:PREAMBLE_ROWS], start):
         if column < len(row) and row[column] and find_form([row[column]], name, options) is not None:
             following = head.column(column, index)
             return index if find_form(following, name, options) is not None else NO_ROWS

@@ -1,16 +1,25 @@
-"""Long without a row of names: a column of times, one of tags, one of values and perhaps one of good and bad, in any
-order."""
+"""Long without a row of names: a column of times (or date and clock), one of tags, one of values and perhaps one of
+good and bad, in any order."""
 
 from collections import Counter
+from dataclasses import replace
 
+from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.headings import begins_with_data
-from app.ingest.columns.names import counts_rows, first_row_of_times, mostly_numbers, numbers_of
+from app.ingest.columns.names import (
+    counts_rows,
+    first_row_of_times,
+    form_of,
+    mostly_numbers,
+    mostly_signals,
+    numbers_of,
+)
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import refuse_parted_decimals, usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.tags.quality import holds_quality_words, tell_quality_for_sure
-from app.ingest.times.stamps import find_form
+from app.ingest.times.stamps import TimeForm, find_form
 
 _MOST_ALIKE = 0.5  # of the rows, that have the same value; more have the same code
 
@@ -21,25 +30,42 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
         return None
     full = [row for row in head.rows if len(row) == width]
     columns = [[row[index] for row in full if row[index]] for index in range(width)]
-    forms = [find_form(column, "", options) for column in columns]
-    times = [index for index, form in enumerate(forms) if form is not None and form.kind != "relative"]
-    if not times:
+    found = _times(replace(head, rows=tuple(full)), columns, options)
+    if found is None:
         return None
-    rest = [index for index in range(width) if index != times[0]]
+    time, form = found
+    rest = [index for index in range(width) if index not in time]
     values = [index for index in rest if mostly_numbers(columns[index], head.decimal_mark)]
-    form = forms[times[0]]
-    if not values or form is None:
+    if not values:
         return None
     value = _value(head, columns, values)
     quality = next((index for index in rest if index != value and _tell_quality(columns[index])), None)
     tags = [index for index in rest if index != quality and _are_tags(columns[index], head.decimal_mark)]
-    if not tags:
-        return None
-    cut = _is_cut(head, columns)
-    if not begins_with_data(head, first_row_of_times(head, times[0], options), [value], start=int(cut)):
+    if not tags or not _begins_with_data(head, columns, time, value, options):
         return None
     refuse_parted_decimals(head, value)
-    return LongPlan("long_bare", 0, width, (times[0],), form, tags[0], value, quality)
+    tags.sort(key=lambda index: not mostly_signals(columns[index]))
+    return LongPlan("long_bare", 0, width, time, form, tags[0], value, quality)
+
+
+def _times(full: Head, columns: list[list[str]], options: IngestOptions) -> tuple[tuple[int, ...], TimeForm] | None:
+    """The first column of stamps, or date and clock, by the rows that have all fields; and their form."""
+    forms = ((index, find_form(column, "", options)) for index, column in enumerate(columns))
+    first = next((index for index, form in forms if form is not None and form.kind != "relative"), None)
+    if first is None:
+        return None
+    time = date_and_clock(full, (first,), 0, options)
+    form = form_of(full, time, 0, options)
+    return None if form is None else (time, form)
+
+
+def _begins_with_data(
+    head: Head, columns: list[list[str]], time: tuple[int, ...], value: int, options: IngestOptions
+) -> bool:
+    """Whether nothing above the first whole row with a time names anything; a short one may be a title of a number."""
+    whole = next((at for at, row in enumerate(head.rows) if len(row) == len(columns)), 0)
+    first_row = first_row_of_times(head, time[0], options, start=whole)
+    return begins_with_data(head, first_row, [value], start=int(_is_cut(head, columns)))
 
 
 def _value(head: Head, columns: list[list[str]], numbers: list[int]) -> int:

@@ -44,7 +44,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         near = head.rows[max(at - 2, 0) : at + 3]
         names = next((names for names in (row, *near) if time_columns(names)), ())
         time = time_columns(names) or (0,)
-        first_row = first_row_of_times(head, time[0], options, name_at(names, time[0]))
+        first_row = first_row_of_times(head, time[0], options, name_at(names, time[0]), at + 1)
         if first_row <= at:
             continue
         time = date_and_clock(head, time, first_row, options)
