@@ -299,3 +299,23 @@ def test_a_tag_of_the_mapping_goes_before_one_that_is_named_so(read: Read, tags:
 )
 def test_signs_that_spell_letters_are_a_name_and_numbers_are_none(tag: str, loop: str, signal: str) -> None:
     assert place(tag, "stem") == (tag, loop, signal)
+
+
+@pytest.mark.parametrize(
+    ("tag", "loop", "signal"),
+    [
+        ("FIC101-PV.UNIT1@NET1", "FIC101.UNIT1@NET1", "PV"),
+        ("FIC101-OUT.UNIT0@NET0 (%)", "FIC101.UNIT0@NET0", "OP"),
+        ("FT_211.UNIT2@NET1", "F_211.UNIT2@NET1", "PV"),
+        ("FI8001.UNIT1@NET1", "FI8001.UNIT1@NET1", "OTHER"),
+    ],
+)
+def test_where_a_point_of_ovation_stands_tells_no_signal(tag: str, loop: str, signal: str) -> None:
+    """As NET1 does not, though a T with a number may be a transmitter's; and points of other units are others."""
+    assert place(tag, "")[1:] == (loop if signal != "OTHER" else tag, signal)
+
+
+def test_a_bare_point_of_ovation_is_the_pv_beside_its_output() -> None:
+    tags = ["FIC101.UNIT1@NET1", "FIC101-OUT.UNIT1@NET1", "FIC101.UNIT2@NET1"]
+    loops = {loop.loop: (loop.pv, loop.op) for loop in group(tags)}
+    assert loops == {"FIC101.UNIT1@NET1": (tags[0], tags[1]), tags[2]: (None, None)}

@@ -68,6 +68,8 @@ _OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
 """Names of blocks in PCS 7 (with `#Value` behind them) and PlantPAx that their endings alone would misread."""
 _CURRENT_VALUE = re.compile(r"(?i)(?:#Value|[._]F_CV)$")
 """What WinCC and iFIX write behind the names of tags: FIC101/PID.PV_IN#Value, NODE.FIC101_PV.F_CV."""
+_UNIT_AND_NETWORK = re.compile(r"(?i)\.UNIT\d+@NET\d+$")
+"""Where the points of Ovation stand: FIC101-PV.UNIT1@NET1."""
 _OF_SYSTEM = re.compile(rf"(?i)(?P<loop>.+)[._\-/:|\\ ](?P<word>{'|'.join(_OF_SYSTEMS)})")
 _SPLIT_WORDS = re.compile(
     r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
@@ -273,6 +275,9 @@ def _place(tag: str, stem: str) -> Place:
     if described and (found := _by_ending(tag, described["name"])):
         return found
     name = _CURRENT_VALUE.sub("", name)
+    if where := _UNIT_AND_NETWORK.search(name):
+        point = _place(name[: where.start()], stem)
+        return Place(tag, tag, "OTHER") if point.signal == "OTHER" else Place(tag, point.loop + where[0], point.signal)
     if of_system := _OF_SYSTEM.fullmatch(name):
         return Place(tag, of_system["loop"].rstrip(SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
     spelled = _SPLIT_WORDS.search(name)
