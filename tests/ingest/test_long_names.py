@@ -29,6 +29,8 @@ SHAPES = [
     ("Anlage;Kennung;Wann;Messwert", "Nord;{tag};{iso};{value}"),
     ("Id,Kennung,Wann,Messwert,Einheit", "{number},{tag},{iso},{value},%"),
     ("Loop,Signal,Time,Value", "FIC101,{signal},{iso},{value}"),
+    ("Object;Property;Timestamp;Value;Quality", "FIC101;{signal};{iso};{value};192"),
+    ("ValueName;Timestamp;RealValue;Quality;Flags", "Archive\\{tag};{iso};{value};192;8392704"),
     ("Signal;Controller;Time;Val;Status", "{signal};FIC101;{iso};{value};Good"),
     (
         ",result,table,_start,_stop,_time,_value,_field,_measurement",

@@ -91,6 +91,7 @@ VALUE_NAMES = (
     "wert",
     "pointvalue",
     "floatvalue",
+    "realvalue",
     "numvalue",
     "reading",
     "varvalue",

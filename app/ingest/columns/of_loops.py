@@ -15,7 +15,12 @@ from app.ingest.times.stamps import TimeForm, TimeReader
 
 LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
 _OF_TAGS = TAG_NAMES | {"controller", "controllername", "block", "blockname"}
-_PLACES = frozenset(("element", "elementname", "elementpath", "asset", "assetname", "device", "deviceid", "devicename"))
+_PLACES = frozenset(
+    (
+        *("element", "elementname", "elementpath", "asset", "assetname", "object", "objectname"),
+        *("device", "deviceid", "devicename"),
+    )
+)
 """Names of columns that may have the place of many loops, or of all of them, as well."""
 _RANKS = (LOOP_NAMES, _OF_TAGS, _PLACES)
 OF_ANYTHING = frozenset(("series", "item", "itemid", "name", "variable", "varname"))
