@@ -153,3 +153,19 @@ def test_most_rows_lost_a_field_before_the_last(read: Read) -> None:
     rows = [f"{stamp},50," + (f"{i % 5 + 10}," if i % 6 == 0 else "") + "900" for i, stamp in enumerate(HOURS)]
     content = read("\n".join(("time,A.PV,A.OP,A.SP", *rows)) + "\n")
     assert dict(content.rejects.counts) == {"ragged_row": 200}
+
+
+@pytest.mark.parametrize("remarks", ["Comment", "Bemerkung"])
+def test_all_rows_end_before_a_last_name_of_remarks(read: Read, remarks: str) -> None:
+    rows = "".join(f"{k}.000000\t{k % 7}.5\t{k % 5 + 50}.25\n" for k in range(40))
+    content = read(f"X_Value\tPV\tOP\t{remarks}\n{rows}", name="F1.txt")
+    assert content.loops["F1"].pv.tolist() == [k % 7 + 0.5 for k in range(40)]
+    assert content.loops["F1"].op.tolist() == [k % 5 + 50.25 for k in range(40)]
+    assert content.rejects.total == 0
+
+
+@pytest.mark.parametrize(("last", "row"), [("SP", "{k},{k},5"), ("Comment", "{k},{k},a word")])
+def test_all_rows_lost_a_field_before_the_last(read: Read, last: str, row: str) -> None:
+    rows = "".join(f"{row.format(k=k)}\n" for k in range(40))
+    with pytest.raises(DataError, match="none of 40 rows"):
+        read(f"time,PV,OP,{last}\n{rows}", name="F1.csv")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.ingest.columns.names import mostly_numbers
+from app.ingest.columns.names import mostly_numbers, plain
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import FloatArray
@@ -14,6 +14,7 @@ from app.ingest.numbers.units import as_number
 
 Rows = Sequence[tuple[str, ...]]
 _SOME_ROWS, _SOME_SHARE = 3, 0.1
+_REMARKS = frozenset(("comment", "comments", "remark", "remarks", "kommentar", "bemerkung", "commentaire"))
 
 
 def with_ends(plan: Plan, head: Head) -> Plan:
@@ -30,6 +31,8 @@ def with_ends(plan: Plan, head: Head) -> Plan:
     often = max(_SOME_ROWS, _SOME_SHARE * counts.total())
     full = [row for row in rows if len(row) >= plan.width]
     read, ends, seldom = plan.read, set(plan.ends), True
+    if not full and isinstance(plan, WidePlan) and _end_before_remarks(plan, rows, head):
+        ends.add(plan.width - 1)
     if isinstance(plan, LongPlan) and not plan.signals:
         ends.update(end for end in range(_least(plan), plan.width) if counts[end] >= often)
     for end in range(plan.width - 1, _least(plan) - 1, -1):
@@ -42,6 +45,16 @@ def with_ends(plan: Plan, head: Head) -> Plan:
         if seldom or counts[end] >= often:
             ends.add(end)
     return replace(plan, ends=frozenset(ends))
+
+
+def _end_before_remarks(plan: WidePlan, rows: Rows, head: Head) -> bool:
+    """Whether all rows end before the last name, which is that of remarks, and none has stood where values are."""
+    last = plan.width - 1
+    named = len(plan.names) > last and plain(plan.names[last]) in _REMARKS
+    values = [value.index for group in plan.groups for value in group.values if value.index != last]
+    return named and all(
+        len(row) == last and all(is_number(row[at], head.decimal_mark) for at in values if row[at]) for row in rows
+    )
 
 
 def _is_left_out(end: int, rows: Rows, full: Rows, plan: Plan, head: Head) -> bool:
