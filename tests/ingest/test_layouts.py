@@ -40,6 +40,12 @@ def test_a_title_with_a_comma_is_not_the_names(read: Read, title: str) -> None:
     assert {name: loop.op.tolist() for name, loop in content.loops.items()} == {"A": [2, 6], "B": [4, 8]}
 
 
+@pytest.mark.parametrize("beside", ["2024/03/15", "06:00:00"])
+def test_names_may_have_the_date_of_the_report_beside_them(read: Read, beside: str) -> None:
+    content = read(f"Moment,A.PV,A.OP,{beside}\n2024-03-01 00:00:00,1,2,\n2024-03-01 00:01:00,5,6,\n")
+    assert content.loops["A"].op.tolist() == [2, 6]
+
+
 @pytest.mark.parametrize("title", ["Start,2024-03-01 00:00:00\nInterval,10 s\n", "Server,PISRV,,,\nUser,joe,,,"])
 @pytest.mark.parametrize("first", ["Tag", "", "Point"])
 def test_tags_below_a_title_that_has_fewer_cells(read: Read, title: str, first: str) -> None:

@@ -105,3 +105,11 @@ def test_merged_cells_of_a_workbook(read: Read) -> None:
         "FIC101": (100, 200),
         "TIC2": (300, 400),
     }
+
+
+@pytest.mark.parametrize("start", ["06:00:00", "2026/03/01", "01.03.2026 06:00:00"])
+@pytest.mark.parametrize("time", ["X_Value", "Time"])
+def test_the_start_of_each_signal_is_no_tag(read: Read, start: str, time: str) -> None:
+    rows = "".join(f"{k}.0,{k % 7},{k % 5 + 50}\n" for k in range(40))
+    content = read(f"Start,{start},{start}\n{time},PV,OP\n{rows}", name="F1.csv")
+    assert content.loops["F1"].pv.tolist() == [k % 7 for k in range(40)]

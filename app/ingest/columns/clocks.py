@@ -16,6 +16,7 @@ SHOWN = 50
 _DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
 _CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # its date
 _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
+_WHOLE_DATE = re.compile(r"(\d{4}([-/.])\d{1,2}\2\d{1,2}|\d{1,2}([-/.])\d{1,2}\3\d{4})(?![\w.-])")
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
 """What begins so is no clock, however it is spelled: a cheap test before the dear one."""
 
@@ -47,6 +48,11 @@ def are_clocks(fields: list[str]) -> bool:
         return False
     plain = respelled(pl.Series(clocks, dtype=pl.String))
     return sum(bool(_CLOCK.fullmatch(text)) for text in plain) >= least
+
+
+def is_date_or_clock(text: str) -> bool:
+    """Whether a cell is a date with its whole year, or a clock: no tag."""
+    return bool(_WHOLE_DATE.match(text)) or (":" in text and bool(_CLOCK.fullmatch(text)))
 
 
 def are_midnights(fields: Sequence[str]) -> bool:

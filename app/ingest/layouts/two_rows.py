@@ -4,7 +4,7 @@ name may stand above its first column alone, as merged cells are exported."""
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from app.ingest.columns.clocks import date_and_clock
+from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
 from app.ingest.columns.names import QUALITY_NAMES, first_row_of_times, name_at, plain, time_columns, wide_from
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
@@ -121,4 +121,6 @@ def _is_certain(names: Names, signals: Mapping[str, Signal], above: bool) -> boo
 
 
 def _may_be_tag(text: str) -> bool:
-    return bool(text) and not is_number(text) and not is_unit(text) and place(text, "").loop != ""
+    if is_number(text) or is_unit(text) or is_date_or_clock(text):
+        return False
+    return bool(text) and place(text, "").loop != ""

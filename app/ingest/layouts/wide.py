@@ -3,7 +3,7 @@ apart are of this form."""
 
 from dataclasses import replace
 
-from app.ingest.columns.clocks import date_and_clock
+from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
 from app.ingest.columns.names import (
     ONE_WAY,
     first_row_of_times,
@@ -32,6 +32,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
+        if 2 * sum(map(is_date_or_clock, named)) >= len(named):
+            continue  # starts of signals
         written, names = names, _with_name_of_times(head, names, index)
         time = time_columns_in(head, names, index + 1, options)
         time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
