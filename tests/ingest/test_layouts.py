@@ -395,3 +395,45 @@ def test_the_sign_for_minus_of_the_north(read: Read, delimiter: str) -> None:
     content = read("\n".join(("Time;F1.PV;F1.OP", *rows)).replace(";", delimiter) + "\n")
     assert content.loops["F1"].pv.tolist() == [float(f"{i - 4}.5") for i in range(9)]
     assert content.rejects.total == 0
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+Time_Pref\tRelative
+Operator\tsomebody
+Date\t2026/03/01
+Time\t06:00:00.0000000
+***End_of_Header***\t
+\t\t\t\t
+Channels\t{count}{empty}
+Samples{samples}
+Date{date}
+Time{clock}
+X_Dimension{dimension}
+X0{first}
+Delta_X{step}
+***End_of_Header***{empty}
+X_Value{names}\tComment
+"""
+
+
+@pytest.mark.parametrize("names", [("PV", "OP"), ("PV", "OP", "SP")])
+def test_labview(read: Read, names: tuple[str, ...]) -> None:
+    each = {
+        "samples": "40",
+        "date": "2026/03/01",
+        "clock": "06:00:00",
+        "dimension": "Time",
+        "first": "0.0",
+        "step": "2.0",
+    }
+    above = {word: f"\t{text}" * len(names) + "\t" for word, text in each.items()}
+    heading = LVM.format(count=len(names), empty="\t" * len(names), names="\t" + "\t".join(names), **above)
+    rows = "".join(f"{2 * k}.000000" + f"\t{k % 7}.250000" * len(names) + "\n" for k in range(40))
+    content = read(heading + rows, name="F1.lvm")
+    assert content.loops["F1.lvm"].op.tolist() == [k % 7 + 0.25 for k in range(40)]
+    assert np.unique(np.diff(content.loops["F1.lvm"].time_ns)).tolist() == [2_000_000_000]
+    assert content.rejects.total == 0

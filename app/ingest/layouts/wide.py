@@ -32,8 +32,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
-        if 2 * sum(map(is_date_or_clock, named)) >= len(named):
-            continue  # starts of signals
+        if 2 * sum(map(is_date_or_clock, named)) >= len(named) or _say_time_of_each(named):
+            continue  # starts or dimensions of signals
         written, names = names, _with_name_of_times(head, names, index)
         time = time_columns_in(head, names, index + 1, options)
         time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
@@ -48,6 +48,12 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
                 _refuse_words_that_part(head, names, plan, options)
             return plan and _of_times(plan, head, names)
     return None
+
+
+def _say_time_of_each(named: list[str]) -> bool:
+    """Whether a row says of each signal that it is one of time: X_Dimension, Time, Time."""
+    first, *others = named
+    return len(others) > 1 and len(set(others)) == 1 and bool(time_columns((others[0],))) and not time_columns((first,))
 
 
 def _refuse_words_that_part(head: Head, names: tuple[str, ...], plan: WidePlan, options: IngestOptions) -> None:
