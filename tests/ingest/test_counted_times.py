@@ -217,3 +217,23 @@ def test_tenths_of_seconds_since_1970_are_those_of_stamps(read: Read) -> None:
     assert np.array_equal(read(table([f"{k}00" for k in since_1970])).loops["A"].time_ns, stamps)
     thousandths = read(table([str(1_772_402_400_000_000_000 + i * 10**6) for i in range(300)])).loops["A"].time_ns
     assert np.unique(np.diff(thousandths)).tolist() == [10**6]
+
+
+@pytest.mark.parametrize("zone", ["UTC", "Europe/Berlin"])
+@pytest.mark.parametrize("decimals", [4, 7])
+def test_millionths_of_days_that_wincc_calls_ms(read: Read, zone: str, decimals: int) -> None:
+    rows = "".join(
+        f'"A.{signal}";{i},5;1;{day * 1e6:.{decimals}f}\n'.replace(".", ",").replace("A,", "A.")
+        for i, day in enumerate(DAYS)
+        for signal in ("PV", "OP")
+    )
+    content = read('"VarName";"VarValue";"Validity";"Time_ms"\n' + rows, options=IngestOptions(time_zone=zone))
+    ahead = 3600 * 10**9 if zone == "Europe/Berlin" else 0
+    assert (content.loops["A"].time_ns - START + ahead).tolist() == [i * 10**10 for i in range(300)]
+    (note,) = content.summary.notes
+    assert note.startswith("times are millionths of days since 1899-12-30")
+
+
+def test_whole_milliseconds_of_more_than_a_year_are_a_span(read: Read) -> None:
+    content = read(table([str(45_000_000_000 + 10_000 * i) for i in range(300)], "time_ms"))
+    assert set(np.diff(content.loops["A"].time_ns).tolist()) == {10**10}

@@ -14,6 +14,8 @@ from app.nanoseconds import NS_PER_S
 NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _FEW_DIGITS = re.compile(r"[+-]?\d+([.](?P<decimals>\d*))?[eE][+](?P<exponent>\d+)")
 DAY_NS = 86_400 * NS_PER_S
+MILLIONTH_OF_DAY_NS = DAY_NS / 1e6
+WALL_SCALES = (DAY_NS, MILLIONTH_OF_DAY_NS)  # in which clocks on the wall are counted
 SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
 FINEST_NS, COARSEST_NS = 100_000, NS_PER_S  # to which days are rounded: what a double leaves of them, whole seconds
 TICK_NS = 100.0
@@ -56,7 +58,8 @@ def find_count(sample: Sequence[str], name: str) -> Count | None:
         return None
     unit = told_unit(name)
     if unit is not None and middle * unit.seconds <= LEAST_EPOCH_S:
-        return _belied(values, unit) or _days(values, texts, name, unit) or _relative(name, unit)
+        dates = _belied(values, unit) or _millionths_of_days(values, texts, unit) or _days(values, texts, name, unit)
+        return dates or _relative(name, unit)
     for low, high, zero_s, note in _TICKS:
         if low < middle < high:
             return _sharp(Count(TICK_NS, zero_s * NS_PER_S, 10_000, (note,)), texts)
@@ -80,6 +83,23 @@ def _belied(values: FloatArray, unit: ToldUnit) -> Count | None:
     return None
 
 
+def _millionths_of_days(values: FloatArray, texts: list[str], unit: ToldUnit) -> Count | None:
+    """What WinCC calls Time_ms: of our time, with fractions, which a count of ms from a start a year ago has not."""
+    zero = _DAYS[0][2]
+    seconds = (values / 1e6 + zero) * DAY_NS / NS_PER_S
+    ours = np.all((seconds > OURS_FROM_S) & (seconds < OURS_TO_S))
+    if unit.seconds != 1e-3 or not ours or np.mean(values % 1 > 0.0) < 0.5:
+        return None
+    note = f"times are millionths of days since 1899-12-30, as WinCC counts them, though their name tells {unit.word}"
+    return Count(MILLIONTH_OF_DAY_NS, zero * DAY_NS, _rounding_ns(MILLIONTH_OF_DAY_NS, texts), (note,))
+
+
+def _rounding_ns(unit_ns: float, texts: list[str]) -> int:
+    """To a power of ten that the last digits tell."""
+    step_ns = unit_ns / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
+    return min(max(10 ** int(np.ceil(np.log10(step_ns))), FINEST_NS), COARSEST_NS)
+
+
 def _sharp(count: Count, texts: list[str]) -> Count | None:
     """None where not even seconds are written: `1.772402E+09`, as spreadsheets and C show numbers with few digits. What
     is written as 1.7724e9 has all its digits."""
@@ -94,9 +114,8 @@ def _days(values: FloatArray, texts: list[str], name: str, unit: ToldUnit | None
     for low, high, zero, note in _DAYS:
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
             step_ns = DAY_NS / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
-            rounding = min(max(10 ** int(np.ceil(np.log10(step_ns))), FINEST_NS), COARSEST_NS)
             cut = (f"times are written to {step_ns / NS_PER_S:.3g} s only",) if step_ns > NS_PER_S else ()
-            return Count(float(DAY_NS), zero * DAY_NS, rounding, (note, *cut))
+            return Count(float(DAY_NS), zero * DAY_NS, _rounding_ns(DAY_NS, texts), (note, *cut))
     return None
 
 

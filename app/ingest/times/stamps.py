@@ -13,7 +13,7 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.remembering import remembered
-from app.ingest.times.counted_times import DAY_NS, NUMBER, find_count
+from app.ingest.times.counted_times import NUMBER, WALL_SCALES, find_count
 from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose, in_other_order
 from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.spelled_times import respelled, tells_utc
@@ -178,7 +178,7 @@ def _number_form(sample: tuple[str, ...], name: str) -> TimeForm | None:
     count = find_count(sample, name)
     if count is None:
         return None
-    kind: Kind = "relative" if count.origin_ns is None else "serial" if count.scale == DAY_NS else "epoch"
+    kind: Kind = "relative" if count.origin_ns is None else "serial" if count.scale in WALL_SCALES else "epoch"
     return TimeForm(
         kind, scale=count.scale, origin_ns=count.origin_ns or 0, rounding_ns=count.rounding_ns, notes=count.notes
     )
