@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from app.errors import DataError
+
 from .conftest import Read
 
 STAMPS = [f"2026-03-01 00:{i:02d}:00" for i in range(40)]
@@ -70,6 +72,35 @@ def test_a_value_may_rise_or_rest_beside_a_code(read: Read, code: str) -> None:
     assert read(rising).loops["A"].pv.tolist() == list(range(40))
     resting = rows("{number},{tag},{time},5.5")
     assert read(resting).loops["A"].pv.tolist() == [5.5] * 40
+
+
+@pytest.mark.parametrize("beside", ["{ms}", "{batch}", "{falling}", "0"])
+@pytest.mark.parametrize(
+    ("pv", "op"), [("50", "60"), ("{rising}", "60"), ("{rising}", "{rising}"), ("0", "0"), ("{digital}", "1")]
+)
+@pytest.mark.parametrize("samples", [60, 500])
+def test_whole_values_that_rest_or_rise_go_before_what_stands_behind_them(
+    read: Read, beside: str, pv: str, op: str, samples: int
+) -> None:
+    """Tag by tag, so that the first rows may be those of a tag alone."""
+    table = ""
+    values: dict[str, list[float]] = {"PV": [], "OP": []}
+    for signal, form in (("PV", pv), ("OP", op)):
+        for k in range(samples):
+            minute = f"2026-03-01 {k // 60:02d}:{k % 60:02d}:00"
+            numbers = {"ms": k * 37 % 997, "batch": 4711 + k // 20, "falling": 9000 - k}
+            value = form.format(rising=1000 + 3 * k, digital=int(k % 9 > 0))
+            values[signal].append(float(value))
+            table += f"A.{signal},{minute},{value},{beside.format(**numbers)}\n"
+    content = read(table)
+    assert content.loops["A"].pv.tolist() == values["PV"]
+    assert content.loops["A"].op.tolist() == values["OP"]
+
+
+def test_decimals_in_a_field_of_their_own_are_no_values(read: Read) -> None:
+    lines = [f"A.{s},{stamp},50,{i % 10}{i % 7}" for i, stamp in enumerate(STAMPS) for s in ("PV", "OP")]
+    with pytest.raises(DataError, match="decimals in a field of their own"):
+        read("\n".join(lines) + "\n")
 
 
 @pytest.mark.parametrize(

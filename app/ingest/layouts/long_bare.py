@@ -4,6 +4,8 @@ good and bad, in any order."""
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
+
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.headings import begins_with_data
 from app.ingest.columns.names import (
@@ -69,13 +71,17 @@ def _begins_with_data(
 
 
 def _value(head: Head, columns: list[list[str]], numbers: list[int]) -> int:
-    """The first column of numbers that least count the rows or are codes: of qualities, or the same in most rows."""
+    """The first column of numbers that least are qualities, count the rows or are codes, the same in most rows. Values
+    may rest and rise as well: what has no fractions is a code or a number of the row, behind the first column, only
+    beside another one that has some."""
+    found = {index: numbers_of(head, index, 0) for index in numbers}
+    exact = {index for index, values in found.items() if np.any(values % 1)}
 
     def doubts(index: int) -> tuple[int, bool]:
-        fields = columns[index]
-        is_code = max(Counter(fields).values()) > _MOST_ALIKE * len(fields)
-        counts = counts_rows(numbers_of(head, index, 0))
-        return sum((is_code, counts, _tell_quality(fields))), counts
+        beside = index not in exact and bool(exact)
+        is_code = beside and max(Counter(found[index].tolist()).values()) > _MOST_ALIKE * len(found[index])
+        counts = (beside or index == 0) and counts_rows(found[index])
+        return sum((is_code, counts, _tell_quality(columns[index]))), counts
 
     return min(numbers, key=doubts)
 
