@@ -63,6 +63,21 @@ def test_a_number_above_the_names_is_no_time(read: Read, title: str, names: str)
     assert content.summary.rows_kept == 20
 
 
+@pytest.mark.parametrize("above", ["", "Time,1,2\n"])
+@pytest.mark.parametrize("tags", ["", "FIC101,FIC101,FIC101\n"])
+def test_rows_of_data_above_the_names_are_no_title(read: Read, above: str, tags: str) -> None:
+    """They would be left out, and nothing tell it."""
+    rows = [f"2024-03-01 00:00:{k},{k}.5,50\n" for k in range(10, 40)]
+    with pytest.raises(DataError, match="below the names"):
+        read(f"{above}{''.join(rows[:10])}{tags}Time,PV,OP\n{''.join(rows[10:])}")
+
+
+def test_descriptions_that_commas_part_are_no_names(read: Read) -> None:
+    heading = "Tag,7-FLOW,7-VALVE,7-SET\nDescription,Flow PV, main,Valve OP, west,Set point SP, main"
+    content = read(f"{heading}\n2024-03-01 00:00:00,1,2,3\n2024-03-01 00:01:00,5,6,7\n")
+    assert list(content.loops) == ["7-FLOW", "7-VALVE", "7-SET"]
+
+
 @pytest.mark.parametrize(
     "heading",
     [

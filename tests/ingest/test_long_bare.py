@@ -124,3 +124,9 @@ def test_a_title_of_a_number_is_no_data_without_names(read: Read) -> None:
     content = read("Tags,4\nNo,Date,Time,A.PV,A.OP\n" + "".join(lines))
     assert content.summary.layout == "wide"
     assert content.loops["A"].op.tolist() == [7] * 40
+
+
+def test_a_title_of_a_time_above_data_without_names_is_one_ragged_row(read: Read) -> None:
+    content = read("Export,2026-03-02 00:00:00\n" + rows("{tag},{time},{value}"))
+    assert content.loops["A"].pv.tolist() == pytest.approx(VALUES["PV"], abs=6e-4)
+    assert dict(content.rejects.counts) == {"ragged_row": 1}

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, joined_stamp
-from app.ingest.columns.headings import below_names
+from app.ingest.columns.headings import below_names, is_data
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
@@ -338,6 +338,18 @@ def first_row_of_times(head: Head, column: int, options: IngestOptions, name: st
             following = head.column(column, index)
             return index if find_form(following, name, options) is not None else NO_ROWS
     return NO_ROWS
+
+
+def first_row_below(head: Head, at: int, column: int, options: IngestOptions, name: str) -> int:
+    """The same below the names in a row, whatever times titles above them hold; NO_ROWS where rows of data stand there,
+    as wide as the names."""
+    width = sum(map(bool, head.row(at)))
+    for index, row in enumerate(head.rows[:at]):
+        beside = [place for place in range(len(row)) if place != column]
+        wide = len(beside) < len(row) and sum(map(bool, row)) >= width
+        if wide and find_form([row[column]], name, options) is not None and is_data(head, index, beside):
+            return NO_ROWS
+    return first_row_of_times(head, column, options, name, at + 1)
 
 
 def wide_from(

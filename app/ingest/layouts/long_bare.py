@@ -65,8 +65,10 @@ def _begins_with_data(
     head: Head, columns: list[list[str]], time: tuple[int, ...], value: int, options: IngestOptions
 ) -> bool:
     """Whether nothing above the first whole row with a time names anything; a short one may be a title of a number."""
-    whole = next((at for at, row in enumerate(head.rows) if len(row) == len(columns)), 0)
-    first_row = first_row_of_times(head, time[0], options, start=whole)
+    first_row = first_row_of_times(head, time[0], options)
+    if first_row >= 0 and is_number(head.row(first_row)[time[0]]):
+        whole = next((at for at, row in enumerate(head.rows) if len(row) == len(columns)), 0)
+        first_row = first_row_of_times(head, time[0], options, start=whole)
     return begins_with_data(head, first_row, [value], start=int(_is_cut(head, columns)))
 
 

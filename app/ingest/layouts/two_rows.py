@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
-from app.ingest.columns.names import QUALITY_NAMES, first_row_of_times, name_at, plain, time_columns, wide_from
+from app.ingest.columns.names import QUALITY_NAMES, first_row_below, name_at, plain, time_columns, wide_from
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions, Signal
@@ -44,7 +44,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         near = head.rows[max(at - 2, 0) : at + 3]
         names = next((names for names in (row, *near) if time_columns(names)), ())
         time = time_columns(names) or (0,)
-        first_row = first_row_of_times(head, time[0], options, name_at(names, time[0]), at + 1)
+        first_row = first_row_below(head, at, time[0], options, name_at(names, time[0]))
         if first_row <= at:
             continue
         time = date_and_clock(head, time, first_row, options)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
 from app.ingest.columns.names import (
     ONE_WAY,
+    first_row_below,
     first_row_of_times,
     may_be_times,
     name_at,
@@ -38,8 +39,11 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         time = time_columns_in(head, names, index + 1, options)
         time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
         time = date_and_clock(head, time, index + 1, options)
-        start = index + 1 if time_columns(names) else 0  # a number in a title above them may be a time
-        first_row = first_row_of_times(head, time[0], options, name_at(names, time[0]), start)
+        name = name_at(names, time[0])
+        if time_columns(names):
+            first_row = first_row_below(head, index, time[0], options, name)
+        else:
+            first_row = first_row_of_times(head, time[0], options, name)
         if any(names_better(row, written) for row in head.rows[index + 1 : max(first_row, 0)]):
             continue  # a title with a comma in it stands above the names
         if first_row > index and not signal_of_numbers(head, names, first_row, time[0]):
@@ -100,7 +104,8 @@ def names_better(row: tuple[str, ...], names: tuple[str, ...]) -> bool:
     if _as_wide(row, names) and below > above and share_like_tags(row) > share_like_tags(names):
         return True
     if not time_columns(row):  # as where Tag stands above them, and many more names than a title has
-        return above == 0 < below and not time_columns(names) and wider(row, names) and not _as_wide(row, names)
+        more = wider(row, names) and not _as_wide(row, names) and share_like_tags(row) >= share_like_tags(names)
+        return above == 0 < below and not time_columns(names) and more
     if wider(row, names):
         return above == 0 or below > above
     return above == 0 < below and not time_columns(names)
