@@ -164,8 +164,19 @@ def test_all_rows_end_before_a_last_name_of_remarks(read: Read, remarks: str) ->
     assert content.rejects.total == 0
 
 
-@pytest.mark.parametrize(("last", "row"), [("SP", "{k},{k},5"), ("Comment", "{k},{k},a word")])
-def test_all_rows_lost_a_field_before_the_last(read: Read, last: str, row: str) -> None:
-    rows = "".join(f"{row.format(k=k)}\n" for k in range(40))
+@pytest.mark.parametrize(
+    ("names", "row"),
+    [
+        ("time,PV,OP,SP", "{k},{k},5"),
+        ("time,PV,OP,Comment", "{k},{k},a word"),
+        ("time,SP,PV,OP,Comment", "{k},{k}.5,5,"),
+        ("date,time,PV,OP,SP,Comment", "2026-03-01 00:00:{k},{k}.5,5,7,"),
+        ("time,PV,quality,OP,Comment", "{k},{k}.5,5,"),
+        ("time,PV,OP,SP,Comment", "{k},50,{k},5"),
+    ],
+)
+def test_all_rows_lost_a_field_before_the_last(read: Read, names: str, row: str) -> None:
+    """Or have the decimals of PV in one of their own."""
+    rows = "".join(f"{row.format(k=k)}\n" for k in range(10, 50))
     with pytest.raises(DataError, match="none of 40 rows"):
-        read(f"time,PV,OP,{last}\n{rows}", name="F1.csv")
+        read(f"{names}\n{rows}", name="F1.csv")

@@ -48,13 +48,16 @@ def with_ends(plan: Plan, head: Head) -> Plan:
 
 
 def _end_before_remarks(plan: WidePlan, rows: Rows, head: Head) -> bool:
-    """Whether all rows end before the last name, which is that of remarks, and none has stood where values are."""
+    """Whether all rows end before the last name, which is that of remarks, and lost no other field: the last one is not
+    empty all along, as remarks are, nothing else stands where values are, and these are not parted at decimal commas,
+    as where commas part whole numbers alone."""
     last = plan.width - 1
     named = len(plan.names) > last and plain(plan.names[last]) in _REMARKS
+    if not named or any(len(row) != last for row in rows) or not any(row[-1] for row in rows):
+        return False
     values = [value.index for group in plan.groups for value in group.values if value.index != last]
-    return named and all(
-        len(row) == last and all(is_number(row[at], head.decimal_mark) for at in values if row[at]) for row in rows
-    )
+    told = head.delimiter != "," or head.marks_told
+    return told and all(is_number(row[at], head.decimal_mark) for row in rows for at in values if row[at])
 
 
 def _is_left_out(end: int, rows: Rows, full: Rows, plan: Plan, head: Head) -> bool:
