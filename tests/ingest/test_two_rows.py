@@ -113,3 +113,27 @@ def test_the_start_of_each_signal_is_no_tag(read: Read, start: str, time: str) -
     rows = "".join(f"{k}.0,{k % 7},{k % 5 + 50}\n" for k in range(40))
     content = read(f"Start,{start},{start}\n{time},PV,OP\n{rows}", name="F1.csv")
     assert content.loops["F1"].pv.tolist() == [k % 7 for k in range(40)]
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [("21-10-1001", "21-10-1002"), ("10-11-2034", "10-11-2035"), ("10/11/2034", "10/11/2035"), ("7/1/1", "7/1/2")],
+)
+def test_numbers_of_loops_may_look_as_dates(read: Read, tags: tuple[str, str]) -> None:
+    rows = "".join(f"2026-03-01 00:00:{k},{k % 7},{k % 5 + 50},{k % 3},{k}\n" for k in range(10, 40))
+    below = read(f",{tags[0]},,{tags[1]},\nTime,PV,OP,PV,OP\n{rows}")
+    beside = read("Time," + ",".join(f"{tag}/{signal}" for tag in tags for signal in ("PV", "OP")) + f"\n{rows}")
+    for content in (below, beside):
+        assert list(content.loops) == list(tags)
+        assert content.loops[tags[1]].op.tolist() == list(range(10, 40))
+
+
+@pytest.mark.parametrize("tag", ["21-10-1001", "10-11-2034", "21/10/1001"])
+def test_the_number_of_one_loop_may_look_as_a_date(read: Read, tag: str) -> None:
+    rows = "".join(f"2026-03-01 00:00:{k},{k % 7},{k % 5 + 50}\n" for k in range(10, 40))
+    assert list(read(f"Time,{tag},{tag}\n,PV,OP\n{rows}").loops) == [tag]
+
+
+def test_names_that_are_clocks_beside_those_of_signals(read: Read) -> None:
+    rows = "".join(f"2026-03-01 00:00:{k},{k % 7},{k % 5 + 50},1,2,3\n" for k in range(10, 40))
+    assert "A" in read(f"Time,A.PV,A.OP,06:00,14:00,22:00\n{rows}").loops

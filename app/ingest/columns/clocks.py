@@ -16,7 +16,13 @@ SHOWN = 50
 _DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
 _CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # its date
 _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}:\d{2})?", re.IGNORECASE)
-_WHOLE_DATE = re.compile(r"(\d{4}([-/.])\d{1,2}\2\d{1,2}|\d{1,2}([-/.])\d{1,2}\3\d{4})(?![\w.-])")
+_OUR_DATE = re.compile(
+    r"((199\d|20[0-4]\d)([-/.])\d{1,2}\3\d{1,2}|\d{1,2}([/.])\d{1,2}\4(199\d|20[0-4]\d))(?P<clock>[T ].*)?"
+)
+_DATE = re.compile(
+    r"((19[9]|20[0-4])\d([-/.])(0?[1-9]|1[0-2])\3(0?[1-9]|[12]\d|3[01])|(0?[1-9]|[12]\d|3[01])([/.])(0?[1-9]|[12]\d|3[01])\7(199|20[0-4])\d)"
+    r"(?P<clock>[T ].*)?"
+)
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
 """What begins so is no clock, however it is spelled: a cheap test before the dear one."""
 
@@ -51,8 +57,10 @@ def are_clocks(fields: list[str]) -> bool:
 
 
 def is_date_or_clock(text: str) -> bool:
-    """Whether a cell is a date with its whole year, or a clock: no tag."""
-    return bool(_WHOLE_DATE.match(text)) or (":" in text and bool(_CLOCK.fullmatch(text)))
+    """Whether a cell is a date with its whole year, of our time, or a clock: no tag, as 10-11-2034 may be one."""
+    date = _OUR_DATE.fullmatch(text)
+    clock = (date["clock"] or "")[1:].strip() if date else text
+    return bool(date and not clock) or (":" in clock and bool(_CLOCK.fullmatch(clock)))
 
 
 def are_midnights(fields: Sequence[str]) -> bool:

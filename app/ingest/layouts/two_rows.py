@@ -112,7 +112,7 @@ def _is_certain(names: Names, signals: Mapping[str, Signal], above: bool) -> boo
     alone = [tag for column, tag in names.tags.items() if column not in names.words]
     tags = {tag for tag, _ in pairs}
     repeated = len(set(pairs)) < len(pairs) or len(set(alone)) < len(alone) or not tags.isdisjoint(alone)
-    if repeated or not all(map(_may_be_tag, tags)):
+    if repeated or not all(map(_may_be_tag, tags)) or _are_starts(tags):
         return False
     pv, op = ({tag for tag, signal in pairs if signal == wanted} for wanted in ("PV", "OP"))
     if not op or not op <= pv:
@@ -121,6 +121,10 @@ def _is_certain(names: Names, signals: Mapping[str, Signal], above: bool) -> boo
 
 
 def _may_be_tag(text: str) -> bool:
-    if is_number(text) or is_unit(text) or is_date_or_clock(text):
-        return False
-    return bool(text) and place(text, "").loop != ""
+    return bool(text) and not is_number(text) and not is_unit(text) and place(text, "").loop != ""
+
+
+def _are_starts(tags: set[str]) -> bool:
+    """Whether dates or clocks tell when signals begin. Dates that differ may be numbers of loops."""
+    told = [tag for tag in tags if is_date_or_clock(tag)]
+    return len(told) == len(tags) == 1 or any(":" in tag for tag in told)

@@ -33,8 +33,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         named = [name for name in names if name]
         if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
             continue
-        if 2 * sum(map(is_date_or_clock, named)) >= len(named) or _say_time_of_each(named):
-            continue  # starts or dimensions of signals
+        if _are_starts(named) or _say_time_of_each(named):
+            continue
         written, names = names, _with_name_of_times(head, names, index)
         time = time_columns_in(head, names, index + 1, options)
         time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
@@ -52,6 +52,11 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
                 _refuse_words_that_part(head, names, plan, options)
             return plan and _of_times(plan, head, names)
     return None
+
+
+def _are_starts(named: list[str]) -> bool:
+    """Whether a row has the starts of signals: dates or clocks, and none of its cells names one."""
+    return 2 * sum(map(is_date_or_clock, named)) >= len(named) and audited_signals(tuple(named)) == 0
 
 
 def _say_time_of_each(named: list[str]) -> bool:
