@@ -237,3 +237,9 @@ def test_millionths_of_days_that_wincc_calls_ms(read: Read, zone: str, decimals:
 def test_whole_milliseconds_of_more_than_a_year_are_a_span(read: Read) -> None:
     content = read(table([str(45_000_000_000 + 10_000 * i) for i in range(300)], "time_ms"))
     assert set(np.diff(content.loops["A"].time_ns).tolist()) == {10**10}
+
+
+@pytest.mark.parametrize("name", ["Uptime [ms]", "elapsed_ms", "t [ms]", "ms"])
+def test_milliseconds_of_more_than_a_year_are_a_span_under_other_names(read: Read, name: str) -> None:
+    content = read(table([f"{45_000_000_000 + 1000 * i}.25" for i in range(300)], name))
+    assert set(np.diff(content.loops["A"].time_ns).tolist()) == {10**9}

@@ -84,11 +84,12 @@ def _belied(values: FloatArray, unit: ToldUnit) -> Count | None:
 
 
 def _millionths_of_days(values: FloatArray, texts: list[str], unit: ToldUnit) -> Count | None:
-    """What WinCC calls Time_ms: of our time, with fractions, which a count of ms from a start a year ago has not."""
+    """What WinCC calls Time_ms: of our time, with fractions, which a count of ms from a start a year ago has not. Under
+    another name, as Uptime [ms] is, it may have."""
     zero = _DAYS[0][2]
     seconds = (values / 1e6 + zero) * DAY_NS / NS_PER_S
     ours = np.all((seconds > OURS_FROM_S) & (seconds < OURS_TO_S))
-    if unit.seconds != 1e-3 or not ours or np.mean(values % 1 > 0.0) < 0.5:
+    if unit.seconds != 1e-3 or unit.bare != "time" or not ours or np.mean(values % 1 > 0.0) < 0.5:
         return None
     note = f"times are millionths of days since 1899-12-30, as WinCC counts them, though their name tells {unit.word}"
     return Count(MILLIONTH_OF_DAY_NS, zero * DAY_NS, _rounding_ns(MILLIONTH_OF_DAY_NS, texts), (note,))
