@@ -30,6 +30,7 @@ SHAPES = [
     ("Id,Kennung,Wann,Messwert,Einheit", "{number},{tag},{iso},{value},%"),
     ("Loop,Signal,Time,Value", "FIC101,{signal},{iso},{value}"),
     ("Object;Property;Timestamp;Value;Quality", "FIC101;{signal};{iso};{value};192"),
+    ("Tag;Timestamp;RealValue;Reading", "{tag};{iso};0;{value}"),
     ("ValueName;Timestamp;RealValue;Quality;Flags", "Archive\\{tag};{iso};{value};192;8392704"),
     ("Signal;Controller;Time;Val;Status", "{signal};FIC101;{iso};{value};Good"),
     (

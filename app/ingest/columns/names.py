@@ -91,7 +91,6 @@ VALUE_NAMES = (
     "wert",
     "pointvalue",
     "floatvalue",
-    "realvalue",
     "numvalue",
     "reading",
     "varvalue",
@@ -103,6 +102,7 @@ VALUE_NAMES = (
     "mesure",
     "medida",
     "测量值",
+    "realvalue",
 )
 QUALITY_NAMES = (
     "opcquality",
