@@ -74,7 +74,7 @@ def test_a_value_may_rise_or_rest_beside_a_code(read: Read, code: str) -> None:
     assert read(resting).loops["A"].pv.tolist() == [5.5] * 40
 
 
-@pytest.mark.parametrize("beside", ["{ms}", "{batch}", "{falling}", "0"])
+@pytest.mark.parametrize("beside", ["{ms}", "{batch}", "{falling}", "0", "0.5"])
 @pytest.mark.parametrize(
     ("pv", "op"), [("50", "60"), ("{rising}", "60"), ("{rising}", "{rising}"), ("0", "0"), ("{digital}", "1")]
 )

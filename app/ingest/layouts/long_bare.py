@@ -19,11 +19,11 @@ from app.ingest.columns.names import (
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import refuse_parted_decimals, usual_width
 from app.ingest.files.head import Head, is_number
-from app.ingest.model import IngestOptions
+from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.tags.quality import holds_quality_words, tell_quality_for_sure
 from app.ingest.times.stamps import TimeForm, find_form
 
-_MOST_ALIKE = 0.5  # of the rows, that have the same value; more have the same code
+_MOST_ALIKE = 0.9  # of the rows have the same code
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
@@ -75,17 +75,21 @@ def _begins_with_data(
 def _value(head: Head, columns: list[list[str]], numbers: list[int]) -> int:
     """The first column of numbers that least are qualities, count the rows or are codes, the same in most rows. Values
     may rest and rise as well: what has no fractions is a code or a number of the row, behind the first column, only
-    beside another one that has some."""
+    beside another one that has some and moves."""
     found = {index: numbers_of(head, index, 0) for index in numbers}
-    exact = {index for index, values in found.items() if np.any(values % 1)}
+    rest = {index for index, values in found.items() if _rests(values)}
+    exact = {index for index, values in found.items() if np.any(values % 1) and index not in rest}
 
     def doubts(index: int) -> tuple[int, bool]:
-        beside = index not in exact and bool(exact)
-        is_code = beside and max(Counter(found[index].tolist()).values()) > _MOST_ALIKE * len(found[index])
+        beside = bool(exact) and not np.any(found[index] % 1)
         counts = (beside or index == 0) and counts_rows(found[index])
-        return sum((is_code, counts, _tell_quality(columns[index]))), counts
+        return sum((beside and index in rest, counts, _tell_quality(columns[index]))), counts
 
     return min(numbers, key=doubts)
+
+
+def _rests(values: FloatArray) -> bool:
+    return max(Counter(values.tolist()).values(), default=0) >= _MOST_ALIKE * len(values)
 
 
 def _tell_quality(fields: list[str]) -> bool:
