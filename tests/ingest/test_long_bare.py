@@ -76,7 +76,8 @@ def test_a_value_may_rise_or_rest_beside_a_code(read: Read, code: str) -> None:
 
 @pytest.mark.parametrize("beside", ["{ms}", "{batch}", "{falling}", "0", "0.5"])
 @pytest.mark.parametrize(
-    ("pv", "op"), [("50", "60"), ("{rising}", "60"), ("{rising}", "{rising}"), ("0", "0"), ("{digital}", "1")]
+    ("pv", "op"),
+    [("50", "60"), ("{rising}", "60"), ("{rising}", "{rising}"), ("0", "0"), ("{digital}", "1"), ("192", "60")],
 )
 @pytest.mark.parametrize("samples", [60, 500])
 def test_whole_values_that_rest_or_rise_go_before_what_stands_behind_them(
@@ -130,3 +131,17 @@ def test_a_title_of_a_time_above_data_without_names_is_one_ragged_row(read: Read
     content = read("Export,2026-03-02 00:00:00\n" + rows("{tag},{time},{value}"))
     assert content.loops["A"].pv.tolist() == pytest.approx(VALUES["PV"], abs=6e-4)
     assert dict(content.rejects.counts) == {"ragged_row": 1}
+
+
+@pytest.mark.parametrize("samples", [60, 500])
+@pytest.mark.parametrize("in_turns", [True, False])
+def test_names_of_attributes_beside_tags_are_no_tags(read: Read, samples: int, in_turns: bool) -> None:
+    tags = {"X17": "PV.CV", "X18": "OUT.CV", "X19": "PV.CV"}
+    lines = [
+        (k, n, f"{tag},{attribute},2026-03-01 {k // 60:02d}:{k % 60:02d}:00,{n}.5")
+        for n, (tag, attribute) in enumerate(tags.items())
+        for k in range(samples)
+    ]
+    lines = sorted(lines) if in_turns else lines
+    content = read("".join(f"{line}\n" for _, _, line in lines))
+    assert list(content.loops) == list(tags)

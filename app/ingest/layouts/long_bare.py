@@ -40,14 +40,21 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     values = [index for index in rest if mostly_numbers(columns[index], head.decimal_mark)]
     if not values:
         return None
-    value = _value(head, columns, values)
+    words = [index for index in rest if _are_tags(columns[index], head.decimal_mark)]
+    value = _value(head, columns, values, several=any(len(set(columns[index])) > 1 for index in words))
     quality = next((index for index in rest if index != value and _tell_quality(columns[index])), None)
-    tags = [index for index in rest if index != quality and _are_tags(columns[index], head.decimal_mark)]
+    tags = [index for index in words if index != quality]
     if not tags or not _begins_with_data(head, columns, time, value, options):
         return None
     refuse_parted_decimals(head, value)
-    tags.sort(key=lambda index: not mostly_signals(columns[index]))
-    return LongPlan("long_bare", 0, width, time, form, tags[0], value, quality)
+    return LongPlan("long_bare", 0, width, time, form, _tag(columns, tags), value, quality)
+
+
+def _tag(columns: list[list[str]], found: list[int]) -> int:
+    """The first column of signals that has as many words as the first one of tags, which else has them."""
+    least = len(set(columns[found[0]]))
+    signals = (index for index in found if len(set(columns[index])) >= least and mostly_signals(columns[index]))
+    return next(signals, found[0])
 
 
 def _times(full: Head, columns: list[list[str]], options: IngestOptions) -> tuple[tuple[int, ...], TimeForm] | None:
@@ -72,10 +79,11 @@ def _begins_with_data(
     return begins_with_data(head, first_row, [value], start=int(_is_cut(head, columns)))
 
 
-def _value(head: Head, columns: list[list[str]], numbers: list[int]) -> int:
+def _value(head: Head, columns: list[list[str]], numbers: list[int], several: bool) -> int:
     """The first column of numbers that least are qualities, count the rows or are codes, the same in most rows. Values
-    may rest and rise as well: what has no fractions is a code or a number of the row, behind the first column, only
-    beside another one that has some and moves."""
+    may rest, as a set point of 192, and rise as well: what has no fractions is a code or a number of the row, behind
+    the first column, only beside another one that has some and moves, and a quality there or where several tags have
+    the same one."""
     found = {index: numbers_of(head, index, 0) for index in numbers}
     rest = {index for index, values in found.items() if _rests(values)}
     exact = {index for index, values in found.items() if np.any(values % 1) and index not in rest}
@@ -83,7 +91,8 @@ def _value(head: Head, columns: list[list[str]], numbers: list[int]) -> int:
     def doubts(index: int) -> tuple[int, bool]:
         beside = bool(exact) and not np.any(found[index] % 1)
         counts = (beside or index == 0) and counts_rows(found[index])
-        return sum((beside and index in rest, counts, _tell_quality(columns[index]))), counts
+        tells_quality = (beside or (several and index in rest)) and _tell_quality(columns[index])
+        return sum((beside and index in rest, counts, tells_quality)), counts
 
     return min(numbers, key=doubts)
 
