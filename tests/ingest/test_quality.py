@@ -277,3 +277,11 @@ def test_words_alone_under_names_that_are_not_known(read: Read, names: str, good
 def test_words_alone_beside_loop_and_signal(read: Read) -> None:
     content = read(long("Good", "Bad", "State").replace("A.", "A,").replace("Tagname", "Loop,Signal"))
     assert refused(content) == refused(content, "op") == BAD_ROWS
+
+
+@pytest.mark.parametrize("names", ["Point,When,Number,Site", "Loop,Signal,Time,Value,Site", ""])
+def test_a_town_is_no_quality(read: Read, names: str) -> None:
+    rows = long("Bad Homburg", "Bad Vilbel").partition("\n")[2]
+    rows = rows.replace("A.", "A,") if names.startswith("Loop") else rows
+    content = read(f"{names}\n{rows}" if names else rows)
+    assert not content.rejects.counts

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sized
+from collections.abc import Callable, Collection, Mapping, Sized
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.numbers.units import as_number
 from app.ingest.remembering import remembered
 from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
-from app.ingest.tags.quality import holds_quality_words
+from app.ingest.tags.quality import holds_quality_words, tell_good_from_bad
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
 from app.ingest.times.stamps import TimeForm, find_form
 from app.ingest.times.told_units import told_unit
@@ -452,18 +452,25 @@ def long_from(
     if found is None:
         return None
     time, form = found
-    quality = quality_of(head, known, first_row, {*time, tags[0], values[0]})
+    quality = quality_of(head, known, first_row, {*time, tags[0], values[0]}, holds_quality_words)
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
 
 
-def quality_of(head: Head, known: list[str], first_row: int, others: Collection[int | None]) -> int | None:
-    """The column of qualities in a long table by its plain name, else by its words. others: those of something else."""
+def quality_of(
+    head: Head,
+    known: list[str],
+    first_row: int,
+    others: Collection[int | None],
+    tell: Callable[[list[str]], bool] = tell_good_from_bad,
+) -> int | None:
+    """The column of qualities in a long table by its plain name, else by its words, which `tell` knows. others: those
+    of something else."""
     if (named := quality_named(known)) is not None:
         return named
-    by_words = (at for at in range(len(known)) if at not in others and holds_quality_words(head.column(at, first_row)))
-    return next(by_words, None)
+    left = (at for at in range(len(known)) if at not in others)
+    return next((at for at in left if tell(head.column(at, first_row))), None)
 
 
 def quality_named(known: list[str]) -> int | None:

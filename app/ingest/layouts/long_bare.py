@@ -20,7 +20,7 @@ from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import refuse_parted_decimals, usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
-from app.ingest.tags.quality import holds_quality_words, tell_quality_for_sure
+from app.ingest.tags.quality import tell_good_from_bad, tell_quality_for_sure
 from app.ingest.times.stamps import TimeForm, find_form
 
 _MOST_ALIKE = 0.9  # of the rows have the same code
@@ -102,7 +102,8 @@ def _rests(values: FloatArray) -> bool:
 
 
 def _tell_quality(fields: list[str]) -> bool:
-    return tell_quality_for_sure(fields) or holds_quality_words(fields)
+    words = (text for text in fields if not text.lower().startswith(("bad", "uncertain")))
+    return tell_good_from_bad(fields) or (tell_quality_for_sure(fields) and any(words))
 
 
 def _is_cut(head: Head, columns: list[list[str]]) -> bool:

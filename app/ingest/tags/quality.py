@@ -187,6 +187,14 @@ def holds_quality_words(fields: list[str]) -> bool:
     )
 
 
+def tell_good_from_bad(fields: list[str]) -> bool:
+    """Whether all of a column's fields are words of qualities, and a good one or plain ones alone: `Bad Homburg` is a
+    town."""
+    words = set(map(_word, fields))
+    plain = words <= _OF_QUALITY_ALONE | {"good", "bad", "uncertain"}
+    return holds_quality_words(fields) and (plain or any(word in _GOOD or word.startswith("good") for word in words))
+
+
 def _is_known(word: str) -> bool:
     return word in _GOOD | _UNCERTAIN | _BAD or word.startswith(("good", "bad", "uncertain"))
 
