@@ -84,7 +84,8 @@ def _value(head: Head, columns: list[list[str]], numbers: list[int], several: bo
     may rest, as a set point of 192, and rise as well: what has no fractions is a code or a number of the row, behind
     the first column, only beside another one that has some and moves, and a quality there or where several tags have
     the same one."""
-    found = {index: numbers_of(head, index, 0) for index in numbers}
+    told = {index: numbers_of(head, index, 0) for index in numbers}
+    found = {index: values[np.isfinite(values)] for index, values in told.items()}
     rest = {index for index, values in found.items() if _rests(values)}
     exact = {index for index, values in found.items() if np.any(values % 1) and index not in rest}
 
