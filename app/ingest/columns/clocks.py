@@ -19,10 +19,6 @@ _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}
 _OUR_DATE = re.compile(
     r"((199\d|20[0-4]\d)([-/.])\d{1,2}\3\d{1,2}|\d{1,2}([/.])\d{1,2}\4(199\d|20[0-4]\d))(?P<clock>[T ].*)?"
 )
-_DATE = re.compile(
-    r"((19[9]|20[0-4])\d([-/.])(0?[1-9]|1[0-2])\3(0?[1-9]|[12]\d|3[01])|(0?[1-9]|[12]\d|3[01])([/.])(0?[1-9]|[12]\d|3[01])\7(199|20[0-4])\d)"
-    r"(?P<clock>[T ].*)?"
-)
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
 """What begins so is no clock, however it is spelled: a cheap test before the dear one."""
 
