@@ -8,6 +8,7 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.compare.comparison import Comparison, given_of, record_of
 from app.engine.mismatch.compare.patterns import Pattern, find_patterns, held
 from app.engine.mismatch.compare.sampling import Taken
+from app.engine.mismatch.fit.bending import bent_with
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.levels import decimals_of
@@ -33,7 +34,8 @@ class Prepared:
     its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
     none of this OP. given: the linear model of the simulation as it came, started where PV started. acted: the record
     in which the controller acted, before anything was shortened. laid: the given trace as it was compared, multiplied
-    by `share`; None where none was given.
+    by `share`; None where none was given. bent_by: the given plant and the one found, where what the trace holds beside
+    its linear model was changed from one to the other.
     """
 
     record: Experiment
@@ -46,6 +48,7 @@ class Prepared:
     acted: Experiment | None = None
     laid: InStep | None = None
     share: float = 1.0
+    bent_by: tuple[Plant, Plant] | None = None
 
 
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
@@ -99,11 +102,15 @@ def beside_patterns(
         behind = laid.behind
         record = record.resting(behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
-        base, share = refit_in_its_unit(record, behind.given, behind.rest)
-        record = record.resting(share * behind.rest)
+        first, share = refit_in_its_unit(record, behind.given, behind.rest)
+        base = bent_with(first, share * behind.rest)
+        record = base.record
         off = (*laid.said, *off_by(behind.given, share))
         plant = as_pv_begins(record, behind.given)
-        return Prepared(record, patterns, comparison.trace, base, off, unrelated(behind), plant, laid=laid, share=share)
+        bent_by = None if base is first else (first.given.plant, first.plant)
+        return Prepared(
+            record, patterns, comparison.trace, base, off, unrelated(behind), plant, None, laid, share, bent_by
+        )
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))

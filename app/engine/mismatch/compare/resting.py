@@ -8,6 +8,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.preparing import Prepared
+from app.engine.mismatch.fit.bending import as_refitted
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.loop.experiment import Experiment, alike
 from app.engine.mismatch.loop.plant import run_process
@@ -47,7 +48,8 @@ def rest_along(prepared: Prepared, second: Experiment, trace: FloatArray | None)
     begun = run_process(np.zeros_like(u), behind.plant.changed(K=0.0, b=0.0, x0=1.0), ts)
     energy = float(begun[there] @ begun[there])
     start = float(begun[there] @ left[there]) / energy if energy > 0.0 else 0.0
-    return np.where(there, prepared.share * (left - start * begun), 0.0)
+    rest = np.where(there, prepared.share * (left - start * begun), 0.0)
+    return rest if prepared.bent_by is None else as_refitted(rest, *prepared.bent_by, ts)
 
 
 def rest_unknown(prepared: Prepared, final: Fit) -> Lacking:

@@ -1,0 +1,47 @@
+"""What a given simulation holds beside a linear model changes with the parameters that the record shows."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, explain
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.compare.resting import rest_along
+from app.engine.mismatch.fit.bending import as_refitted
+from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.recording import FloatArray
+from tests.engine.plain_loop import TS, N, moves, noise
+
+TAU, LATE = 30.0, 4.0
+
+
+def bent(u: FloatArray, gain: float = 1.0, slower: float = 1.0) -> FloatArray:
+    """Behind a lag a reading that levels out."""
+    x = run_process(u, Plant(K=1.0, tau=TAU * slower, theta=LATE), TS)
+    return 50.0 + gain * (4.0 * np.tanh(x / 4.0) + 0.15 * x)
+
+
+def loop(seed: int, gain: float, slower: float) -> Comparison:
+    """A simulation that bends as the loop does, its gain and its time constant off."""
+    u = moves(seed=seed)
+    return Comparison("bent", TS, 40.0 + u, bent(u) + 0.2 * noise(seed), trace=bent(u, gain, slower))
+
+
+@pytest.mark.parametrize(("gain", "slower"), [(0.93, 1.07), (1.06, 0.94)])
+def test_a_right_simulation_that_bends_may_be_off_as_a_linear_one_may(gain: float, slower: float) -> None:
+    said = explain(loop(3, gain, slower))
+    assert said.effects == ()
+
+
+def test_what_lies_beside_the_linear_model_has_the_gain_and_the_time_constant_found() -> None:
+    u = moves(seed=5)
+    given, found = Plant(K=1.0, tau=TAU, theta=LATE), Plant(K=1.1, tau=1.2 * TAU, theta=LATE)
+    passed = as_refitted(run_process(u, given, TS), given, found, TS)
+    assert passed == pytest.approx(run_process(u, found, TS), abs=1e-9)
+
+
+def test_along_a_second_recording_it_is_changed_alike() -> None:
+    first = loop(3, 1.07, 1.0)
+    prepared = prepare(first)
+    assert prepared.bent_by is not None
+    again = rest_along(prepared, prepared.record, first.trace)
+    assert again[100:] == pytest.approx(prepared.record.rest[100:], abs=1e-3 * np.std(prepared.record.rest))
