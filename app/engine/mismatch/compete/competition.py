@@ -139,12 +139,12 @@ def descended(task: Task, x: FloatArray, steps: int) -> Fit:
 
 
 def pursue(block: Block, begun: list[Fit]) -> Fit:
-    """The best of the first descents fitted to their end."""
+    """The best of the first descents fitted to their end; as it began where the way on led to another valley."""
     first = begun[0]
     task = task_of(first)
     fits = [fit(task, fitted.x, fitted.noise, 1, 6) for fitted in dict.fromkeys(begun[: block.finalists])]
-    best = max(fits, key=lambda fitted: fitted.likelihood)
-    return fit(task, best.x, None, 3, block.steps)
+    best = max((first, *fits), key=lambda fitted: fitted.likelihood)
+    return max(best, fit(task, best.x, None, 3, block.steps), key=lambda fitted: fitted.likelihood)
 
 
 def finalists(starts: tuple[Start, ...], block: Block, context: Context, most: int | None = None) -> tuple[Start, ...]:
