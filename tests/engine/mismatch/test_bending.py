@@ -9,7 +9,7 @@ from app.engine.mismatch.compare.resting import rest_along
 from app.engine.mismatch.fit.bending import as_refitted
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import FloatArray
-from tests.engine.plain_loop import TS, N, moves, noise
+from tests.engine.plain_loop import TS, moves, noise
 
 TAU, LATE = 30.0, 4.0
 

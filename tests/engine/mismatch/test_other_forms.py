@@ -90,10 +90,10 @@ def test_a_signal_that_is_felt_in_passing_is_coupled() -> None:
 
 def test_the_forms_of_one_signal_take_no_name_of_another() -> None:
     cause = np.random.default_rng(9).normal(size=N)
-    measured = (("feed", cause), ("feed, passing", np.roll(cause, 700)))
+    measured = (("feed", cause), ("feed, passing", np.roll(cause, 700)), ("feed, entering", np.roll(cause, 300)))
     record = experiment(1.0, 40.0 + np.sin(TIME / 50.0), 50.0 + np.sin(TIME / 50.0), measured=measured)
     names = [block.name for block in coupling.blocks(record)]
-    assert len(names) == len(set(names)) == 4
+    assert len(names) == len(set(names)) == 9
 
 
 @pytest.mark.parametrize("further", [2, 3])

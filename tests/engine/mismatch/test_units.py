@@ -76,7 +76,7 @@ def test_floors_follow_the_unit(unit: float) -> None:
     other = experiment(TS, unit * op, unit * pv, measured=(("AUX", unit * aux),))
     given = Given(PLANT)
     assert quiet_noise(other, given).deviation == pytest.approx(unit * quiet_noise(record, given).deviation)
-    assert [block.form for block in coupling.blocks(other)] == ["AUX", "AUX, passing"]
+    assert [block.form for block in coupling.blocks(other)] == ["AUX", "AUX, passing", "AUX, entering"]
     still = [replace(r, op=np.full(HOUR, r.op_mid)) for r in (record, other)]
     one, two = (valve_slew_limit.rates(Context(r, PLANT)) for r in still)
     assert np.all(one > 0.0)

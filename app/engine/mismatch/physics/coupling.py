@@ -1,7 +1,8 @@
 """Coupling: another measured signal moves PV, through a gain, a lag and a dead time; for good, or until the loop that
-it disturbs first has answered, so that only its moves are felt.
+it disturbs first has answered, so that only its moves are felt. A process that integrates adds up what enters it.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
 ROUNDING = 1e-12  # of the largest value
-PASSING = ", passing"
+PASSING, ENTERING = ", passing", ", entering"
 LEAST_OF_OP = 0.1  # of what passes
 
 
@@ -25,7 +26,7 @@ def arriving(name: str, middle: float, values: FloatArray, context: Context) -> 
 
 
 def _block(name: str, source: FloatArray, middle: float) -> Block:
-    spread = float(np.std(source)) or 1.0  # a cause that stands moves PV by where it stands
+    spread = spread_of(source)
 
     def parameters(context: Context) -> tuple[Parameter, ...]:
         ts, unit = context.record.sampling_interval_s, context.record.pv_span / spread
@@ -85,6 +86,28 @@ def _passing(lasting: Block, name: str, middle: float, form: str) -> Block:
     )
 
 
+def _entering(lasting: Block, name: str, middle: float, form: str, spread: float) -> Block:
+    """As the coupling that lasts, but it enters a process that integrates, as a feed does a vessel."""
+
+    def parameters(context: Context) -> tuple[Parameter, ...]:
+        fastest = context.record.pv_span / spread / context.record.sampling_interval_s
+        gain = Parameter("gain", f"PV/s/{name}", -fastest, fastest, 0.01 * fastest, linear=True)
+        return (gain, *lasting.parameters(context)[1:])
+
+    def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+        """What enters is not late by the dead time of OP."""
+        ts, plant = context.record.sampling_interval_s, context.plant
+        arrived = arriving(name, middle, values, context)
+        at = np.arange(len(arrived)) + plant.theta / ts
+        return signal + plant.tau / plant.K * np.interp(at, np.arange(len(arrived)), arrived)
+
+    return replace(lasting, stage="load", parameters=parameters, apply=apply, form=form, suits=integrates)
+
+
+def integrates(context: Context) -> bool:
+    return context.plant.leak == 0.0
+
+
 def blocks(record: Experiment) -> tuple[Block, ...]:
     """The coupling blocks of each measured signal that moves at all, or is told of from where it stood in another
     record.
@@ -99,17 +122,32 @@ def of_causes(record: Experiment) -> tuple[Block, ...]:
 
 
 def forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
-    """Of each signal the form that lasts and the one that passes."""
+    """Of each signal the form that lasts, the one that passes and the one that enters a process that integrates."""
     middles, elsewhere = dict(record.middles), record.reference_middles is not None
-    passing = PASSING
-    while any(name.endswith(passing) for name in middles):
-        passing += PASSING  # so that no form has the name of another signal
+    passing, entering = (unlike(middles, ending) for ending in (PASSING, ENTERING))
     found: dict[str, tuple[Block, ...]] = {}
     for name, signal in record.measured:
         if name in middles and (elsewhere or moves(signal)):
             lasting = _block(name, signal, middles[name])
-            found[name] = (lasting, _passing(lasting, name, middles[name], f"{name}{passing}"))
+            found[name] = (
+                lasting,
+                _passing(lasting, name, middles[name], f"{name}{passing}"),
+                _entering(lasting, name, middles[name], f"{name}{entering}", spread_of(signal)),
+            )
     return found
+
+
+def unlike(names: Iterable[str], ending: str) -> str:
+    """What no name ends with, so that no form has the name of another signal."""
+    told = ending
+    while any(name.endswith(told) for name in names):
+        told += ending
+    return told
+
+
+def spread_of(signal: FloatArray) -> float:
+    """Standard deviation; 1 of a cause that stands, which moves PV by where it stands."""
+    return float(np.std(signal)) or 1.0
 
 
 def moves(signal: FloatArray) -> bool:
