@@ -11,7 +11,7 @@ from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.task import Given, Task
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.physics import by_name
-from tests.engine.plain_loop import N, TRUE, TS, moves, recorded
+from tests.engine.plain_loop import TRUE, TS, N, moves, recorded
 
 
 @pytest.mark.parametrize("nats", [50.0, -50.0])
