@@ -7,6 +7,7 @@ import numpy as np
 
 from app.engine.mismatch import Comparison, Explanation
 from app.engine.mismatch.judge.result import Effect
+from app.engine.mismatch.physics.coupling import condition_of
 from app.engine.recording import FloatArray
 from app.engine.signals.turning import since_reversal
 
@@ -76,9 +77,10 @@ def _unnamed(signals: Signals) -> Trigger:
 
 
 def _coupling(signals: Signals, effect: Effect) -> Trigger | None:
-    """The measured signal that moves PV: its name stands in the unit of the gain."""
-    causes = (p.unit.removeprefix("PV/") for p in effect.parameters if effect.code == "disturbance.coupling")
-    name = next((cause for cause in causes if cause in signals.measured), None)
+    """The measured signal that moves PV: the condition names it."""
+    if effect.code != "disturbance.coupling":
+        return None
+    name = next((name for name in signals.measured if effect.condition == condition_of(name)), None)
     return None if name is None else Trigger(f"{name}, in its unit", signals.measured[name])
 
 

@@ -19,6 +19,11 @@ PASSING, ENTERING = ", passing", ", entering"
 LEAST_OF_OP = 0.1  # of what passes
 
 
+def condition_of(name: str) -> str:
+    """When a coupling acts, in words: of every form of one signal alike."""
+    return f"when {name} moves"
+
+
 def arriving(name: str, middle: float, values: FloatArray, context: Context) -> FloatArray:
     """What a measured signal adds to PV (N,) through gain, lag and dead time."""
     ts, cause = context.record.sampling_interval_s, dict(context.record.measured)[name] - middle
@@ -50,7 +55,7 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
         "disturbance.coupling",
         "disturbance",
         "output",
-        f"when {name} moves",
+        condition_of(name),
         parameters,
         starts,
         apply=apply,
