@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.mismatch.compare.comparison import Comparison
 from app.engine.mismatch.compare.patterns import Pattern
 from app.engine.mismatch.compare.preparing import Prepared
+from app.engine.mismatch.fit.bending import bent_without
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.windows import windows_along
 from app.engine.mismatch.judge.holdout import FitMeasures, FreeRuns, judge, refit_without, unseen_gain
@@ -19,8 +20,9 @@ from app.engine.recording import BoolArray, FloatArray
 
 def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
     """The refit and the explained model, both fitted without the samples `held` (N,), over the whole record."""
-    base_seen = refit_without(prepared.base, held)
-    final_seen = refit_without(final, held, base_seen.given if final.given is prepared.base.given else None)
+    base_seen = refit_without(bent_without(prepared.base, prepared.bent, held), held)
+    given = base_seen.given if final.given is prepared.base.given else None
+    final_seen = refit_without(bent_without(final, prepared.bent, held), held, given)
     sensors = sensors_of(final_seen, prepared.patterns)
     explained = seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
     mid = prepared.record.pv_mid

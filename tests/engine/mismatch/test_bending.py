@@ -1,5 +1,7 @@
 """What a given simulation holds beside a linear model changes with the parameters that the record shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from app.engine.mismatch import Comparison, explain
 from app.engine.mismatch.compare.preparing import prepare
 from app.engine.mismatch.compare.resting import rest_along
 from app.engine.mismatch.fit.bending import as_refitted
+from app.engine.mismatch.free_runs import free_runs
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import FloatArray
 from tests.engine.plain_loop import TS, moves, noise
@@ -42,6 +45,18 @@ def test_what_lies_beside_the_linear_model_has_the_gain_and_the_time_constant_fo
 def test_along_a_second_recording_it_is_changed_alike() -> None:
     first = loop(3, 1.07, 1.0)
     prepared = prepare(first)
-    assert prepared.bent_by is not None
+    assert prepared.bent is not None
     again = rest_along(prepared, prepared.record, first.trace)
     assert again[100:] == pytest.approx(prepared.record.rest[100:], abs=1e-3 * np.std(prepared.record.rest))
+
+
+def test_what_is_held_out_does_not_change_what_lies_beside_the_model() -> None:
+    """Where the loop has another gain there, the free run that has not seen it has none of that."""
+    first, rests = loop(3, 1.07, 1.0), []
+    later = np.arange(len(first.pv)) >= 0.7 * len(first.pv)
+    for gain in (1.0, 0.9):
+        pv = np.where(later, 50.0 + gain * (first.pv - 50.0), first.pv)
+        prepared = prepare(replace(first, pv=pv))
+        assert prepared.bent is not None
+        rests.append(free_runs(prepared, prepared.base, later).model.record.rest)
+    assert rests[0] == pytest.approx(rests[1], abs=3e-3 * np.std(rests[1]))

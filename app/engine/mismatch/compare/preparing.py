@@ -8,7 +8,7 @@ from app.engine.evidence import Reason
 from app.engine.mismatch.compare.comparison import Comparison, given_of, record_of
 from app.engine.mismatch.compare.patterns import Pattern, find_patterns, held
 from app.engine.mismatch.compare.sampling import Taken
-from app.engine.mismatch.fit.bending import bent_with
+from app.engine.mismatch.fit.bending import Bent, bent_with
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.levels import decimals_of
@@ -34,8 +34,8 @@ class Prepared:
     its parameters are from the record, where that is further than it was trusted. unrelated: why the given trace is
     none of this OP. given: the linear model of the simulation as it came, started where PV started. acted: the record
     in which the controller acted, before anything was shortened. laid: the given trace as it was compared, multiplied
-    by `share`; None where none was given. bent_by: the given plant and the one found, where what the trace holds beside
-    its linear model was changed from one to the other.
+    by `share`; None where none was given. bent: how what the trace holds beside its linear model was changed to the
+    parameters found; None where it was not.
     """
 
     record: Experiment
@@ -48,7 +48,7 @@ class Prepared:
     acted: Experiment | None = None
     laid: InStep | None = None
     share: float = 1.0
-    bent_by: tuple[Plant, Plant] | None = None
+    bent: Bent | None = None
 
 
 def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
@@ -103,14 +103,12 @@ def beside_patterns(
         record = record.resting(behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
         first, share = refit_in_its_unit(record, behind.given, behind.rest)
-        base = bent_with(first, share * behind.rest)
+        base, bent = bent_with(first, share * behind.rest)
         record = base.record
         off = (*laid.said, *off_by(behind.given, share))
         plant = as_pv_begins(record, behind.given)
-        bent_by = None if base is first else (first.given.plant, first.plant)
-        return Prepared(
-            record, patterns, comparison.trace, base, off, unrelated(behind), plant, None, laid, share, bent_by
-        )
+        other = unrelated(behind)
+        return Prepared(record, patterns, comparison.trace, base, off, other, plant, laid=laid, share=share, bent=bent)
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))

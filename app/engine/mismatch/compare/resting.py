@@ -8,7 +8,6 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.preparing import Prepared
-from app.engine.mismatch.fit.bending import as_refitted
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.loop.experiment import Experiment, alike
 from app.engine.mismatch.loop.plant import run_process
@@ -49,7 +48,7 @@ def rest_along(prepared: Prepared, second: Experiment, trace: FloatArray | None)
     energy = float(begun[there] @ begun[there])
     start = float(begun[there] @ left[there]) / energy if energy > 0.0 else 0.0
     rest = np.where(there, prepared.share * (left - start * begun), 0.0)
-    return rest if prepared.bent_by is None else as_refitted(rest, *prepared.bent_by, ts)
+    return rest if prepared.bent is None else prepared.bent.along(rest, ts)
 
 
 def rest_unknown(prepared: Prepared, final: Fit) -> Lacking:

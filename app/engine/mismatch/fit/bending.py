@@ -2,12 +2,29 @@
 other time constants than the given ones, that changes with them.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import scipy
 
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
+from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """What a trace holds beside the given linear model (rest, (N,), as it came), changed to that of the plant found."""
+
+    rest: FloatArray
+    given: Given
+    found: Plant
+
+    def along(self, rest: FloatArray, ts: float) -> FloatArray:
+        """What a trace of the same simulation holds (N,), changed alike."""
+        return as_refitted(rest, self.given.plant, self.found, ts)
 
 
 def as_refitted(rest: FloatArray, given: Plant, found: Plant, ts: float) -> FloatArray:
@@ -33,12 +50,26 @@ def lag_over_lag(signal: FloatArray, was: float, now: float) -> FloatArray:
     return out
 
 
-def bent_with(base: Fit, rest: FloatArray) -> Fit:
-    """The refit beside what the given trace holds (N,), as it is with the refitted parameters; as it was where the
-    record does not show that better.
+def bent_with(base: Fit, rest: FloatArray) -> tuple[Fit, Bent | None]:
+    """The refit beside what the given trace holds (N,), as it is with the refitted parameters; as it was, and None,
+    where the record does not show that better.
     """
     if not np.any(rest):
-        return base
-    bent = as_refitted(rest, base.given.plant, base.plant, base.record.as_sampled.sampling_interval_s)
-    again = fit_linear(base.record.resting(bent), base.given)
-    return again if again.likelihood > base.likelihood else base
+        return base, None
+    bent = Bent(rest, base.given, base.plant)
+    again = fit_linear(bent_record(base.record, bent), base.given)
+    return (again, bent) if again.likelihood > base.likelihood else (base, None)
+
+
+def bent_record(record: Experiment, bent: Bent) -> Experiment:
+    return record.resting(bent.along(bent.rest, record.as_sampled.sampling_interval_s))
+
+
+def bent_without(found: Fit, bent: Bent | None, held: BoolArray) -> Fit:
+    """A fit, to be made again without the samples `held` (N,) out, beside what the trace holds as it is changed to the
+    parameters that the others show.
+    """
+    if bent is None:
+        return found
+    blind = fit_linear(found.record.comparing(found.record.usable & ~held).resting(bent.rest), bent.given)
+    return replace(found, record=bent_record(found.record, replace(bent, found=blind.plant)))
