@@ -65,6 +65,20 @@ def test_a_model_with_other_values_than_its_parts_take_is_refused() -> None:
         assert refused.value.code == "model_invalid"
 
 
+@pytest.mark.parametrize("gain", [0.0, 1e-320, -1e300])
+def test_a_model_by_which_op_moves_nothing_is_refused(gain: float) -> None:
+    """What enters a process beside OP is told as the OP that does the same."""
+    n, steps = 150, PartModel("disturbance.step", "disturbance.step", (100.0, 1.0))
+    feed = PartModel("disturbance.coupling/feed, entering", "disturbance.coupling", (0.1, 5.0, 0.0))
+    measured = (("feed", np.arange(n) % 5.0),)
+    for part in (steps, feed):
+        plant = (("K", gain), ("tau", 1.0), ("theta", 0.0), ("leak", 0.0))
+        model = ExplainedModel(4.0, 40.0, 50.0, 5.0, 5.0, plant, (part,), ("feed",))
+        with pytest.raises(DataError, match="K must be other than 0") as refused:
+            simulate_again(model, 40.0 + np.arange(n) % 7.0, measured)
+        assert refused.value.code == "model_invalid"
+
+
 def test_a_model_runs_along_a_faster_recording_only_where_it_fits(tmp_path: Path) -> None:
     model = ExplainedModel(4.0, 40.0, 50.0, 5.0, 5.0, (("K", 1.0), ("tau", 20.0), ("theta", 0.0)), (), ())
     op = np.repeat([40.0, 42.0], 200)
