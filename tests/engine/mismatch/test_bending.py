@@ -35,11 +35,13 @@ def test_a_right_simulation_that_bends_may_be_off_as_a_linear_one_may(gain: floa
     assert said.effects == ()
 
 
-def test_what_lies_beside_the_linear_model_has_the_gain_and_the_time_constant_found() -> None:
+@pytest.mark.parametrize("later", [0.0, TS, -TS])
+def test_what_lies_beside_the_linear_model_has_gain_time_constant_and_dead_time_found(later: float) -> None:
     u = moves(seed=5)
-    given, found = Plant(K=1.0, tau=TAU, theta=LATE), Plant(K=1.1, tau=1.2 * TAU, theta=LATE)
+    u = u - u[0]
+    given, found = Plant(K=1.0, tau=TAU, theta=LATE), Plant(K=1.1, tau=1.2 * TAU, theta=LATE + later)
     passed = as_refitted(run_process(u, given, TS), given, found, TS)
-    assert passed == pytest.approx(run_process(u, found, TS), abs=1e-9)
+    assert passed[:-1] == pytest.approx(run_process(u, found, TS)[:-1], abs=1e-9)
 
 
 def test_along_a_second_recording_it_is_changed_alike() -> None:
@@ -54,7 +56,7 @@ def test_what_is_held_out_does_not_change_what_lies_beside_the_model() -> None:
     """Where the loop has another gain there, the free run that has not seen it has none of that."""
     first, rests = loop(3, 1.07, 1.0), []
     later = np.arange(len(first.pv)) >= 0.7 * len(first.pv)
-    for gain in (1.0, 0.9):
+    for gain in (1.0, 0.95):
         pv = np.where(later, 50.0 + gain * (first.pv - 50.0), first.pv)
         prepared = prepare(replace(first, pv=pv))
         assert prepared.bent is not None

@@ -1,5 +1,5 @@
-"""What a given trace holds beside its linear model belongs to the same process: where the record shows another gain or
-other time constants than the given ones, that changes with them.
+"""What a given trace holds beside its linear model belongs to the same process: where the record shows another gain,
+other time constants or another dead time than the given ones, that changes with them.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import scipy
 from app.engine.mismatch.fit.fitting import Fit, fit_linear
 from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.loop.experiment import Experiment
-from app.engine.mismatch.loop.plant import Plant
+from app.engine.mismatch.loop.plant import Plant, delay
 from app.engine.recording import BoolArray, FloatArray
 
 
@@ -28,8 +28,8 @@ class Bent:
 
 
 def as_refitted(rest: FloatArray, given: Plant, found: Plant, ts: float) -> FloatArray:
-    """The rest (N,) of a trace of the given plant, as a plant with the gain and the time constants found would have it:
-    multiplied by one gain over the other, and passed through one lag over the other.
+    """The rest (N,) of a trace of the given plant, as the plant found would have it: multiplied by one gain over the
+    other, passed through one lag over the other, and later by what its dead time is longer.
     """
     bent = found.K / given.K * rest
     lags = [(given.tau2, found.tau2), (given.tau3, found.tau3)]
@@ -38,7 +38,7 @@ def as_refitted(rest: FloatArray, given: Plant, found: Plant, ts: float) -> Floa
     for was, now in lags:
         if was > 0.0 and now > 0.0 and was != now:
             bent = lag_over_lag(bent, float(np.exp(-ts / was)), float(np.exp(-ts / now)))
-    return bent
+    return delay(bent, found.theta - given.theta, ts)
 
 
 def lag_over_lag(signal: FloatArray, was: float, now: float) -> FloatArray:
