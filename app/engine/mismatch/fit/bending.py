@@ -54,7 +54,7 @@ def bent_with(base: Fit, rest: FloatArray) -> tuple[Fit, Bent | None]:
     """The refit beside what the given trace holds (N,), as it is with the refitted parameters; as it was, and None,
     where the record does not show that better.
     """
-    if not np.any(rest):
+    if not np.any(rest) or base.given.plant.K == 0.0:
         return base, None
     bent = Bent(rest, base.given, base.plant)
     again = fit_linear(bent_record(base.record, bent), base.given)
