@@ -23,6 +23,9 @@ _BANDS = (0.06, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 _SLIPS = (0.0, 0.4, 1.0)
 # An OP on few values moves by just a band, and the rounding of its unit would say whether the stem slips.
 _BESIDE = 1.0 + 1e-9
+# Of every valve of the grid, the linear one first.
+_S = _BESIDE * np.array([0.0] + [s for s in _BANDS for _ in _SLIPS])
+_J = _BESIDE * np.array([0.0] + [s * j for s in _BANDS for j in _SLIPS])
 # A misfit below this share of the variance of PV is as good as none: noise decides there.
 _MISFIT_FLOOR = 0.02
 _WORST_MISFIT = 2.0
@@ -80,17 +83,15 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     inverse of its controller pass for the process, which is why the causal fits ask for the sign of the feedback.
     """
     op = (op - op.mean()) / (cycle_range(op, per_cycle) or 1.0)
-    S = _BESIDE * np.array([0.0] + [s for s in _BANDS for _ in _SLIPS])
-    J = _BESIDE * np.array([0.0] + [s * j for s in _BANDS for j in _SLIPS])
     drift = int(1.5 * per_cycle)
     y = without_drift(pv, drift)
     action, integral_share = controller_action(y, without_drift(op, drift))
     lags, dead_times = process_grid(per_cycle)
-    sums = _Sums(*_bank(y, op, S, J, lags, dead_times, drift))
+    sums = _Sums(*_bank(y, op, _S, _J, lags, dead_times, drift))
     misfit, causal_misfit = _misfit(sums, 0.0), _misfit(sums, -action)
     any_sign, causal, level = (_least(x) for x in (misfit, causal_misfit, causal_misfit[:, -1:]))
     held = _held_out(sums.yy, sums.xy, sums.xx, -action)
-    best = int(np.argmin(misfit[1:].reshape(len(S) - 1, -1).min(axis=1))) + 1
+    best = int(np.argmin(misfit[1:].reshape(len(_S) - 1, -1).min(axis=1))) + 1
     return FreeRun(
         fit_linear=1.0 - any_sign[0],
         fit_sticky=1.0 - any_sign[1],
@@ -103,8 +104,8 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
         held_linear=1.0 - held[0],
         held_sticky=1.0 - held[1],
         held_gain=held[0] - held[1],
-        S_share=float(S[best]),
-        J_share=float(J[best] / S[best]),
+        S_share=float(_S[best]),
+        J_share=float(_J[best] / _S[best]),
         level_gain=_log_gain(level),
         integral_share=integral_share,
     )

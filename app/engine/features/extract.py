@@ -101,7 +101,7 @@ def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
     )
     regularity = float(np.log(np.clip(oscillation.regularity, _LEAST_REGULAR, _MOST_REGULAR)))
     row = [
-        *(getattr(group, field.name) for group in groups for field in fields(group)),
+        *(value for group in groups for value in vars(group).values()),
         oscillation.strength,
         regularity,
     ]

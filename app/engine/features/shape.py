@@ -173,17 +173,27 @@ def triangle_index(x: FloatArray) -> float:
 
 @njit(cache=True, nogil=True)
 def _half_cycle(half: FloatArray) -> float:
-    n = len(half)
-    t = (np.arange(n) + 0.5) / n
-    sine = _misfit(half, np.sin(np.pi * t))
-    triangle = np.inf
+    n, triangle = len(half), np.inf
+    t, form = np.empty(n), np.empty(n)
+    for i in range(n):
+        t[i] = (i + 0.5) / n
+        form[i] = np.sin(np.pi * t[i])
+    sine = _misfit(half, form)
     for k in range(2, 9):
         peak = 0.1 * k
-        triangle = min(triangle, _misfit(half, np.minimum(t / peak, (1.0 - t) / (1.0 - peak))))
+        for i in range(n):
+            form[i] = min(t[i] / peak, (1.0 - t[i]) / (1.0 - peak))
+        triangle = min(triangle, _misfit(half, form))
     return sine / (sine + triangle + 1e-12)
 
 
 @njit(cache=True, nogil=True)
 def _misfit(half: FloatArray, form: FloatArray) -> float:
-    gain = np.sum(half * form) / np.sum(form * form)
-    return np.sum((half - gain * form) ** 2)
+    top = bottom = left = 0.0
+    for i in range(len(half)):
+        top += half[i] * form[i]
+        bottom += form[i] * form[i]
+    gain = top / bottom
+    for i in range(len(half)):
+        left += (half[i] - gain * form[i]) ** 2
+    return left
