@@ -1,11 +1,12 @@
 """Linear surrogates, and whether a record looks stickier than they do."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
-from app.engine.features import at_rest, observe_parts
+from app.engine.features import Features, at_rest, extract, observe_parts
 from app.engine.fitness import assess
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
@@ -19,14 +20,16 @@ from app.engine.verdict.weighing import weigh
 MODEL = fitted_model()
 
 
-def record_of(S: float, seed: int = 1, load_sd: float = 0.0, sp: tuple[tuple[float, float], ...] = ()) -> UniformRecord:
+def record_of(
+    S: float, seed: int = 1, load_sd: float = 0.0, sp: tuple[tuple[float, float], ...] = (), seconds: float = 1000.0
+) -> UniformRecord:
     """A flow whose valve sticks by S, or does not while its load wanders. sp: steps of its set point."""
     spec = LoopSpec(
         plant=first_order(1.0, 3.0, 1.0), controller=Pid(0.3, 6.0), noise=Signal(noise_sd=0.03),
         valve=TwoParameterValve(S, S), upset=Signal(value=3.0, noise_sd=load_sd, noise_tau_s=50.0),
         settle_s=300.0, sp=Signal(steps=sp),
     )  # fmt: skip
-    return assess(simulate_loop(spec, 1000.0, 1.0, seed=seed).recording("flow")).audited
+    return assess(simulate_loop(spec, seconds, 1.0, seed=seed).recording("flow")).audited
 
 
 def compared(record: UniformRecord, oscillation: Oscillation | None = None) -> LookAlikes:
@@ -71,6 +74,63 @@ def test_linear_loops_look_stickier_than_themselves_as_seldom_as_is_said():
     shown = [compared(record, oscillation).shown for record in linear]
     # Two of a hundred by its level: five of sixty would come in one of 150 tries.
     assert sum(shown) <= 4
+
+
+def drawn_from(record: UniformRecord, count: int, oscillation: Oscillation) -> list[Features]:
+    surrogates = linear_surrogates(record.pv, record.op, seed=5)
+    return [
+        extract(replace(record, pv=pv, op=op), oscillation)
+        for (pv, op), _ in zip(surrogates, range(count), strict=False)
+    ]
+
+
+@pytest.mark.parametrize(("windows", "counts"), [(1, [5, 10, 19]), (2, [4, 7, 13]), (3, [3, 5, 11])])
+def test_the_more_windows_tell_independently_the_fewer_surrogates_are_needed(windows, counts):
+    drawn = [features_of(np.zeros((windows, 2)), np.full(windows, 1.0 / windows))]
+    assert [comparing._needed(whole, clear, drawn) for whole, clear, _ in comparing._STAGES] == counts
+    overlapping = [replace(drawn[0], overlap=True)]
+    assert [comparing._needed(whole, clear, overlapping) for whole, clear, _ in comparing._STAGES] == [5, 10, 19]
+
+
+@pytest.mark.parametrize(("windows", "count"), [(2, 6), (3, 3), (3, 7), (6, 7)])
+def test_of_every_two_windows_each_surrogate_meets_each_of_the_others_once(windows, count):
+    weights = np.full(windows, 1.0 / windows)
+    # Window w of surrogate k says count^w k: their mean tells which of them went into it.
+    drawn = [features_of(float(count) ** np.arange(windows)[:, None] * k, weights) for k in range(count)]
+    mixed = np.rint(windows * comparing._recombined(drawn)[:, 0]).astype(int)
+    of = np.array([[value // count**w % count for w in range(windows)] for value in mixed])
+    assert of.shape == (count**2, windows)
+    for one, other in combinations(range(windows), 2):
+        assert len(set(zip(of[:, one], of[:, other], strict=True))) == count**2
+
+
+def test_windows_that_share_samples_or_differ_in_number_are_not_recombined():
+    one, two = features_of(np.zeros((1, 2)), np.ones(1)), features_of(np.ones((2, 2)), np.full(2, 0.5))
+    for drawn in ([two, one], [replace(two, overlap=True)] * 2):
+        assert comparing._recombined(drawn).tolist() == [features.values.tolist() for features in drawn]
+
+
+def features_of(table: np.ndarray, weights: np.ndarray) -> Features:
+    return Features(weights @ table, table, weights, False, ())
+
+
+def test_windows_of_different_surrogates_scatter_as_those_of_one_do():
+    record = record_of(2.0, seconds=5000.0)
+    drawn = drawn_from(record, 60, detect(record))
+    assert len(drawn[0].weights) == 3
+    assert not drawn[0].overlap
+    whole = MODEL.log_odds(np.array([features.values for features in drawn]))
+    mixed = MODEL.log_odds(comparing._recombined(drawn[:59]))
+    assert np.mean(mixed) == pytest.approx(np.mean(whole), abs=0.25 * np.std(whole))
+    # Of 60 draws a standard deviation is known to 9 %.
+    assert np.std(mixed) == pytest.approx(np.std(whole), rel=0.25)
+
+
+@pytest.mark.parametrize(("seconds", "windows", "overlap"), [(1000.0, 1, False), (2000.0, 2, True), (3000.0, 2, False)])
+def test_windows_share_samples_where_a_record_hardly_holds_two(seconds, windows, overlap):
+    record = record_of(2.0, seconds=seconds)
+    features = extract(record, detect(record))
+    assert (len(features.weights), features.overlap) == (windows, overlap)
 
 
 def test_unit_offset_and_sign_of_pv_and_op_change_nothing():

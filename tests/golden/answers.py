@@ -96,6 +96,7 @@ RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "shaken": lambda: loop(shaken=4.0),
     "shaken and sticks": lambda: loop(S=3.0, J=1.0, shaken=4.0),
     "under a load in teeth": lambda: loop(toothed=True, samples=1600),
+    "sticks a little and is shaken": lambda: loop(S=1.0, J=1.0, shaken=0.3, samples=1600),
     "quiet": loop,
     "PV stands": stands,
     "irregular": irregular,

@@ -31,11 +31,14 @@ NAMES: tuple[str, ...] = (
 class Features:
     """values: (F,) in the order of NAMES, averaged over the W windows; table: (W, F) window by window.
 
-    windows: those of the whole record.
+    weights: (W,) what each of them counts in `values`, 1 in all. overlap: whether two of them share samples. windows:
+    those of the whole record.
     """
 
     values: FloatArray
     table: FloatArray
+    weights: FloatArray
+    overlap: bool
     windows: tuple[ShapeWindow, ...]
 
     def named(self, name: str) -> float:
@@ -51,7 +54,9 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
     if not windows:
         return None
     table = np.array([_row(window, oscillation) for window in windows])
-    return Features(table.mean(axis=0), table, windows)
+    weights = np.full(len(windows), 1.0 / len(windows))
+    overlap = sum(len(window.raw_pv) for window in windows) > record.samples
+    return Features(table.mean(axis=0), table, weights, overlap, windows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +91,13 @@ def observe_parts(parts: Sequence[Part]) -> Features | None:
     if features is None:
         return None
     found = [features, *(other for other in others if other is not None)]
-    values = np.mean([one.values for one in found], axis=0)
-    return Features(values, np.concatenate([one.table for one in found]), features.windows)
+    return Features(
+        values=np.mean([one.values for one in found], axis=0),
+        table=np.concatenate([one.table for one in found]),
+        weights=np.concatenate([one.weights for one in found]) / len(found),
+        overlap=any(one.overlap for one in found),
+        windows=features.windows,
+    )
 
 
 def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
