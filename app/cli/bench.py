@@ -33,7 +33,8 @@ def bench(
     ] = "postgresql+psycopg://127.0.0.1/postgres",
     redis: Annotated[str, typer.Option("--redis", help="An empty Redis data base.")] = "redis://127.0.0.1:6379/9",
     recordings: Annotated[
-        Path | None, typer.Option("--recordings", help="A folder with CHEM1.csv, the paper's FC145.")
+        Path | None,
+        typer.Option("--recordings", help="A folder of recordings to audit (CHEM1.csv is the paper's FC145)."),
     ] = None,
 ) -> None:
     """Measure the order search, the audit, reading exports, a plant's night and the API, beside their peers.

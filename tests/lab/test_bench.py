@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.cli.bench import Section
-from app.lab.bench import files, ingest, plant
+from app.lab.bench import audit, files, ingest, plant
 from app.lab.bench.bench import QUICK, Bench, SkippedError
 from app.lab.bench.machine import describe
 from app.lab.bench.measure import yardstick_s
@@ -111,6 +111,25 @@ def test_the_page_tells_audits_beside_what_the_machine_did_meanwhile() -> None:
     del figures["sections"]["audit"]["longer"]["yardstick_ms"]
     assert "a million additions" not in performance_page(figures)
     assert yardstick_s() > 0.0
+
+
+def test_recordings_of_a_folder_are_audited_beside_simulated_loops(tmp_path: Path) -> None:
+    row = "2024-03-01T{:02d}:{:02d}:00Z,{},{}\n"
+    for name, samples in (("long", 300), ("short", 90)):
+        rows = (row.format(k // 60, k % 60, 50.0 + k % 7, 40.0 + k % 5) for k in range(samples))
+        (tmp_path / f"{name}.csv").write_text("time,PV,OP\n" + "".join(rows))
+    (tmp_path / "labels.csv").write_text("recording,label\nlong,stiction\n")
+    found = audit._recorded(tmp_path, 200)
+    assert {name: one.samples for name, one in found.items()} == {"long": 200, "short": 90}
+    figures = read(FIGURES)
+    recorded = audit._spread(found, 200)
+    assert (recorded["loops"], recorded["samples"]) == (2, 200)
+    figures["sections"]["audit"]["recorded"] = recorded | {"ms_max": 61.0}
+    page = performance_page(figures)
+    assert "| 200 at most, recorded in plants | 2 |" in page
+    assert "| an audit of as many, the dearest recording, ms | at most 60 | 61 | **missed** |" in page
+    del figures["sections"]["audit"]["recorded"]
+    assert "recorded in plants" not in performance_page(figures)
 
 
 def test_of_the_kernel_the_version_is_told_and_not_whose_build_it_is(monkeypatch) -> None:

@@ -5,6 +5,7 @@ import pstats
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from app.engine.armax import SearchSpace
 from app.engine.audit import AuditConfig, audit
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter
+from app.errors import DataError
+from app.ingest import read_recordings
 from app.lab.bench.bench import Bench, Figures
 from app.lab.bench.loops import records
 from app.lab.bench.measure import median_s, times_s, yardstick_s
@@ -30,9 +33,11 @@ def run(bench: Bench) -> Figures:
     kinds = min(KINDS, bench.sizes.loops)
     plant = _recordings(kinds, 1440)
     sticky = _longest(bench)
+    recorded = {} if bench.recordings is None else _recorded(bench.recordings, 2000)
     return {
         **_spread(plant, 1440),
         "longer": _spread(_recordings(kinds, 2000), 2000),
+        **({"recorded": _spread(recorded, 2000)} if recorded else {}),
         "stages": _stages(list(plant.values())),
         "samples_growth": _growth(bench, sticky),
         "grid": _against(bench, "grid", GRIDS, lambda n: lambda: _identify(sticky, points=n)),
@@ -67,21 +72,24 @@ def _recordings(count: int, samples: int) -> dict[str, Recording]:
     return {loop.tag: Recording(loop.tag, steps, loop.pv, loop.op, loop.sp) for loop in records(count, samples)}
 
 
+def _recorded(folder: Path, most: int) -> dict[str, Recording]:
+    """The first samples, `most` of each, of the recordings of one loop in a folder."""
+    found = {}
+    for path in sorted(folder.glob("*.csv")):
+        try:
+            recordings = read_recordings(path).recordings
+        except DataError:
+            continue  # a list of labels
+        if len(recordings) == 1:
+            found[path.stem] = recordings[0].part(slice(most))
+    return found
+
+
 def _longest(bench: Bench) -> Recording:
     """A sticking loop of the greatest length."""
     samples = bench.sizes.lengths[-1]
     loop = list(records(22, samples))[-1]
     return Recording(loop.tag, 60.0 * np.arange(samples, dtype=np.float64), loop.pv, loop.op, loop.sp)
-
-
-def _part(recording: Recording, samples: int) -> Recording:
-    return Recording(
-        recording.name,
-        recording.time_s[:samples],
-        recording.pv[:samples],
-        recording.op[:samples],
-        None if recording.sp is None else recording.sp[:samples],
-    )
 
 
 def _growth(bench: Bench, whole: Recording) -> list[Figures]:
@@ -90,7 +98,7 @@ def _growth(bench: Bench, whole: Recording) -> list[Figures]:
     unlimited = replace(AuditConfig(), max_samples=10**9)
     for samples in bench.sizes.lengths:
         bench.tell(f"audit: {samples} samples")
-        recording = _part(whole, samples)
+        recording = whole.part(slice(samples))
         row: Figures = {"samples": samples}
         for name, config in (("ms", AuditConfig()), ("ms_all_samples", unlimited)):
             if name == "ms_all_samples" and samples > 20_000 and rows[-1][name] > 4000:
