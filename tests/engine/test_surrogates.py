@@ -10,7 +10,7 @@ from app.engine.features import Features, at_rest, extract, observe_parts
 from app.engine.fitness import assess
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
-from app.engine.signals.surrogates import linear_surrogates
+from app.engine.signals.surrogates import kept_step, linear_surrogates
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
 from app.engine.verdict import look_alikes as comparing
 from app.engine.verdict.look_alikes import LookAlikes, look_alikes
@@ -52,6 +52,17 @@ def test_a_surrogate_has_the_spectra_of_its_signals_and_what_goes_together_in_th
         np.testing.assert_allclose(np.abs(flat[0]), np.abs(flat[2]), atol=1e-8)
         np.testing.assert_allclose(np.abs(flat[1]), np.abs(flat[3]), atol=1e-8)
         np.testing.assert_allclose(flat[0] * flat[1].conj(), flat[2] * flat[3].conj(), atol=1e-6)
+
+
+def test_a_line_keeps_step_in_every_surrogate_and_noise_does_not():
+    n = 1200
+    line, noise = 3.0 * np.sin(2.0 * np.pi * 30 * np.arange(n) / n), np.random.default_rng(1).normal(size=n)
+    drift = np.linspace(0.0, 50.0, n) ** 2
+    for x, least, most in ((line, 0.99, 1.0001), (line + noise + drift, 0.5, 1.0), (noise, 0.0, 0.4), (0 * line, 0, 0)):
+        kept = [kept_step(x, 413, 80.0, 10.0)]
+        kept += [kept_step(1e4 - 7.0 * next(linear_surrogates(x, x, seed))[0], 413, 80.0, 10.0) for seed in range(2)]
+        assert least <= min(kept) <= max(kept) <= most
+        assert max(kept) == pytest.approx(min(kept), abs=0.02)
 
 
 def test_surrogates_of_a_seed_are_the_same_and_of_another_others():
@@ -104,9 +115,12 @@ def test_of_every_two_windows_each_surrogate_meets_each_of_the_others_once(windo
         assert len(set(zip(of[:, one], of[:, other], strict=True))) == count**2
 
 
-def test_windows_that_share_samples_or_differ_in_number_are_not_recombined():
+def test_windows_that_share_samples_or_differ_in_number_or_weight_are_not_recombined():
     one, two = features_of(np.zeros((1, 2)), np.ones(1)), features_of(np.ones((2, 2)), np.full(2, 0.5))
-    for drawn in ([two, one], [replace(two, overlap=True)] * 2):
+    # Three windows of the whole and one of the rest of its set point, and the other way round.
+    three_and_one = np.array([1.0, 1.0, 1.0, 3.0]) / 6.0
+    other = [features_of(np.eye(4), three_and_one), features_of(np.eye(4), three_and_one[::-1])]
+    for drawn in ([two, one], [replace(two, overlap=True)] * 2, [two, replace(two, overlap=True)], other):
         assert comparing._recombined(drawn).tolist() == [features.values.tolist() for features in drawn]
 
 
@@ -124,6 +138,22 @@ def test_windows_of_different_surrogates_scatter_as_those_of_one_do():
     assert np.mean(mixed) == pytest.approx(np.mean(whole), abs=0.25 * np.std(whole))
     # Of 60 draws a standard deviation is known to 9 %.
     assert np.std(mixed) == pytest.approx(np.std(whole), rel=0.25)
+
+
+def linear_record(cycles: float, seed: int) -> UniformRecord:
+    """What a load of so many cycles makes of a linear loop: every harmonic at a phase of its own."""
+    n, rng = 2400, np.random.default_rng(seed)
+    phase = 2.0 * np.pi * cycles * np.arange(n) / n
+    pv = np.sign(np.sin(phase)) * np.sqrt(np.abs(np.sin(phase))) + 0.05 * rng.normal(size=n)
+    op = 2.0 / np.pi * np.arcsin(np.sin(phase - 0.5 * np.pi)) + 0.015 * rng.normal(size=n)
+    pv, op = next(linear_surrogates(pv, op, 1000 + seed))
+    return UniformRecord(1.0, pv, op, None, np.zeros(n, dtype=bool))
+
+
+@pytest.mark.parametrize(("cycles", "most"), [(50.0, 5), (51.17, 3)])
+def test_a_linear_loop_under_a_strictly_periodic_load_is_not_taken_for_more_than_linear(cycles, most):
+    records = [linear_record(cycles, seed) for seed in range(40)]
+    assert sum(compared(record).shown for record in records) <= most
 
 
 @pytest.mark.parametrize(("seconds", "windows", "overlap"), [(1000.0, 1, False), (2000.0, 2, True), (3000.0, 2, False)])

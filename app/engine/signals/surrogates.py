@@ -18,7 +18,7 @@ def linear_surrogates(first: FloatArray, second: FloatArray, seed: int = 0) -> I
     10.1016/0167-2789(92)90102-S.
     """
     rng = np.random.default_rng(seed)
-    lines = [np.linspace(x[0], x[-1], len(x)) for x in (first, second)]
+    lines = [_line(x) for x in (first, second)]
     spectra = [np.fft.rfft(x - line) for x, line in zip((first, second), lines, strict=True)]
     free = slice(1, (len(first) + 1) // 2)
     while True:
@@ -28,3 +28,20 @@ def linear_surrogates(first: FloatArray, second: FloatArray, seed: int = 0) -> I
             np.fft.irfft(spectrum * turn, len(first)) + line for spectrum, line in zip(spectra, lines, strict=True)
         )
         yield one, other
+
+
+def kept_step(x: FloatArray, lag: int, slowest: float, fastest: float) -> float:
+    """How far any linear surrogate of x (n,) repeats itself after `lag` samples, from 0 to 1: at 1 it is one line.
+
+    Of what has between `slowest` and `fastest` samples a cycle, whatever its phase then.
+    """
+    power = np.abs(np.fft.rfft(x - _line(x))) ** 2
+    cycles = np.arange(len(power))
+    power = np.where((cycles * slowest >= len(x)) & (cycles * fastest <= len(x)), power, 0.0)
+    total = float(np.sum(power))
+    return float(np.abs(np.sum(power * np.exp(2j * np.pi * lag / len(x) * cycles)))) / total if total > 0.0 else 0.0
+
+
+def _line(x: FloatArray) -> FloatArray:
+    """From the first sample to the last."""
+    return np.linspace(x[0], x[-1], len(x))

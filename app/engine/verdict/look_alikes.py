@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from app.engine.features import Features, Part, observe_parts, parts_of
+from app.engine.features import Features, Part, cycle_samples, observe_parts, parts_of, spans
+from app.engine.features.window import MOST_WINDOWS
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.surrogates import linear_surrogates
+from app.engine.signals.surrogates import kept_step, linear_surrogates
 from app.engine.verdict.shape_model import ShapeModel
 
 MOST_CHANCE = 0.02
@@ -19,6 +20,9 @@ MOST_CHANCE = 0.02
 _STAGES = ((5, 0.004, 0.3), (10, 0.01, 0.15), (19, MOST_CHANCE, MOST_CHANCE))
 """After so many surrogates of one window, or as many of several as tell as much, it is enough where the chance is below
 the first bound or above the second; most records that stick need the first."""
+
+# Where PV or OP keep step from one window to the next by more than this, the second says what the first has said.
+_MOST_IN_STEP = 0.5
 
 
 @dataclass(frozen=True)
@@ -41,18 +45,19 @@ def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float
     """How likely a linear loop with the spectra of the record has these log-odds of its shapes, or higher ones.
 
     Student's t for one more draw from a normal population of which a few are known. The windows of a linear record
-    tell of it independently, where they share no samples: each window of a surrogate goes with each of the others', W
-    windows give W times the degrees of freedom, and as many surrogates are drawn as then reach as far as of one
-    window. (Of 220 records that were asked, the log-odds of windows out of different surrogates had 0.97 to 1.02 times
-    the variance of those out of one, 1.32 where windows share samples.) Where the shapes are those of the whole and of
-    the rest of its set point, each of the two has its surrogates: those of the whole have lost what goes with the set
-    point, by which that rest is found. Log-odds are not quite normal, and asking thrice is not asking once: of 6,600
-    linear records 2.2 % had a chance of MOST_CHANCE or less, not 2 %. What is not linear without a valve that sticks
-    (corners from elsewhere, a sensor in steps, OP at its limit) is not told from stiction by it: the rivals are asked
-    of that.
+    tell of it independently, where they share no samples and no line that keeps step from one to the next: each window
+    of a surrogate goes with each of the others', W windows give W times the degrees of freedom, and as many surrogates
+    are drawn as then reach as far as of one window. (Of 220 records that were asked, the log-odds of windows out of
+    different surrogates had 0.97 to 1.02 times the variance of those out of one, 1.32 where windows share samples.)
+    Where the shapes are those of the whole and of the rest of its set point, each of the two has its surrogates: those
+    of the whole have lost what goes with the set point, by which that rest is found. Log-odds are not quite normal,
+    and asking thrice is not asking once: of 6,600 linear records 2.2 % had a chance of MOST_CHANCE or less, not 2 %.
+    What is not linear without a valve that sticks (corners from elsewhere, a sensor in steps, OP at its limit) is not
+    told from stiction by it: the rivals are asked of that.
     """
     parts = parts_of(record, oscillation)
     alike = zip(*(_look_alikes_of(part, seed) for seed, part in enumerate(parts)), strict=True)
+    in_step = any(_in_step(part) for part in parts)
     drawn: list[Features] = []
     chance = 1.0
     for of_one_window, clear, hopeless in _STAGES:
@@ -60,7 +65,7 @@ def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float
             features = observe_parts(next(alike))
             if features is None:
                 return LookAlikes(1.0, len(drawn))
-            drawn.append(features)
+            drawn.append(replace(features, overlap=features.overlap or in_step))
         chance = _chance(log_odds, drawn, model)
         if not clear < chance <= hopeless:
             break
@@ -71,6 +76,16 @@ def _look_alikes_of(part: Part, seed: int) -> Iterator[Part]:
     record = part.record
     for pv, op in linear_surrogates(record.pv, record.op, seed):
         yield replace(part, record=replace(record, pv=pv, op=op))
+
+
+def _in_step(part: Part) -> bool:
+    """Whether the windows of a surrogate repeat each other, as those of a load that is strictly periodic do."""
+    record, per_cycle = part.record, cycle_samples(part.record, part.oscillation)
+    starts = [span.start for span in spans(record, per_cycle, MOST_WINDOWS)]
+    kept = (
+        kept_step(x, start, 2.0 * per_cycle, per_cycle / 4.0) for x in (record.pv, record.op) for start in starts[1:]
+    )
+    return any(step > _MOST_IN_STEP for step in kept)
 
 
 def _needed(of_one_window: int, chance: float, drawn: Sequence[Features]) -> int:
@@ -100,8 +115,9 @@ def _freedom_each(drawn: Sequence[Features]) -> float:
 
 def _apart(drawn: Sequence[Features]) -> int:
     """Windows of a surrogate that tell of it independently."""
-    windows = {len(features.weights) for features in drawn}
-    return 1 if drawn[0].overlap or len(windows) > 1 else windows.pop()
+    weights = drawn[0].weights
+    alike = all(np.array_equal(features.weights, weights) for features in drawn)
+    return len(weights) if alike and not any(features.overlap for features in drawn) else 1
 
 
 def _chance(value: float, drawn: Sequence[Features], model: ShapeModel) -> float:
