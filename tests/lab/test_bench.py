@@ -132,6 +132,18 @@ def test_recordings_of_a_folder_are_audited_beside_simulated_loops(tmp_path: Pat
     assert "recorded in plants" not in performance_page(figures)
 
 
+def test_of_a_folder_what_holds_no_recording_of_one_loop_is_left_out(tmp_path: Path) -> None:
+    assert audit._recorded(tmp_path, 200) == {}
+    assert audit._recorded(tmp_path / "nowhere", 200) == {}
+    (tmp_path / "folder.csv").mkdir()
+    (tmp_path / "gone.csv").symlink_to(tmp_path / "nowhere.csv")
+    (tmp_path / "empty.csv").write_bytes(b"")
+    (tmp_path / "zeros.csv").write_bytes(bytes(3000))
+    rows = (f"2024-03-01T00:{k:02d}:00Z,{k % 7},{k % 5},{k % 6},{k % 9}\n" for k in range(60))
+    (tmp_path / "two.csv").write_text("time,A.PV,A.OP,B.PV,B.OP\n" + "".join(rows))
+    assert audit._recorded(tmp_path, 200) == {}
+
+
 def test_of_the_kernel_the_version_is_told_and_not_whose_build_it_is(monkeypatch) -> None:
     monkeypatch.setattr("platform.release", lambda: "6.1.0-own-build-7")
     assert describe()["system"].endswith(" 6.1.0")

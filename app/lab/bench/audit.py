@@ -75,7 +75,7 @@ def _recordings(count: int, samples: int) -> dict[str, Recording]:
 def _recorded(folder: Path, most: int) -> dict[str, Recording]:
     """The first samples, `most` of each, of the recordings of one loop in a folder."""
     found = {}
-    for path in sorted(folder.glob("*.csv")):
+    for path in sorted(path for path in folder.glob("*.csv") if path.is_file()):
         try:
             recordings = read_recordings(path).recordings
         except DataError:
