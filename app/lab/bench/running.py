@@ -26,7 +26,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which sections at which size, on which servers; `recordings`: a folder with CHEM1.csv, where there is one."""
+    """Which sections at which size, on which servers; `recordings`: a folder of them (CHEM1.csv is FC145), or None."""
 
     sections: Sequence[str]
     quick: bool
