@@ -49,17 +49,20 @@ def no_room(error: Exception) -> bool:
     """Whether a disk is full: that of the exports, or that of the data base, which says so in its own words."""
     if isinstance(error, OSError):
         return error.errno in DISK_FULL
-    if not isinstance(error, DATABASE_AWAY):
-        return False
-    told = getattr(error, "orig", None)  # the whole text has the statement's parameters in it
+    told = _told_by_driver(error)
     return getattr(told, "sqlstate", None) == FULL_IN_SQL or any(words in str(told) for words in DATABASE_FULL)
 
 
 def takes_no_writes(error: Exception) -> bool:
     """Whether the data base answers and is read-only, as a standby is, or a file that was mounted so."""
-    told = getattr(error, "orig", None) if isinstance(error, DATABASE_AWAY) else None
+    told = _told_by_driver(error)
     sqlite = str(getattr(told, "sqlite_errorname", ""))
     return getattr(told, "sqlstate", None) == READ_ONLY or sqlite.startswith("SQLITE_READONLY")
+
+
+def _told_by_driver(error: Exception) -> object:
+    """What the driver said of a data base that is away; the whole text has the statement's parameters in it."""
+    return getattr(error, "orig", None) if isinstance(error, DATABASE_AWAY) else None
 
 
 def megabytes(size: float) -> str:

@@ -187,8 +187,10 @@ def into(target: ast.expr, value: ast.expr, name: str) -> Iterable[ast.expr]:
         return []
     if isinstance(value, ast.Tuple):
         return [value.elts[[name_of(one) for one in target.elts].index(name)]]
-    items = isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute) and value.func.attr == "items"
-    return [value.func.value if items and isinstance(value.func.value, ast.Dict) else value]  # type: ignore[union-attr]
+    match value:
+        case ast.Call(func=ast.Attribute(value=ast.Dict() as items, attr="items")):
+            return [items]
+    return [value]
 
 
 def hands_on(code: ast.expr, module: Module) -> bool:

@@ -59,8 +59,8 @@ def test_a_line_keeps_step_in_every_surrogate_and_noise_does_not():
     line, noise = 3.0 * np.sin(2.0 * np.pi * 30 * np.arange(n) / n), np.random.default_rng(1).normal(size=n)
     drift = np.linspace(0.0, 50.0, n) ** 2
     for x, least, most in ((line, 0.99, 1.0001), (line + noise + drift, 0.5, 1.0), (noise, 0.0, 0.4), (0 * line, 0, 0)):
-        kept = [kept_step(x, 413, 80.0, 10.0)]
-        kept += [kept_step(1e4 - 7.0 * next(linear_surrogates(x, x, seed))[0], 413, 80.0, 10.0) for seed in range(2)]
+        others = (1e4 - 7.0 * next(linear_surrogates(x, x, seed))[0] for seed in range(2))
+        kept = [float(kept_step(one, [413], 80.0, 10.0)[0]) for one in (x, *others)]
         assert least <= min(kept) <= max(kept) <= most
         assert max(kept) == pytest.approx(min(kept), abs=0.02)
 

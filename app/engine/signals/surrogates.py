@@ -1,6 +1,6 @@
 """Linear surrogates of two signals: their spectra and what goes together in them, and all else by chance."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -30,16 +30,18 @@ def linear_surrogates(first: FloatArray, second: FloatArray, seed: int = 0) -> I
         yield one, other
 
 
-def kept_step(x: FloatArray, lag: int, slowest: float, fastest: float) -> float:
-    """How far any linear surrogate of x (n,) repeats itself after `lag` samples, from 0 to 1: at 1 it is one line.
+def kept_step(x: FloatArray, lags: Sequence[int], slowest: float, fastest: float) -> FloatArray:
+    """(L,) how far any linear surrogate of x (n,) repeats itself after each of L lags in samples, from 0 to 1: at 1 it
+    is one line.
 
     Of what has between `slowest` and `fastest` samples a cycle, whatever its phase then.
     """
     power = np.abs(np.fft.rfft(x - _line(x))) ** 2
     cycles = np.arange(len(power))
     power = np.where((cycles * slowest >= len(x)) & (cycles * fastest <= len(x)), power, 0.0)
+    turned = np.exp(2j * np.pi / len(x) * np.outer(lags, cycles))
     total = float(np.sum(power))
-    return float(np.abs(np.sum(power * np.exp(2j * np.pi * lag / len(x) * cycles)))) / total if total > 0.0 else 0.0
+    return np.abs(turned @ power) / total if total > 0.0 else np.zeros(len(lags))
 
 
 def _line(x: FloatArray) -> FloatArray:

@@ -66,6 +66,7 @@ def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float
             features = observe_parts(next(alike))
             if features is None:
                 return LookAlikes(1.0, len(drawn))
+            # Windows that keep step tell as little beside each other as those that share samples.
             drawn.append(replace(features, overlap=features.overlap or in_step))
         chance = _chance(log_odds, drawn, model)
         if not clear < chance <= hopeless:
@@ -82,11 +83,9 @@ def _look_alikes_of(part: Part, seed: int) -> Iterator[Part]:
 def _in_step(part: Part) -> bool:
     """Whether the windows of a surrogate repeat each other, as those of a load that is strictly periodic do."""
     record, per_cycle = part.record, cycle_samples(part.record, part.oscillation)
-    starts = [span.start for span in spans(record, per_cycle, MOST_WINDOWS)]
-    kept = (
-        kept_step(x, start, 2.0 * per_cycle, per_cycle / 4.0) for x in (record.pv, record.op) for start in starts[1:]
-    )
-    return any(step > _MOST_IN_STEP for step in kept)
+    _, *later = (span.start for span in spans(record, per_cycle, MOST_WINDOWS))
+    kept = (kept_step(x, later, 2.0 * per_cycle, per_cycle / 4.0) for x in (record.pv, record.op))
+    return bool(later) and any(np.any(steps > _MOST_IN_STEP) for steps in kept)
 
 
 def _needed(of_one_window: int, chance: float, drawn: Sequence[Features]) -> int:

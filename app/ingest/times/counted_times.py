@@ -92,12 +92,17 @@ def _millionths_of_days(values: FloatArray, texts: list[str], unit: ToldUnit) ->
     if unit.seconds != 1e-3 or unit.bare != "time" or not ours or np.mean(values % 1 > 0.0) < 0.5:
         return None
     note = f"times are millionths of days since 1899-12-30, as WinCC counts them, though their name tells {unit.word}"
-    return Count(MILLIONTH_OF_DAY_NS, zero * DAY_NS, _rounding_ns(MILLIONTH_OF_DAY_NS, texts), (note,))
+    step_ns = _step_ns(MILLIONTH_OF_DAY_NS, texts)
+    return Count(MILLIONTH_OF_DAY_NS, zero * DAY_NS, _rounding_ns(step_ns), (note,))
 
 
-def _rounding_ns(unit_ns: float, texts: list[str]) -> int:
+def _step_ns(unit_ns: float, texts: list[str]) -> float:
+    """One of the last digit that is written of such units."""
+    return unit_ns / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
+
+
+def _rounding_ns(step_ns: float) -> int:
     """To a power of ten that the last digits tell."""
-    step_ns = unit_ns / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
     return min(max(10 ** int(np.ceil(np.log10(step_ns))), FINEST_NS), COARSEST_NS)
 
 
@@ -114,9 +119,9 @@ def _sharp(count: Count, texts: list[str]) -> Count | None:
 def _days(values: FloatArray, texts: list[str], name: str, unit: ToldUnit | None) -> Count | None:
     for low, high, zero, note in _DAYS:
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
-            step_ns = DAY_NS / 10.0 ** max(len(text.partition(".")[2]) for text in texts)
+            step_ns = _step_ns(DAY_NS, texts)
             cut = (f"times are written to {step_ns / NS_PER_S:.3g} s only",) if step_ns > NS_PER_S else ()
-            return Count(float(DAY_NS), zero * DAY_NS, _rounding_ns(DAY_NS, texts), (note, *cut))
+            return Count(float(DAY_NS), zero * DAY_NS, _rounding_ns(step_ns), (note, *cut))
     return None
 
 

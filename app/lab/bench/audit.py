@@ -16,10 +16,10 @@ from app.engine.audit import AuditConfig, audit
 from app.engine.recording import Recording, UniformRecord
 from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter
 from app.errors import DataError
-from app.ingest import read_recordings
 from app.lab.bench.bench import Bench, Figures
 from app.lab.bench.loops import records
 from app.lab.bench.measure import median_s, times_s, yardstick_s
+from app.lab.evaluation.recordings import read
 
 KINDS = 60  # the conditions of the simulated plant
 REPEATS = 5
@@ -77,11 +77,9 @@ def _recorded(folder: Path, most: int) -> dict[str, Recording]:
     found = {}
     for path in sorted(path for path in folder.glob("*.csv") if path.is_file()):
         try:
-            recordings = read_recordings(path).recordings
+            found[path.stem] = read(path).part(slice(most))
         except DataError:
-            continue  # a list of labels
-        if len(recordings) == 1:
-            found[path.stem] = recordings[0].part(slice(most))
+            continue  # a list of labels, or several loops
     return found
 
 

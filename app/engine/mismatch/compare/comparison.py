@@ -7,7 +7,7 @@ import numpy as np
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.thinning import centred_all, centred_means, held_means
 from app.engine.mismatch.fit.task import Given
-from app.engine.mismatch.loop.experiment import LARGEST, Experiment, experiment
+from app.engine.mismatch.loop.experiment import LARGEST, Experiment, experiment, may_be_gain
 from app.engine.mismatch.loop.law import Controller
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import BoolArray, FloatArray
@@ -161,7 +161,7 @@ def check_model(simulation: LinearSimulation, duration_s: float) -> None:
     """Raises DataError("model_invalid") where a model cannot be simulated along a record of this length (s)."""
     gain, taus, late = simulation.gain, simulation.time_constants_s, simulation.dead_time_s
     longest = LONGEST_LAG * duration_s
-    if not 1.0 / LARGEST <= abs(gain) <= LARGEST:
+    if not may_be_gain(gain):
         fault = f"its gain is {gain:g}; a finite number other than 0 is needed"
     elif len(taus) > MOST_LAGS:
         fault = f"it has {len(taus)} time constants, at most {MOST_LAGS} can be fitted"

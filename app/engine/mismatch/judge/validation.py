@@ -13,7 +13,7 @@ from app.engine.mismatch.judge.holdout import judge
 from app.engine.mismatch.judge.result import ExplainedModel, Improvement, PartModel
 from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.loop.chain import simulate
-from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, LARGEST, Experiment, alike, experiment
+from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, LARGEST, Experiment, alike, experiment, may_be_gain
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import named, terms
 from app.engine.recording import BoolArray, FloatArray
@@ -158,9 +158,8 @@ def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s:
     above += ["tau"] if plant["tau"] <= 0.0 else []
     below = [name for name in ("theta", "tau2", "tau3", "leak") if plant.get(name, 0.0) < 0.0]
     late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
-    gainless = not 1.0 / LARGEST <= abs(plant["K"]) <= LARGEST
     return [
-        *([f"K must be other than 0, and at most {LARGEST:g}"] if gainless else []),
+        *([f"K must be other than 0, and at most {LARGEST:g}"] if not may_be_gain(plant["K"]) else []),
         *([f"{', '.join(above)} must be more than 0"] if above else []),
         *([f"{', '.join(below)} must not be less than 0"] if below else []),
         *([f"its dead time of {plant['theta']:g} s is as long as the record, {duration_s:g} s"] if late else []),

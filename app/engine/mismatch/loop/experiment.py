@@ -16,6 +16,11 @@ LARGEST = 1e100
 """Of what is compared: its square is a number too."""
 
 
+def may_be_gain(gain: float) -> bool:
+    """Whether a process can be simulated with it: a finite number other than 0."""
+    return 1.0 / LARGEST <= abs(gain) <= LARGEST
+
+
 @dataclass(frozen=True, eq=False)
 class Finer:
     """What a record was taken from: the record as it was sampled, and at which of its samples (M,)."""
