@@ -13,8 +13,8 @@ from numba import njit
 
 from app.engine.recording import FloatArray, IntArray
 from app.engine.signals.sampled import cycle_ranges, deviation, dot, mean, median, without_drift
-from app.engine.valve import he_stem, he_stems
-from app.engine.valve.abreast import SAMPLES_ABREAST
+from app.engine.valve import he_stem
+from app.engine.valve.abreast import SAMPLES_ABREAST, he_stems_by_sample
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
@@ -29,6 +29,8 @@ _J = _BESIDE * np.array([0.0] + [s * j for s in _BANDS for j in _SLIPS])
 # A misfit below this share of the variance of PV is as good as none: noise decides there.
 _MISFIT_FLOOR = 0.02
 _WORST_MISFIT = 2.0
+# Valves are moved abreast in multiples of so many, which is what the registers of most machines hold.
+_LANES = 4
 
 
 @dataclass(frozen=True)
@@ -245,13 +247,19 @@ def fill_sums(y: FloatArray, v: FloatArray, grid: tuple, drift: int, xy: FloatAr
 
 @njit(cache=True, nogil=True)
 def _fill_delayed(y: FloatArray, x: FloatArray, dead_times: IntArray, xy: FloatArray, xx: FloatArray) -> None:
-    """The same of one lag, (dead times, 2) each; x: (n,) what comes through it, less its drift."""
-    n, half = len(y), len(y) // 2
+    """The same of one lag, (dead times, 2) each; x: (n,) what comes through it, less its drift. dead_times: rising.
+
+    The squares that every dead time leaves in its halves are summed up once.
+    """
+    n, half, longest = len(y), len(y) // 2, dead_times[-1]
+    early, late = x[: half - longest], x[half : n - longest]
+    in_early, in_late = dot(early, early), dot(late, late)
     for k in range(len(dead_times)):
         theta = dead_times[k]
-        early, late = x[: half - theta], x[half - theta : n - theta]
-        xy[k, 0], xy[k, 1] = dot(early, y[theta:half]), dot(late, y[half:])
-        xx[k, 0], xx[k, 1] = dot(early, early), dot(late, late)
+        xy[k, 0], xy[k, 1] = dot(x[: half - theta], y[theta:half]), dot(x[half - theta : n - theta], y[half:])
+        more, between, further = x[half - longest : half - theta], x[half - theta : half], x[n - longest : n - theta]
+        xx[k, 0] = in_early + dot(more, more)
+        xx[k, 1] = dot(between, between) + in_late + dot(further, further)
 
 
 @njit(cache=True, nogil=True)
@@ -265,81 +273,69 @@ def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
     for k in range(len(dead_times)):
         yy[k, 0] = dot(y[dead_times[k] : half], y[dead_times[k] : half])
     # All valves abreast: one after another would wait for the sample before at every sample.
-    x, total, simulated = np.empty((n, len(S))), np.empty((n + 1, len(S))), np.empty((len(S), n))
-    he_stems(op, S, J, simulated)
-    v = simulated.T.copy()
+    abreast = -(-len(S) // _LANES) * _LANES
+    sizes = np.zeros((2, abreast))
+    sizes[0, : len(S)], sizes[1, : len(S)] = S, J
+    v, total, simulated = np.empty((n, abreast)), np.empty((n + 1, abreast)), np.empty((abreast, n))
+    he_stems_by_sample(op, sizes[0], sizes[1], np.full(abreast, op[0]), v)
     for i in range(len(lags)):
-        _through_abreast(v, lags[i], x)
-        _without_line_abreast(x)
-        _without_drift_abreast(x, drift, total, simulated)
+        _cumulate_abreast(v, lags[i], total)
+        _without_drift_abreast(total, drift, simulated)
         for m in range(len(S)):
             _fill_delayed(y, simulated[m], dead_times, xy[m, i], xx[m, i])
     return yy, xy, xx
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _through_abreast(v: FloatArray, lag: float, x: FloatArray) -> None:
-    """`through_process` of v (n, M) into x (n, M)."""
+def _cumulate_abreast(v: FloatArray, lag: float, total: FloatArray) -> None:
+    """total (n + 1, M): sums of the first 0, 1, .. n samples of v (n, M) `through_process`, but for a straight line."""
     n, abreast = v.shape
-    if lag == 0.0:
-        x[:] = v
-        return
-    level, keep, added = v[0].copy(), 1.0, 1.0
-    mean = np.zeros(abreast)
+    level, keep, added = v[0].copy(), 0.0, 1.0
     if lag < 0.0:
-        level[:] = 0.0
-        for t in range(n):
-            for m in range(abreast):
-                mean[m] += v[t, m] / n
-    else:
+        level[:], keep = 0.0, 1.0
+    elif lag > 0.0:
         keep = np.exp(-1.0 / lag)
         added = 1.0 - keep
-    for t in range(n):
-        for m in range(abreast):
-            level[m] = keep * level[m] + added * (v[t, m] - mean[m])
-            x[t, m] = level[m]
-
-
-@njit(cache=True, nogil=True)
-def _without_line_abreast(x: FloatArray) -> None:
-    """Takes their least-squares straight lines out of the columns of x (n, M)."""
-    n, abreast = x.shape
-    level, slope, middle, bottom = np.zeros(abreast), np.zeros(abreast), (n - 1) / 2.0, 0.0
-    for t in range(n):
-        bottom += (t - middle) ** 2
-        for m in range(abreast):
-            level[m] += x[t, m]
-            slope[m] += (t - middle) * x[t, m]
-    for m in range(abreast):
-        level[m] /= n
-        slope[m] /= bottom
-    for t in range(n):
-        for m in range(abreast):
-            x[t, m] = x[t, m] - level[m] - slope[m] * (t - middle)
-
-
-@njit(cache=True, nogil=True)
-def _without_drift_abreast(x: FloatArray, half: int, total: FloatArray, out: FloatArray) -> None:
-    """`without_drift` of the columns of x (n, M), which have no line any more, into the rows of out (M, n). total:
-    (n + 1, M) room to work in.
-    """
-    n, abreast = x.shape
-    taken_off = 1.0 if n >= 2.5 * half else 0.0  # of the moving average
     running = np.zeros(abreast)
     total[0] = 0.0
     for t in range(n):
-        row, following = x[t], total[t + 1]
+        row, following = v[t], total[t + 1]
         for m in range(abreast):
-            running[m] += taken_off * row[m]
+            level[m] = keep * level[m] + added * row[m]
+            running[m] += level[m]
             following[m] = running[m]
-    part = np.empty((SAMPLES_ABREAST, abreast))
+
+
+@njit(cache=True, nogil=True)
+def _slopes_abreast(total: FloatArray) -> FloatArray:
+    """(M,) slopes of the least-squares straight lines through n samples, of whose sums (n + 1, M) `total` are."""
+    n, abreast = total.shape[0] - 1, total.shape[1]
+    before_last = np.zeros(abreast)
+    for t in range(n):
+        row = total[t]
+        for m in range(abreast):
+            before_last[m] += row[m]
+    return ((n - 1) / 2.0 * total[n] - before_last) / (n * (n * n - 1.0) / 12.0)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _without_drift_abreast(total: FloatArray, half: int, out: FloatArray) -> None:
+    """`without_drift` of signals of whose sums (n + 1, M) `total` are, into the rows of out (M, n)."""
+    n, abreast = total.shape[0] - 1, total.shape[1]
+    if n < 2.5 * half:
+        half = n  # the mean over all, for want of a moving average
+    slopes, part = _slopes_abreast(total), np.empty((SAMPLES_ABREAST, abreast))
     for begin in range(0, n, SAMPLES_ABREAST):
         end = min(begin + SAMPLES_ABREAST, n)
         for t in range(begin, end):
             low, high = max(t - half, 0), min(t + half + 1, n)
-            share, row, before, upto, left = 1.0 / (high - low), x[t], total[low], total[high], part[t - begin]
+            share, beside = 1.0 / (high - low), t - (low + high - 1) / 2.0
+            here, following, before, upto, left = total[t], total[t + 1], total[low], total[high], part[t - begin]
             for m in range(abreast):
-                left[m] = row[m] - (upto[m] - before[m]) * share
+                left[m] = (following[m] - here[m]) - (upto[m] - before[m]) * share
+            if beside != 0.0:  # elsewhere the moving average takes the line off with it
+                for m in range(abreast):
+                    left[m] -= slopes[m] * beside
         for m in range(abreast):
             kept = out[m, begin:end]
             for t in range(len(kept)):

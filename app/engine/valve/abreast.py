@@ -9,21 +9,29 @@ SAMPLES_ABREAST = 64
 
 
 @njit(cache=True, nogil=True)
+def he_stems_by_sample(op: FloatArray, S: FloatArray, J: FloatArray, x: FloatArray, v: FloatArray) -> None:
+    """v (N, M) of He's valves in the unit of OP, all abreast, from the positions x (M,) on, which go with them."""
+    reach, behind = 0.5 * (S + J), 0.5 * (S - J)
+    for t in range(len(op)):
+        u, moved = op[t], v[t]
+        for m in range(len(x)):
+            force = u - x[m]
+            slipped = u - behind[m] if force > 0.0 else u + behind[m]
+            x[m] = slipped if abs(force) > reach[m] else x[m]
+            moved[m] = x[m]
+
+
+@njit(cache=True, nogil=True)
 def he_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> FloatArray:
     """v (M, N) of He's valves in the unit of OP, at rest at the first sample, all abreast; returns their means (M,)."""
-    x, reach, behind = np.full(len(S), op[0]), 0.5 * (S + J), 0.5 * (S - J)
-    total = np.zeros(len(S))
+    x, total = np.full(len(S), op[0]), np.zeros(len(S))
     moved = np.empty((SAMPLES_ABREAST, len(S)))
     for begin in range(0, len(op), SAMPLES_ABREAST):
         part = op[begin : begin + SAMPLES_ABREAST]
+        he_stems_by_sample(part, S, J, x, moved)
         for t in range(len(part)):
-            u = part[t]
             for m in range(len(x)):
-                force = u - x[m]
-                slipped = u - behind[m] if force > 0.0 else u + behind[m]
-                x[m] = slipped if abs(force) > reach[m] else x[m]
-                moved[t, m] = x[m]
-                total[m] += x[m]
+                total[m] += moved[t, m]
         for m in range(len(x)):
             for t in range(len(part)):
                 v[m, begin + t] = moved[t, m]
