@@ -65,18 +65,6 @@ class FreeRun:
     integral_share: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Sums:
-    """Sums over the two halves of a window, without the samples before a dead time, of which OP tells nothing.
-
-    yy: (dead times, 2). xy, xx: (M, lags, dead times, 2), row 0 the linear valve.
-    """
-
-    yy: FloatArray
-    xy: FloatArray
-    xx: FloatArray
-
-
 def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     """Free-run identification of one window over a coarse grid of valves, lags and dead times.
 
@@ -89,10 +77,10 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     y = without_drift(pv, drift)
     action, integral_share = controller_action(y, without_drift(op, drift))
     lags, dead_times = process_grid(per_cycle)
-    sums = _Sums(*_bank(y, op, _S, _J, lags, dead_times, drift))
-    misfit, causal_misfit = _misfit(sums, 0.0), _misfit(sums, -action)
+    yy, xy, xx = _bank(y, op, _S, _J, lags, dead_times, drift)
+    misfit, causal_misfit = _misfit(yy, xy, xx, 0.0), _misfit(yy, xy, xx, -action)
     any_sign, causal, level = (_least(x) for x in (misfit, causal_misfit, causal_misfit[:, -1:]))
-    held = _held_out(sums.yy, sums.xy, sums.xx, -action)
+    held = _held_out(yy, xy, xx, -action)
     best = int(np.argmin(misfit[1:].reshape(len(_S) - 1, -1).min(axis=1))) + 1
     return FreeRun(
         fit_linear=1.0 - any_sign[0],
@@ -163,19 +151,27 @@ def _log_gain(least: tuple[float, float]) -> float:
     return math.log((least[0] + _MISFIT_FLOOR) / (least[1] + _MISFIT_FLOOR))
 
 
-def _misfit(sums: _Sums, sign: float) -> FloatArray:
-    """(M, lags, dead times) share of the variance of PV left over; process gains of the other sign count as zero."""
-    xy, xx, yy = (both[..., 0] + both[..., 1] for both in (sums.xy, sums.xx, sums.yy))
-    return 1.0 - _usable(xy, sign) ** 2 / (xx + 1e-12) / (yy + 1e-300)
+@njit(cache=True, nogil=True)
+def _misfit(yy: FloatArray, xy: FloatArray, xx: FloatArray, sign: float) -> FloatArray:
+    """(M, lags, dead times) share of the variance of PV left over, of the sums of `_bank`.
+
+    Process gains of the other sign count as zero.
+    """
+    left = np.empty(xy.shape[:3])
+    for m, i, k in np.ndindex(left.shape):
+        usable = _usable(xy[m, i, k, 0] + xy[m, i, k, 1], sign)
+        left[m, i, k] = 1.0 - usable**2 / (xx[m, i, k, 0] + xx[m, i, k, 1] + 1e-12) / (yy[k, 0] + yy[k, 1] + 1e-300)
+    return left
 
 
-def _usable(xy: FloatArray, sign: float) -> FloatArray:
-    return xy if sign == 0.0 else np.where(xy * sign > 0.0, xy, 0.0)
+@njit(cache=True, nogil=True)
+def _usable(xy: float, sign: float) -> float:
+    return xy if sign == 0.0 or xy * sign > 0.0 else 0.0
 
 
 @njit(cache=True, nogil=True)
 def _held_out(yy: FloatArray, xy: FloatArray, xx: FloatArray, sign: float) -> tuple[float, float]:
-    """Mean misfit on the half that was not fitted, of `_Sums`: linear valve, sticky valve."""
+    """Mean misfit on the half that was not fitted, of the sums of `_bank`: linear valve, sticky valve."""
     linear, sticky = 0.0, 0.0
     for fitted in range(2):
         linear += _misfit_elsewhere(yy, xy[:1], xx[:1], fitted, sign) / 2
@@ -188,8 +184,7 @@ def _misfit_elsewhere(yy: FloatArray, xy: FloatArray, xx: FloatArray, fitted: in
     """On the other half, of the model that is best on the one that was fitted."""
     other, least, found = 1 - fitted, np.inf, _WORST_MISFIT
     for m, i, k in np.ndindex(xy.shape[:3]):
-        usable = xy[m, i, k, fitted] if sign == 0.0 or xy[m, i, k, fitted] * sign > 0.0 else 0.0
-        gain = usable / (xx[m, i, k, fitted] + 1e-12)
+        gain = _usable(xy[m, i, k, fitted], sign) / (xx[m, i, k, fitted] + 1e-12)
         inside = (yy[k, fitted] - gain * xy[m, i, k, fitted]) / (yy[k, fitted] + 1e-300)
         if inside < least:
             there = yy[k, other]
@@ -264,7 +259,11 @@ def _fill_delayed(y: FloatArray, x: FloatArray, dead_times: IntArray, xy: FloatA
 
 @njit(cache=True, nogil=True)
 def _bank(y, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
-    """Sums of products of PV with every simulated PV, and of their squares, over both halves of the window."""
+    """Sums over the two halves of the window, without the samples before a dead time, of which OP tells nothing.
+
+    Returns those of the squares of PV, yy (dead times, 2), of its products with every simulated PV, xy (M, lags, dead
+    times, 2), and of the squares of that, xx of the same shape. Row 0 is the first valve, the linear one.
+    """
     n, half = len(y), len(y) // 2
     xy = np.zeros((len(S), len(lags), len(dead_times), 2))
     xx = np.zeros((len(S), len(lags), len(dead_times), 2))

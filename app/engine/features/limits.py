@@ -1,12 +1,14 @@
 """What saturation, quantisation and holding leave in a window."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
-from app.engine.recording import BoolArray, FloatArray
-from app.engine.signals.sampled import ROUNDING, at_ends, deviation, moving_average, quantiles, without_line
+from app.engine.recording import FloatArray
+from app.engine.signals.sampled import ROUNDING, deviation, moving_average, peak_to_peak, quantile, without_line
 
 _SAME_STEP = 0.02
 _FEWEST_STEPS = 10
@@ -33,45 +35,56 @@ class Limits:
 
 def limits(window: ShapeWindow) -> Limits:
     """The features of `Limits` for one window."""
-    low, high = _at_extremes(window.even_op)
-    moves = _movement(window.even_pv)
+    at_limit, moves_at_limit = _at_limits(window.even_op, moving_average(window.even_pv, 2))
     pv_steps, op_steps = _steps(window.raw_pv), _steps(window.raw_op)
-    moved = pv_steps[pv_steps > ROUNDING]
+    moved = np.sort(pv_steps[pv_steps > ROUNDING])
     return Limits(
-        op_at_limit=float(max(low.mean(), high.mean())),
-        pv_moves_at_limit=max(_moved_within(moves, low), _moved_within(moves, high)),
+        op_at_limit=at_limit,
+        pv_moves_at_limit=moves_at_limit,
         pv_quantum=_quantum(moved),
-        pv_least_step=float(np.log10(quantiles(moved, (0.05,))[0] + 1e-3)) if len(moved) else 0.0,
-        pv_held=float(np.mean(pv_steps <= ROUNDING)),
-        op_held=float(np.mean(op_steps <= ROUNDING)),
+        pv_least_step=math.log10(quantile(moved, 0.05) + 1e-3) if len(moved) else 0.0,
+        pv_held=1.0 - len(moved) / len(pv_steps),
+        op_held=1.0 - np.count_nonzero(op_steps > ROUNDING) / len(op_steps),
     )
 
 
+@njit(cache=True, nogil=True)
 def _steps(x: FloatArray) -> FloatArray:
     """Steps between samples in standard deviations of x less its straight line; zeros where that leaves rounding."""
-    steps, spread = np.abs(np.diff(x)), float(deviation(without_line(x)))
-    return steps / spread if spread > ROUNDING * float(np.ptp(x)) else np.zeros_like(steps)
+    steps, spread = np.zeros(len(x) - 1), deviation(without_line(x))
+    if spread > ROUNDING * peak_to_peak(x):
+        for i in range(len(steps)):
+            steps[i] = abs(x[i + 1] - x[i]) / spread
+    return steps
 
 
-def _at_extremes(op: FloatArray) -> tuple[BoolArray, BoolArray]:
-    return at_ends(op, op.min(), op.max(), 5e-3 * float(np.ptp(op)))
+@njit(cache=True, nogil=True)
+def _at_limits(op: FloatArray, pv: FloatArray) -> tuple[float, float]:
+    """Of the end of its range at which OP is more, the share of samples; of the end at which PV moves more, the share
+    of that movement. op: (n,); pv: (n,) smoothed.
+    """
+    band, apart = 5e-3 * peak_to_peak(op), PER_CYCLE // 10
+    bottom, top = op.min() + band, op.max() - band
+    at, moved, whole = np.zeros(2), np.zeros(2), 0.0
+    for i in range(len(op)):
+        at[0] += op[i] <= bottom
+        at[1] += op[i] >= top
+        if i < apart:
+            continue
+        movement, before = abs(pv[i] - pv[i - apart]), op[i - apart]
+        whole += movement
+        moved[0] += movement if op[i] <= bottom and before <= bottom else 0.0
+        moved[1] += movement if op[i] >= top and before >= top else 0.0
+    return at.max() / len(op), moved.max() / whole if whole > 0.0 else 0.0
 
 
-def _movement(pv: FloatArray) -> FloatArray:
-    smooth = moving_average(pv, 2)
-    step = PER_CYCLE // 10
-    return np.abs(smooth[step:] - smooth[:-step])
-
-
-def _moved_within(moves: FloatArray, there: BoolArray) -> float:
-    step = len(there) - len(moves)
-    total = float(moves.sum())
-    return float(moves[there[step:] & there[:-step]].sum()) / total if total > 0.0 else 0.0
-
-
+@njit(cache=True, nogil=True)
 def _quantum(steps: FloatArray) -> float:
+    """steps: (n,) sorted."""
     if len(steps) < _FEWEST_STEPS:
         return 0.0
-    multiple = steps / steps.min()
-    whole = np.abs(multiple - np.round(multiple)) < _SAME_STEP
-    return float(steps.min()) if float(whole.mean()) > 0.95 else 0.0
+    whole = 0
+    for step in steps:
+        multiple = step / steps[0]
+        whole += abs(multiple - np.round(multiple)) < _SAME_STEP
+    return steps[0] if whole / len(steps) > 0.95 else 0.0

@@ -1,10 +1,10 @@
 """How OP and PV lie to each other: in line (the controller passes PV on) or in quadrature (a stuck valve)."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
@@ -12,7 +12,7 @@ from app.engine.signals.sampled import ROUNDING, correlation, dot, hann
 
 _SEGMENT = 3 * PER_CYCLE
 # In segments of three cycles the fundamental is line 3; its neighbours belong to it where the period wanders.
-_FUNDAMENTAL = slice(2, 6)
+_FUNDAMENTAL = (2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,12 @@ def quadrature(window: ShapeWindow) -> Quadrature:
     """The features of `Quadrature` for one window. Every sign is dropped: the sign of PV and OP is free."""
     pv, op = window.pv_smooth, window.op_smooth
     dpv, dop = window.pv_slope, window.op_slope
-    forward, backward, zero = _cross_correlation(window.pv, window.op)
-    odd, even = np.abs(forward - backward) / 2, np.abs(forward + backward) / 2
+    odd, even, zero = _cross_correlation(window.pv, window.op)
     coherency = _coherency(window.pv, window.op)
     return Quadrature(
-        ccf_odd=float(odd.max()),
-        ccf_even=float(max(even.max(), abs(zero))),
-        ccf_zero=abs(zero),
+        ccf_odd=odd,
+        ccf_even=max(even, zero),
+        ccf_zero=zero,
         op_dpv=abs(correlation(op, dpv)),
         pv_dop=abs(correlation(pv, dop)),
         dpv_dop=abs(correlation(dpv, dop)),
@@ -66,20 +65,26 @@ def quadrature(window: ShapeWindow) -> Quadrature:
         op_pv_direction=abs(correlation(window.op, _direction(dpv))),
         coherence_odd=abs(coherency.imag),
         coherence_even=abs(coherency.real),
-        odd_share=float(odd.max()) / (float(odd.max()) + abs(zero) + 1e-9),
+        odd_share=odd / (odd + zero + 1e-9),
         phase_sine=abs(coherency.imag) / (abs(coherency) + 1e-9),
     )
 
 
+@njit(cache=True, nogil=True)
 def _direction(slope: FloatArray) -> FloatArray:
     """Sign of a slope; 0 where a signal at unit deviation only moves by rounding."""
     return np.where(np.abs(slope) > ROUNDING, np.sign(slope), 0.0)
 
 
-def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Cross-correlation at lags 1..half a cycle, at the same negative lags, and at zero."""
+@njit(cache=True, nogil=True)
+def _cross_correlation(pv: FloatArray, op: FloatArray) -> tuple[float, float, float]:
+    """Cross-correlation: its largest odd and its largest even part at lags 1..half a cycle, and its size at zero."""
     forward, backward = _lagged_means(op, pv), _lagged_means(pv, op)
-    return forward[1:], backward[1:], float(forward[0])
+    odd = even = 0.0
+    for lag in range(1, len(forward)):
+        odd = max(odd, abs(forward[lag] - backward[lag]) / 2)
+        even = max(even, abs(forward[lag] + backward[lag]) / 2)
+    return odd, even, abs(forward[0])
 
 
 @njit(cache=True, nogil=True)
@@ -94,9 +99,31 @@ def _lagged_means(late: FloatArray, early: FloatArray) -> FloatArray:
 
 def _coherency(pv: FloatArray, op: FloatArray) -> complex:
     size = min(_SEGMENT, len(pv))
-    starts = range(0, len(pv) - size + 1, max(size // 2, 1))
-    taper = hann(size)
-    y = fft.rfft(np.array([pv[s : s + size] * taper for s in starts]), _SEGMENT)[:, _FUNDAMENTAL]
-    u = fft.rfft(np.array([op[s : s + size] * taper for s in starts]), _SEGMENT)[:, _FUNDAMENTAL]
-    power = np.sqrt(np.sum(np.abs(y) ** 2) * np.sum(np.abs(u) ** 2))
-    return complex(np.sum(y * np.conj(u)) / power) if power > 0.0 else 0j
+    return _coherency_by(pv, op, _tapered(size))
+
+
+@lru_cache(maxsize=64)
+def _tapered(size: int) -> FloatArray:
+    """(2 lines, size) cosines and sines of the lines of the fundamental over a segment of so many samples, tapered."""
+    phase = 2.0 * np.pi / _SEGMENT * np.outer(_FUNDAMENTAL, np.arange(size))
+    waves = np.concatenate([np.cos(phase), -np.sin(phase)]) * hann(size)
+    waves.flags.writeable = False
+    return waves
+
+
+@njit(cache=True, nogil=True)
+def _coherency_by(pv: FloatArray, op: FloatArray, waves: FloatArray) -> complex:
+    """waves: `_tapered`. Over segments of their length that overlap by half."""
+    lines, size = len(waves) // 2, waves.shape[1]
+    pv_power = op_power = 0.0
+    cross = 0.0j
+    for start in range(0, len(pv) - size + 1, max(size // 2, 1)):
+        y, u = pv[start : start + size], op[start : start + size]
+        for k in range(lines):
+            real, imag = waves[k], waves[lines + k]
+            of_pv, of_op = complex(dot(y, real), dot(y, imag)), complex(dot(u, real), dot(u, imag))
+            pv_power += of_pv.real**2 + of_pv.imag**2
+            op_power += of_op.real**2 + of_op.imag**2
+            cross += of_pv * of_op.conjugate()
+    power = np.sqrt(pv_power * op_power)
+    return cross / power if power > 0.0 else 0.0j

@@ -10,7 +10,15 @@ from app.engine.features.window import CYCLES, PER_CYCLE, ShapeWindow, cycle_sam
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, IntArray, UniformRecord
 from app.engine.signals.movement_patterns import rho_3
-from app.engine.signals.sampled import ROUNDING, burstiness, correlation, deviation, median, quantiles
+from app.engine.signals.sampled import (
+    ROUNDING,
+    burstiness,
+    correlation,
+    deviation,
+    median,
+    peak_to_peak,
+    quantile,
+)
 
 REVERSAL = 0.7
 _STILL_BAND = 0.3
@@ -120,31 +128,46 @@ def _standing(pv: FloatArray, op: FloatArray, per_cycle: float) -> BoolArray:
     return np.append(found, False)[np.minimum(piece, len(found))]  # what is left over after the last piece is not told
 
 
+@njit(cache=True, nogil=True)
 def _pieces(pv: FloatArray, op: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
     """Net OP travel and PV range, (n // size,) each, of the pieces of `size` samples."""
     count = len(pv) // size
-    pieces = op[: count * size].reshape(count, size)
-    return np.abs(pieces[:, -1] - pieces[:, 0]), np.ptp(pv[: count * size].reshape(count, size), axis=1)
+    travels, ranges = np.empty(count), np.empty(count)
+    for k in range(count):
+        piece = slice(k * size, (k + 1) * size)
+        travels[k] = abs(op[piece][-1] - op[piece][0])
+        ranges[k] = peak_to_peak(pv[piece])
+    return travels, ranges
 
 
+@njit(cache=True, nogil=True)
 def _flat_share(op_travel: FloatArray, pv_range: FloatArray) -> float:
     return _share(op_travel, _flat(pv_range))
 
 
+@njit(cache=True, nogil=True)
 def _flat(moved: FloatArray) -> BoolArray:
-    return moved < 0.3 * quantiles(moved, (0.9,))[0]
+    return moved < 0.3 * quantile(np.sort(moved), 0.9)
 
 
+@njit(cache=True, nogil=True)
 def _share(amount: FloatArray, where: BoolArray) -> float:
-    total = float(amount.sum())
-    return float(amount[where].sum()) / total if total > 0.0 else 0.0
+    total, there = amount.sum(), 0.0
+    for k in range(len(amount)):
+        there += amount[k] if where[k] else 0.0
+    return there / total if total > 0.0 else 0.0
 
 
+@njit(cache=True, nogil=True)
 def _contrast(legs: FloatArray, spread: float) -> float:
-    rising, falling = legs[legs[:, 3] > 0, 2], legs[legs[:, 3] < 0, 2]
-    if len(rising) == 0 or len(falling) == 0 or spread <= 0.0:
+    levels, counts = np.zeros(2), np.zeros(2)
+    for k in range(len(legs)):
+        falling = 1 if legs[k, 3] < 0 else 0
+        levels[falling] += legs[k, 2]
+        counts[falling] += 1.0
+    if counts.min() == 0.0 or spread <= 0.0:
         return 0.0
-    return abs(float(rising.mean() - falling.mean())) / spread
+    return abs(levels[0] / counts[0] - levels[1] / counts[1]) / spread
 
 
 @njit(cache=True, nogil=True)
@@ -206,10 +229,14 @@ def _first_turn(x: FloatArray, reversal: float) -> tuple[int, float]:
 @njit(cache=True, nogil=True)
 def _still_travel(pv: FloatArray, op: FloatArray, band: float) -> float:
     """Largest OP travel over consecutive samples whose PV stays within `band`."""
-    best, first = 0.0, 0
+    best, first, low, high = 0.0, 0, pv[0], pv[0]
     for i in range(len(pv)):
-        while pv[first : i + 1].max() - pv[first : i + 1].min() > band:
-            first += 1
+        low, high = min(low, pv[i]), max(high, pv[i])
+        if high - low > band:
+            first, low, high = i, pv[i], pv[i]
+            while max(high, pv[first - 1]) - min(low, pv[first - 1]) <= band:
+                first -= 1
+                low, high = min(low, pv[first]), max(high, pv[first])
         best = max(best, abs(op[i] - op[0]) - abs(op[first] - op[0]))
     return best
 

@@ -94,6 +94,15 @@ def deviation(x: FloatArray) -> float:
 
 
 @njit(cache=True, nogil=True)
+def peak_to_peak(x: FloatArray) -> float:
+    """From the least to the greatest of x (N,): of a few values NumPy's takes ten times as long."""
+    low = high = x[0]
+    for i in range(1, len(x)):
+        low, high = min(low, x[i]), max(high, x[i])
+    return high - low
+
+
+@njit(cache=True, nogil=True)
 def median(x: FloatArray) -> float:
     """Median of x (N,), N at least 1: of a few values NumPy's takes twenty times as long."""
     return np.median(x)
@@ -277,10 +286,17 @@ def log_kurtosis(x: FloatArray) -> float:
 
 def quantiles(x: FloatArray, shares: tuple[float, ...]) -> FloatArray:
     """Quantiles of x (N,) at shares in 0..1, on straight lines between the sorted values."""
-    ordered, place = np.sort(x), np.array(shares) * (len(x) - 1)
-    below = np.minimum(place.astype(np.int64), max(len(x) - 2, 0))
-    low, high = ordered[below], ordered[np.minimum(below + 1, len(x) - 1)]
-    return np.asarray(low + (high - low) * (place - below))
+    ordered = np.sort(x)
+    return np.array([quantile(ordered, share) for share in shares])
+
+
+@njit(cache=True, nogil=True)
+def quantile(ordered: FloatArray, share: float) -> float:
+    """Of sorted values (N,) at a share in 0..1, on a straight line between two of them."""
+    place = share * (len(ordered) - 1)
+    below = min(int(place), max(len(ordered) - 2, 0))
+    low, high = ordered[below], ordered[min(below + 1, len(ordered) - 1)]
+    return low + (high - low) * (place - below)
 
 
 @lru_cache(maxsize=64)
@@ -293,6 +309,6 @@ def hann(n: int) -> FloatArray:
 
 def burstiness(x: FloatArray, share: float = 0.2) -> float:
     """The part of the sum of abs(x) (N,) that its largest `share` of values hold, `share`..1."""
-    size = np.sort(np.abs(x))[::-1]
-    total = float(size.sum())
-    return float(size[: max(1, int(share * len(size)))].sum()) / total if total > 0.0 else 1.0
+    size = np.abs(x)
+    total, liveliest = float(size.sum()), max(1, int(share * len(size)))
+    return float(np.partition(size, -liveliest)[-liveliest:].sum()) / total if total > 0.0 else 1.0
