@@ -81,7 +81,7 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     misfit, causal_misfit = _misfit(yy, xy, xx, 0.0), _misfit(yy, xy, xx, -action)
     any_sign, causal, level = (_least(x) for x in (misfit, causal_misfit, causal_misfit[:, -1:]))
     held = _held_out(yy, xy, xx, -action)
-    best = int(np.argmin(misfit[1:].reshape(len(_S) - 1, -1).min(axis=1))) + 1
+    best = 1 + int(np.argmin(misfit[1:])) // misfit[0].size
     return FreeRun(
         fit_linear=1.0 - any_sign[0],
         fit_sticky=1.0 - any_sign[1],
@@ -120,12 +120,23 @@ def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
 
     pv, op: (n,) without drift. A set point that moves blurs both.
     """
-    rows = _acted_on(pv)
-    normal = rows @ rows.T + 1e-9 * len(pv) * np.eye(len(rows))
-    proportional, integrating = np.linalg.solve(normal, rows @ op)[:2]
+    proportional, integrating = _acted(pv, op)
     strongest = proportional if abs(proportional) > abs(integrating) else integrating
     share = abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
     return float(np.sign(strongest)), float(share)
+
+
+@njit(cache=True, nogil=True)
+def _acted(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
+    """Coefficients of op (n,) on pv (n,) and on its integral, both at unit deviation, beside what drifts."""
+    rows = _acted_on(pv)
+    normal, right = 1e-9 * len(pv) * np.eye(len(rows)), np.empty(len(rows))
+    for i in range(len(rows)):
+        right[i] = dot(rows[i], op)
+        for j in range(len(rows)):
+            normal[i, j] += dot(rows[i], rows[j])
+    coefficients = np.linalg.solve(normal, right)
+    return coefficients[0], coefficients[1]
 
 
 @njit(cache=True, nogil=True)
@@ -142,9 +153,10 @@ def _acted_on(pv: FloatArray) -> FloatArray:
     return rows
 
 
+@njit(cache=True, nogil=True)
 def _least(misfit: FloatArray) -> tuple[float, float]:
     """Of the linear valve and of the sticky ones."""
-    return float(misfit[0].min()), float(misfit[1:].min())
+    return misfit[0].min(), misfit[1:].min()
 
 
 def _log_gain(least: tuple[float, float]) -> float:

@@ -1,5 +1,7 @@
 """Shapes in numbers: what they are on signals drawn by hand, and that no unit changes them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -104,12 +106,19 @@ def test_kurtosis_knows_square_sine_triangle_and_noise(x, expected):
     assert log_kurtosis(x) == pytest.approx(expected, abs=0.03)
 
 
-def test_harmonic_shares_add_up_and_find_the_third():
-    t = np.arange(600)
-    shares = harmonic_shares(np.sin(2 * np.pi * t / 40) + np.sin(6 * np.pi * t / 40))
+def test_harmonic_shares_add_up_and_find_the_third_of_the_one_and_the_second_of_the_other():
+    t = np.arange(599)
+    one = np.sin(2 * np.pi * t / 40) + np.sin(6 * np.pi * t / 40)
+    other = 100.0 * np.cos(4 * np.pi * t / 40)
+    shares, of_other = harmonic_shares(one, other)
     assert shares.sum() == pytest.approx(1.0, abs=1e-6)
+    assert of_other.sum() == pytest.approx(1.0, abs=1e-6)
     assert shares[1] == pytest.approx(0.5, abs=0.02)
     assert shares[3] == pytest.approx(0.5, abs=0.02)
+    assert of_other[2] == pytest.approx(1.0, abs=0.02)
+    power, cycles = np.abs(np.fft.rfft(one * np.hanning(599))) ** 2, np.arange(300) * 40 / 599
+    bands = [power[(low <= cycles) & (cycles < high)].sum() for low, high in pairwise((0, 0.5, 1.5, 2.5, 3.5, np.inf))]
+    assert shares == pytest.approx(np.array(bands) / power.sum(), abs=1e-9)
 
 
 def test_bicoherence_sees_phase_coupling_and_not_noise():

@@ -79,14 +79,17 @@ def _spread_of_logarithms(x: FloatArray) -> float:
     return deviation(np.log(np.maximum(x, 1e-3 * x.max() + 1e-12)))
 
 
+@njit(cache=True, nogil=True)
 def _travelled(op: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
     """Direction (1 or -1) and travel since the last reversal of the samples between the first and the last turn."""
-    if len(ends) < 2:
-        return np.empty(0), np.empty(0)
-    length = np.diff(ends)
-    start = np.repeat(op[ends[:-1]], length)
-    way = np.repeat(np.sign(np.diff(op[ends])), length)
-    return way, way * (op[ends[0] : ends[-1]] - start)
+    between = ends[-1] - ends[0] if len(ends) > 1 else 0
+    way, travelled, place = np.empty(between), np.empty(between), 0
+    for k in range(len(ends) - 1):
+        direction = np.sign(op[ends[k + 1]] - op[ends[k]])
+        for i in range(ends[k], ends[k + 1]):
+            way[place], travelled[place] = direction, direction * (op[i] - op[ends[k]])
+            place += 1
+    return way, travelled
 
 
 def _paths(pv: FloatArray, pv_slope: FloatArray, travelled: FloatArray) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from scipy import fft
 
 from app.engine.features.window import PER_CYCLE, ShapeWindow
 from app.engine.recording import FloatArray
-from app.engine.signals.sampled import ROUNDING, deviation, hann, log_kurtosis, skewness
+from app.engine.signals.sampled import REORDERED_SUMS, ROUNDING, deviation, hann, log_kurtosis, mean, skewness
 
 ComplexArray = NDArray[np.complex128]
 
@@ -62,7 +62,7 @@ def shape(window: ShapeWindow) -> Shape:
     """The features of `Shape` for one window."""
     pv, op = window.pv_smooth, window.op_smooth
     dpv, dop = np.diff(pv), np.diff(op)
-    pv_power, op_power = harmonic_shares(window.pv), harmonic_shares(window.op)
+    pv_power, op_power = harmonic_shares(window.pv, window.op)
     return Shape(
         pv_kurtosis=log_kurtosis(window.pv),
         op_kurtosis=log_kurtosis(window.op),
@@ -91,21 +91,33 @@ def shape(window: ShapeWindow) -> Shape:
     )
 
 
-def harmonic_shares(x: FloatArray) -> FloatArray:
-    """(5,) shares of the power of x (n,): below the fundamental, fundamental, second, third, above."""
-    shares: FloatArray = _shares_between(fft.rfft(x * hann(len(x))), len(x), _HARMONIC_EDGES)
+def harmonic_shares(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(5,) shares of the power of each of two signals (n,): below the fundamental, fundamental, second, third, above.
+
+    Real and imaginary part of one transform, whose lines at k and -k tell the two apart.
+    """
+    taper = hann(len(one))
+    lines = fft.fft(one * taper + 1j * (other * taper), overwrite_x=True)
+    shares: tuple[FloatArray, FloatArray] = _shares_between(lines, _HARMONIC_EDGES)
     return shares
 
 
 @njit(cache=True, nogil=True)
-def _shares_between(lines: ComplexArray, samples: int, edges: tuple) -> FloatArray:
-    """(bands,) shares of the power of the lines of so many samples below each of these edges, in lines a cycle."""
-    shares, band = np.zeros(len(edges)), 0
-    for k in range(len(lines)):
+def _shares_between(lines: ComplexArray, edges: tuple) -> tuple[FloatArray, FloatArray]:
+    """(bands,) shares of the power of two signals, of whose transform (n,) these are the lines, below each of these
+    edges, in lines a cycle.
+    """
+    samples, band = len(lines), 0
+    one, other = np.zeros(len(edges)), np.zeros(len(edges))
+    for k in range(samples // 2 + 1):
         while k * PER_CYCLE / samples >= edges[band]:
             band += 1
-        shares[band] += lines[k].real ** 2 + lines[k].imag ** 2
-    return shares / (shares.sum() + 1e-12)
+        up, down = lines[k], lines[-k].conjugate()
+        first, second = up + down, up - down
+        one[band] += first.real**2 + first.imag**2
+        other[band] += second.real**2 + second.imag**2
+    # Of powers four times as large as those of each signal by itself.
+    return one / (one.sum() + 4e-12), other / (other.sum() + 4e-12)
 
 
 def bicoherence(x: FloatArray) -> float:
@@ -114,37 +126,56 @@ def bicoherence(x: FloatArray) -> float:
     Segments of two cycles, half overlapping. 0 where fewer than four fit.
     """
     size = 2 * PER_CYCLE
-    starts = range(0, len(x) - size + 1, size // 2)
-    if len(starts) < _FEWEST_SEGMENTS:
+    segments = _segments(x, hann(size))
+    if len(segments) < _FEWEST_SEGMENTS:
         return 0.0
-    pieces = np.array([x[s : s + size] for s in starts])
-    lines = fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * hann(size), axis=1)
-    return _coupling(lines, _BISPECTRUM_LINES) - 1.0 / len(starts)
+    return _coupling(fft.rfft(segments, axis=1, overwrite_x=True), _BISPECTRUM_LINES) - 1.0 / len(segments)
+
+
+@njit(cache=True, nogil=True)
+def _segments(x: FloatArray, taper: FloatArray) -> FloatArray:
+    """(segments, size) of x (n,) about their means, tapered (size,), each half over the next; none where n < size."""
+    size = len(taper)
+    segments = np.empty((max(0, (len(x) - size) // (size // 2) + 1), size))
+    for k in range(len(segments)):
+        piece = x[k * (size // 2) : k * (size // 2) + size]
+        segments[k] = (piece - mean(piece)) * taper
+    return segments
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _coupling(lines: ComplexArray, below: int) -> float:
     """Mean squared bicoherence of the pairs of lines 1..below-1 of lines (segments, lines), weighted by amplitude."""
     segments = lines.shape[0]
+    reached = lines[:, : 2 * below - 1].T
+    real, imag, size = reached.real.copy(), reached.imag.copy(), np.abs(reached)
     total = whole = 0.0
     for i in range(1, below):
-        for j in range(1, below):
-            coupled = 0.0j
-            pair_power = sum_power = pair_size = sum_size = 0.0
-            for k in range(segments):
-                pair, other = lines[k, i] * lines[k, j], lines[k, i + j]
-                coupled += pair * other.conjugate()
-                pair_square = pair.real**2 + pair.imag**2
-                sum_square = other.real**2 + other.imag**2
-                pair_power += pair_square
-                sum_power += sum_square
-                pair_size += np.sqrt(pair_square)
-                sum_size += np.sqrt(sum_square)
-            squared = (coupled.real**2 + coupled.imag**2) / (pair_power * sum_power + 1e-12)
-            weight = (sum_size / segments) * (pair_size / segments)
-            total += squared * weight
-            whole += weight
+        for j in range(1, i + 1):
+            squared, weight = _coupling_of(real, imag, size, i, j)
+            twice = 1.0 if i == j else 2.0  # lines j and i couple as i and j do
+            total += twice * squared * (weight / segments**2)
+            whole += twice * (weight / segments**2)
     return total / (whole + 1e-12)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=REORDERED_SUMS)
+def _coupling_of(real: FloatArray, imag: FloatArray, size: FloatArray, i: int, j: int) -> tuple[float, float]:
+    """Squared bicoherence of the lines i and j, and the product of the summed amplitudes of their pair and of line
+    i + j; real, imag, size: (lines, segments) parts of the lines and their amplitudes.
+    """
+    coupled_real = coupled_imag = pair_power = sum_power = pair_size = sum_size = 0.0
+    p, q, r, s, u, v = real[i], imag[i], real[j], imag[j], real[i + j], imag[i + j]
+    for k in range(len(p)):
+        pair_real, pair_imag = p[k] * r[k] - q[k] * s[k], p[k] * s[k] + q[k] * r[k]
+        coupled_real += pair_real * u[k] + pair_imag * v[k]
+        coupled_imag += pair_imag * u[k] - pair_real * v[k]
+        pair, other = size[i, k] * size[j, k], size[i + j, k]
+        pair_power += pair * pair
+        sum_power += other * other
+        pair_size += pair
+        sum_size += other
+    return (coupled_real**2 + coupled_imag**2) / (pair_power * sum_power + 1e-12), pair_size * sum_size
 
 
 @njit(cache=True, nogil=True)
@@ -180,14 +211,14 @@ def _half_cycle(half: FloatArray) -> float:
         form[i] = np.sin(np.pi * t[i])
     sine = _misfit(half, form)
     for k in range(2, 9):
-        peak = 0.1 * k
+        rise, fall = 10.0 / k, 10.0 / (10 - k)
         for i in range(n):
-            form[i] = min(t[i] / peak, (1.0 - t[i]) / (1.0 - peak))
+            form[i] = min(t[i] * rise, (1.0 - t[i]) * fall)
         triangle = min(triangle, _misfit(half, form))
     return sine / (sine + triangle + 1e-12)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)
 def _misfit(half: FloatArray, form: FloatArray) -> float:
     top = bottom = left = 0.0
     for i in range(len(half)):

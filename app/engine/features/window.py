@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
@@ -80,10 +81,12 @@ def cycle_samples(record: UniformRecord, oscillation: Oscillation) -> float:
     return per_cycle
 
 
+@njit(cache=True, nogil=True)
 def _fast_share(x: FloatArray, half: int) -> float:
+    """Share of the variance of x (N,), less its straight line, that is not in its moving average."""
     x = without_line(x)
-    total = float(np.var(x))
-    return float(np.var(x - moving_average(x, half))) / total if total > 0.0 else 1.0
+    total = deviation(x) ** 2
+    return deviation(x - moving_average(x, half)) ** 2 / total if total > 0.0 else 1.0
 
 
 def window_of(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> ShapeWindow | None:

@@ -189,9 +189,13 @@ def at_ends(x: FloatArray, low: float, high: float, band: float) -> tuple[BoolAr
     return x <= low + band, x >= high - band
 
 
+@njit(cache=True, nogil=True)
 def cycle_ranges(x: FloatArray, per_cycle: int) -> FloatArray:
     """(N // per_cycle,) what x (N,) goes over in each whole cycle."""
-    return np.ptp(blocks(x, per_cycle), axis=1)
+    ranges = np.empty(len(x) // per_cycle)
+    for k in range(len(ranges)):
+        ranges[k] = peak_to_peak(x[k * per_cycle : (k + 1) * per_cycle])
+    return ranges
 
 
 def slow_share(blocks: FloatArray) -> float:
