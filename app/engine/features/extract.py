@@ -1,7 +1,9 @@
 """All features of a record, averaged over its windows."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from itertools import chain
 
 import numpy as np
 
@@ -53,7 +55,9 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
     windows = tuple(shape_windows(record, oscillation, most_windows))
     if not windows:
         return None
-    table = np.array([_row(window, oscillation) for window in windows])
+    regularity = math.log(min(max(oscillation.regularity, _LEAST_REGULAR), _MOST_REGULAR))
+    table = np.array([[*_row(window), oscillation.strength, regularity] for window in windows])
+    np.nan_to_num(table, copy=False)
     weights = np.full(len(windows), 1.0 / len(windows))
     overlap = sum(len(window.raw_pv) for window in windows) > record.samples
     return Features(table.mean(axis=0), table, weights, overlap, windows)
@@ -91,6 +95,8 @@ def observe_parts(parts: Sequence[Part]) -> Features | None:
     if features is None:
         return None
     found = [features, *(other for other in others if other is not None)]
+    if len(found) == 1:
+        return features
     return Features(
         values=np.mean([one.values for one in found], axis=0),
         table=np.concatenate([one.table for one in found]),
@@ -100,7 +106,8 @@ def observe_parts(parts: Sequence[Part]) -> Features | None:
     )
 
 
-def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
+def _row(window: ShapeWindow) -> Iterator[float]:
+    """In the order of NAMES, but for the oscillation."""
     groups = (
         quadrature(window),
         travel(window),
@@ -109,10 +116,4 @@ def _row(window: ShapeWindow, oscillation: Oscillation) -> FloatArray:
         free_run(window.even_pv, window.even_op, PER_CYCLE),
         legs(window),
     )
-    regularity = float(np.log(np.clip(oscillation.regularity, _LEAST_REGULAR, _MOST_REGULAR)))
-    row = [
-        *(value for group in groups for value in vars(group).values()),
-        oscillation.strength,
-        regularity,
-    ]
-    return np.nan_to_num(np.array(row, dtype=np.float64))
+    return chain.from_iterable(vars(group).values() for group in groups)

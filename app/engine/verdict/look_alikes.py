@@ -116,7 +116,7 @@ def _freedom_each(drawn: Sequence[Features]) -> float:
 def _apart(drawn: Sequence[Features]) -> int:
     """Windows of a surrogate that tell of it independently."""
     weights = drawn[0].weights
-    alike = all(np.array_equal(features.weights, weights) for features in drawn)
+    alike = len({features.weights.tobytes() for features in drawn}) == 1
     return len(weights) if alike and not any(features.overlap for features in drawn) else 1
 
 
