@@ -256,17 +256,20 @@ def fill_sums(y: FloatArray, v: FloatArray, grid: tuple, drift: int, xy: FloatAr
 def _fill_delayed(y: FloatArray, x: FloatArray, dead_times: IntArray, xy: FloatArray, xx: FloatArray) -> None:
     """The same of one lag, (dead times, 2) each; x: (n,) what comes through it, less its drift. dead_times: rising.
 
-    The squares that every dead time leaves in its halves are summed up once.
+    From one dead time to the next shorter one the halves begin and end some samples later.
     """
     n, half, longest = len(y), len(y) // 2, dead_times[-1]
-    early, late = x[: half - longest], x[half : n - longest]
-    in_early, in_late = dot(early, early), dot(late, late)
-    for k in range(len(dead_times)):
+    early, late = x[: half - longest], x[half - longest : n - longest]
+    in_early, in_late, began = dot(early, early), dot(late, late), longest
+    for k in range(len(dead_times) - 1, -1, -1):
         theta = dead_times[k]
+        for before in range(began, theta, -1):
+            turned, added = x[half - before] ** 2, x[n - before] ** 2
+            in_early += turned
+            in_late += added - turned
+        began = theta
+        xx[k, 0], xx[k, 1] = in_early, in_late
         xy[k, 0], xy[k, 1] = dot(x[: half - theta], y[theta:half]), dot(x[half - theta : n - theta], y[half:])
-        more, between, further = x[half - longest : half - theta], x[half - theta : half], x[n - longest : n - theta]
-        xx[k, 0] = in_early + dot(more, more)
-        xx[k, 1] = dot(between, between) + in_late + dot(further, further)
 
 
 @njit(cache=True, nogil=True)

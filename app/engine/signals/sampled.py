@@ -228,9 +228,19 @@ def resample(x: FloatArray, samples_per_cycle: float, wanted: int) -> FloatArray
     """x (N,) at `wanted` samples a cycle: averaged where that is coarser, on straight lines where it is finer."""
     n = len(x)
     m = max(round(n * wanted / samples_per_cycle), 16)
-    if samples_per_cycle <= wanted:
-        return np.interp(np.linspace(0, n - 1, m), np.arange(n), x)
-    return _averaged(x, m)
+    return _on_lines(x, m) if samples_per_cycle <= wanted else _averaged(x, m)
+
+
+@njit(cache=True, nogil=True)
+def _on_lines(x: FloatArray, m: int) -> FloatArray:
+    """(m,) values of straight lines between the samples of x (N,), evenly from the first to the last."""
+    n = len(x)
+    out = np.empty(m)
+    for k in range(m):
+        place = k * ((n - 1) / (m - 1))
+        before = min(int(place), n - 2)
+        out[k] = x[before] + (x[before + 1] - x[before]) * (place - before)
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -311,8 +321,9 @@ def hann(n: int) -> FloatArray:
     return window
 
 
+@njit(cache=True, nogil=True)
 def burstiness(x: FloatArray, share: float = 0.2) -> float:
     """The part of the sum of abs(x) (N,) that its largest `share` of values hold, `share`..1."""
     size = np.abs(x)
-    total, liveliest = float(size.sum()), max(1, int(share * len(size)))
-    return float(np.partition(size, -liveliest)[-liveliest:].sum()) / total if total > 0.0 else 1.0
+    total, quieter = size.sum(), len(x) - max(1, int(share * len(x)))
+    return np.partition(size, quieter)[quieter:].sum() / total if total > 0.0 else 1.0
