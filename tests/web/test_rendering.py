@@ -66,6 +66,11 @@ def test_the_table_shows_the_weightiest_reasons_only():
     assert first_reasons(told("a;b", "A. B")) == "A. B"
 
 
+def test_reasons_that_stand_one_after_the_other_begin_as_sentences_do():
+    assert first_reasons(told("a;b;c", "few cycles. the valve is slow. c")) == "Few cycles. The valve is slow ..."
+    assert first_reasons(told("a", "")) == ""
+
+
 def test_a_tag_with_a_full_stop_in_it_ends_no_reason():
     shaken = "PV swings in step with T. 101 (coherence 0.90)"
     row = told("shaken_by_neighbour;few_cycles", f"{shaken}. few cycles")

@@ -34,6 +34,6 @@ def extra_in(extra_json: str | None) -> Mapping[str, Any]:
 
 
 def first_reasons(row: Mapping[str, Any], count: int = 2) -> str:
-    """The weightiest reasons of a row; the page of its loop has all of them."""
+    """The weightiest reasons of a row as sentences; the page of its loop has all of them."""
     told = reasons_of(row)
-    return BETWEEN.join(told[:count]) + (" ..." if len(told) > count else "")
+    return BETWEEN.join(text[:1].upper() + text[1:] for text in told[:count]) + (" ..." if len(told) > count else "")
