@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query
 from fastapi.responses import HTMLResponse
 from fastapi.staticfiles import StaticFiles
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from starlette.responses import FileResponse, JSONResponse
 
 from app.engine.codes import UNANSWERED
@@ -36,6 +36,7 @@ from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
 ROWS_A_PAGE = 100
+WORST_FIRST = "-priority"
 CHANGES, GROUPS, UNITS = 10, 5, 12
 YES_NO = {"true": True, "false": False}
 
@@ -60,7 +61,7 @@ class TableForm(BaseModel):
     retired: Literal["", "false", "true", "any"] = ""
     open_order: Literal["", "true", "false"] = ""
     audit_id: str = Field("", max_length=40)
-    sort: str = Field("-priority", max_length=60)
+    sort: Annotated[str, AfterValidator(lambda name: name or WORST_FIRST)] = Field(WORST_FIRST, max_length=60)
     cursor: str = Field("", max_length=LONGEST_CURSOR)
     column: list[str] = Field([], max_length=len(COLUMNS))
 

@@ -90,6 +90,11 @@ def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
     assert asked_words(asked) == f"valve sticks; reliable when judged; {of_these}"
 
 
+def test_an_order_that_is_left_empty_is_the_usual_one(client):
+    page = client.get("/table?sort=")
+    assert (page.status_code, page.text) == (200, client.get("/table").text)
+
+
 def test_columns_without_an_order_have_no_link(client):
     html = client.get("/table?column=stiction_S&column=health").text
     assert '<th scope="col" class="number">Size S, units of OP</th>' in html
@@ -198,7 +203,7 @@ def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(
             "importance 2.5" in client.get(f"/table?search=FIC101{more}").text for more in ("", "&column=importance")
         ]
 
-    assert "worst first, by health and importance" in client.get("/table").text
+    assert "worst first: health, importance" in client.get("/table").text
     assert told() == [False, False]
     client.patch("/v1/loops/FIC101", json={"importance": 2.5}).raise_for_status()
     try:

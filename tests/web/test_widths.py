@@ -50,6 +50,16 @@ def test_what_to_do_has_room_and_the_last_column_is_seen(opened: Page):
     assert part.evaluate("part => part.scrollWidth <= part.clientWidth")
 
 
+@pytest.mark.parametrize("width_px", [1280, 360])
+def test_the_order_of_the_table_can_be_read_to_its_end(opened: Page, width_px):
+    opened.set_viewport_size({"width": width_px, "height": 900})
+    opened.goto("/table")
+    order = opened.locator("#sort")
+    given = order.bounding_box()["width"]
+    order.evaluate("select => { select.style.width = select.style.maxWidth = 'max-content'; }")
+    assert given >= order.bounding_box()["width"]
+
+
 def test_units_show_their_health_on_a_narrow_screen(narrow: Page):
     settled(narrow, "/")
     health = narrow.locator("section:has(#units-head) td[data-label=Health]").first
