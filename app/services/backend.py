@@ -60,6 +60,15 @@ def takes_no_writes(error: Exception) -> bool:
     return getattr(told, "sqlstate", None) == READ_ONLY or sqlite.startswith("SQLITE_READONLY")
 
 
+NO_CONNECTION_LEFT = ("too many connections", "too many clients", "connection slots are reserved")
+"""In the words of a PostgreSQL that speaks English: its driver has no code for a connection that is refused."""
+
+
+def no_connection_left(error: Exception) -> bool:
+    """Whether the data base answers and lets nobody else in: the server, or the role, has all connections in use."""
+    return any(words in str(_told_by_driver(error)) for words in NO_CONNECTION_LEFT)
+
+
 def _told_by_driver(error: Exception) -> object:
     """What the driver said of a data base that is away; the whole text has the statement's parameters in it."""
     return getattr(error, "orig", None) if isinstance(error, DATABASE_AWAY) else None

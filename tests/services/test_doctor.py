@@ -3,12 +3,13 @@
 import json
 import os
 import time
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from psycopg.errors import DiskFull
-from sqlalchemy import Connection, make_url, update
+from sqlalchemy import Connection, create_engine, make_url, update
 from sqlalchemy.exc import OperationalError, ProgrammingError
 
 from app.services.access import keys
@@ -278,6 +279,31 @@ def test_why_a_data_base_cannot_be_used_is_told_in_its_own_words(tmp_path, postg
     assert "hunter2" not in found
     refused = of("data base", Settings(data_dir=tmp_path, database_url="postgresql://127.0.0.1:1/plant"))
     assert "refused" in refused.found
+
+
+@pytest.fixture
+def crowded(postgres_url: str) -> Iterator[Callable[[int], str]]:
+    """The address of a role that may have so many connections."""
+    server, role = make_url(postgres_url), f"crowded_{os.getpid()}"
+    engine = create_engine(postgres_url, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+
+        def limited(most: int) -> str:
+            made = f"CREATE ROLE {role} LOGIN PASSWORD 'crowded' CONNECTION LIMIT {most} IN ROLE pg_read_all_data"
+            connection.exec_driver_sql(made)
+            return server.set(username=role, password="crowded").render_as_string(hide_password=False)
+
+        yield limited
+        connection.exec_driver_sql(f"DROP ROLE IF EXISTS {role}")
+    engine.dispose()
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize(("most", "name"), [(0, "data base"), (1, "growth")])
+def test_connections_that_are_all_in_use_are_told_with_what_gives_more(tmp_path, crowded, most, name):
+    found = of(name, Settings(data_dir=tmp_path, database_url=crowded(most)))
+    assert (found.state, "too many connections" in found.found) == ("problem", True)
+    assert all(words in found.advice for words in ("CONNECTION LIMIT", "LOOPAUDIT_POOL_SIZE", "now 5"))
 
 
 def test_samples_ahead_of_the_clock_are_a_warning(plant):

@@ -17,7 +17,7 @@ from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.auditing.standing_still import stands_still_s
-from app.services.backend import DATABASE_AWAY, Backend, no_room, takes_no_writes
+from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_room, takes_no_writes
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
@@ -36,6 +36,7 @@ OLD_WORK_S = 6 * 3600
 LONGEST_REASON = 400
 SOON = timedelta(days=14)
 NO_TABLES = "there are none"
+ALL_IN_USE = "all connections are in use: more of them (max_connections, CONNECTION LIMIT of role or data base)"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -167,9 +168,7 @@ def reachable(backend: Backend) -> Check:
     try:
         took_s = backend.database.answers()
     except SQLAlchemyError as error:
-        advice = "start it, or correct LOOPAUDIT_DATABASE_URL"
-        if _is_damaged(backend, error):
-            advice = "restore a backup: `loopaudit restore`"
+        advice = _advice(backend, error) or "start it, or correct LOOPAUDIT_DATABASE_URL"
         return Check("data base", "problem", f"{_where(backend)} cannot be used: {_reason(error)}", advice)
     found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
     if took_s >= SLOW_DATABASE_S:
@@ -399,8 +398,17 @@ def _guarded(name: str, check: Callable[[Backend], Check], backend: Backend) -> 
     try:
         return check(backend)
     except SQLAlchemyError as error:
-        advice = "restore a backup: `loopaudit restore`" if _is_damaged(backend, error) else "run `loopaudit migrate`"
-        return Check(name, "problem", f"cannot be looked at: {_reason(error)}", advice)
+        away = "look at the log of the data base" if isinstance(error, DATABASE_AWAY) else "run `loopaudit migrate`"
+        return Check(name, "problem", f"cannot be looked at: {_reason(error)}", _advice(backend, error) or away)
+
+
+def _advice(backend: Backend, error: SQLAlchemyError) -> str | None:
+    """Where the error tells what is wrong."""
+    if _is_damaged(backend, error):
+        return "restore a backup: `loopaudit restore`"
+    if no_connection_left(error):
+        return f"{ALL_IN_USE}, or a smaller LOOPAUDIT_POOL_SIZE for each process (now {backend.settings.pool_size})"
+    return None
 
 
 def _is_damaged(backend: Backend, error: SQLAlchemyError) -> bool:
