@@ -392,5 +392,7 @@ class HealthOut(TableRow, KeyFiguresLine):
 
 
 class ReadyOut(BaseModel):
-    state: Literal["ready", "degraded", "not_ready"] = Field(description="degraded: works, but a broker is away.")
+    state: Literal["ready", "degraded", "not_ready"] = Field(
+        description="degraded: works, but a broker is away, or the data base takes no writes."
+    )
     checks: dict[str, Any] = Field(description="What was looked at, and what was found.")

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
@@ -63,6 +64,15 @@ class Database:
         with self.read() as connection:
             connection.exec_driver_sql("SELECT 1")
         return time.perf_counter() - begun
+
+    def takes_writes(self) -> bool:
+        """Not on a standby, on a server that was made read-only, or on a file system that is mounted so. Raises what
+        SQLAlchemy raises where the data base does not answer."""
+        if self.is_sqlite:
+            file = Path(self.url.database or "")
+            return all(os.access(path, os.W_OK) for path in (file, file.parent))
+        with self.write() as connection:
+            return connection.exec_driver_sql("SHOW transaction_read_only").scalar() == "off"
 
     @property
     def writer(self) -> Engine:

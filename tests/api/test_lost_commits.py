@@ -15,6 +15,7 @@ from app.services.auditing import ending
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.upkeep import doctor
+from app.services.upkeep.readiness import readiness
 from app.settings import Settings
 
 EXPORT = b"time,FIC1.PV,FIC1.OP\n" + b"".join(b"%d,%d,%d\n" % (60 * i, i % 7, i % 5) for i in range(200))
@@ -158,6 +159,12 @@ def test_a_data_base_that_takes_no_writes_says_so_and_is_read(read_only, client,
     assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
     assert "takes nothing to be written" in answer.json()["detail"]
     assert client.get("/v1/loops/FIC1").status_code == 200
+
+
+def test_readiness_tells_of_a_data_base_that_takes_no_writes_and_lets_its_pages_be_read(read_only):
+    found = readiness(read_only)
+    assert (found.state, found.checks["database"]) == ("degraded", "ok")
+    assert "read-only" in found.checks["writes"]
 
 
 def test_the_doctor_names_a_data_base_that_takes_no_writes(read_only):

@@ -14,16 +14,17 @@ LEAST_FREE_BYTES = 100 << 20
 
 
 def readiness(backend: Backend) -> Readiness:
-    """Data base, schema and disk must be well; a broker that is away only slows things down."""
+    """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base that
+    takes no writes the pages can be read."""
     checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": _free(backend.settings)}
-    checks["schema"] = "current" if checks["database"] == "ok" and _schema_is_current(backend) else "not current"
+    checks["schema"] = _schema(backend) if checks["database"] == "ok" else "not known"
     checks["broker"] = "ok" if backend.queue.reachable() else "away"
-    well = checks["database"] == "ok" and checks["schema"] == "current"
+    well = checks["schema"] == "current"
     if well:
-        checks |= _waiting_for_room(backend)
+        checks |= {"writes": _writes(backend)} | _waiting_for_room(backend)
     if not well or _free(backend.settings) < LEAST_FREE_BYTES:
         return Readiness("not_ready", checks)
-    return Readiness("ready" if checks["broker"] == "ok" else "degraded", checks)
+    return Readiness("ready" if checks["broker"] == checks["writes"] == "ok" else "degraded", checks)
 
 
 def _database(backend: Backend) -> str:
@@ -44,8 +45,15 @@ def _waiting_for_room(backend: Backend) -> dict[str, object]:
     }
 
 
-def _schema_is_current(backend: Backend) -> bool:
-    return schema.current_revision(backend.database) == schema.newest_revision()
+def _schema(backend: Backend) -> str:
+    return "current" if schema.current_revision(backend.database) == schema.newest_revision() else "not current"
+
+
+def _writes(backend: Backend) -> str:
+    try:
+        return "ok" if backend.database.takes_writes() else "the data base is read-only: nothing is stored"
+    except SQLAlchemyError as error:
+        return f"away: {type(error).__name__}"
 
 
 def _free(settings: Settings) -> int:

@@ -45,7 +45,8 @@ def test_a_body_that_is_too_large_is_a_problem_too(client):
 
 def test_liveness_readiness_and_metrics(client, plant):
     assert client.get("/healthz").json() == {"state": "alive"}
-    assert client.get("/readyz").json()["checks"]["database"] == "ok"
+    checks = client.get("/readyz").json()["checks"]
+    assert (checks["database"], checks["schema"], checks["writes"]) == ("ok", "current", "ok")
     text = client.get("/metrics").text
     for line in text.splitlines():
         assert re.fullmatch(r'# (HELP|TYPE) \w+ .+|\w+(\{\w+="[^"]*"(,\w+="[^"]*")*\})? [-+.\deE]+', line), line
@@ -111,6 +112,7 @@ def test_a_data_base_that_is_away_is_503_and_nothing_of_it_is_told(serve, tmp_pa
         assert "secret" not in answer.text
         ready = client.get("/readyz")
         assert (ready.status_code, ready.json()["state"]) == (503, "not_ready")
+        assert ready.json()["checks"]["schema"] == "not known"
         assert client.get("/healthz").status_code == 200
 
 
