@@ -116,6 +116,11 @@ def by_night(connection: Connection, plant: str, nightly_for: str) -> AuditRow |
     return None if row is None else AuditRow(*row)
 
 
+def let_go_of_night(connection: Connection, audit_id: int) -> None:
+    """The run was not its date's night, which is to come: it stands beside it."""
+    connection.execute(update(audits).where(audits.c.id == audit_id).values(nightly_for=None))
+
+
 def of_a_night(*, the_first: bool = False) -> ColumnElement[bool]:
     """Runs of the whole plant as each night has one, whoever began them, those too that somebody asked for once that
     night's had ended; the_first: the one that a date's night is, without those."""

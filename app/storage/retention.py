@@ -1,7 +1,7 @@
 """What is old: dropped in small batches, each its own short statement, so that nobody waits behind them."""
 
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
@@ -27,10 +27,9 @@ from app.storage.tables import (
     verdicts,
 )
 from app.storage.tallies import UPLOAD_BYTES, tally
-from app.storage.types import now
+from app.storage.types import CLOCK_APART, now
 from app.storage.uploads import going, let_go, lock_bytes
 
-CLOCK_APART = timedelta(hours=1)
 UPLOADS_AT_ONCE = 10  # the row of each may have megabytes of tags and mapping
 
 

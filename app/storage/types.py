@@ -1,6 +1,6 @@
 """What both data bases must mean the same by: instants, the data base's own clock, and texts."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import BigInteger, ColumnElement, DateTime, Float, case, or_
@@ -112,6 +112,10 @@ def longer_pause(before_s: ColumnElement[float], first_s: float) -> ColumnElemen
     """The pause after this one (NULL: none yet), twice as long, up to some minutes."""
     doubled = (before_s < LONGEST_PAUSE_S / 2, 2 * before_s)
     return case((before_s.is_(None), first_s), doubled, else_=LONGEST_PAUSE_S)
+
+
+CLOCK_APART = timedelta(hours=1)
+"""What is dated further ahead than this was dated by a clock that was wrong."""
 
 
 def now() -> datetime:

@@ -289,9 +289,9 @@ def crowded(postgres_url: str) -> Iterator[Callable[[int], str]]:
     with engine.connect() as connection:
 
         def limited(most: int) -> str:
-            made = f"CREATE ROLE {role} LOGIN PASSWORD 'crowded' CONNECTION LIMIT {most} IN ROLE pg_read_all_data"
+            made = f"CREATE ROLE {role} LOGIN PASSWORD '{role}' CONNECTION LIMIT {most} IN ROLE pg_read_all_data"
             connection.exec_driver_sql(made)
-            return server.set(username=role, password="crowded").render_as_string(hide_password=False)
+            return server.set(username=role, password=role).render_as_string(hide_password=False)
 
         yield limited
         connection.exec_driver_sql(f"DROP ROLE IF EXISTS {role}")

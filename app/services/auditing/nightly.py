@@ -13,6 +13,8 @@ from app.services.results import AuditView
 from app.settings import Settings
 from app.storage import audits, explanations, loops
 from app.storage import trail as trail_rows
+from app.storage.types import CLOCK_APART
+from app.storage.types import now as stored_now
 
 log = logging.getLogger("loopaudit.nightly")
 
@@ -44,7 +46,8 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
     """Starts the night's run where its hour has come and nobody has started it yet.
 
     A plant whose first samples came after the hour waits for the next night, and a night whose run somebody asked for
-    before the hour has none of the schedule's: both are told once.
+    before the hour has none of the schedule's: both are told once. A night that a clock had begun that was
+    ahead is let go, and the next sweep begins it.
     """
     now = now or datetime.now(UTC)
     hour = latest_hour(backend, now)
@@ -53,19 +56,27 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
         planned = audits.by_night(connection, backend.settings.plant, night)
         due = planned is None and loops.any_before(connection, hour)
         too_late = planned is None and not due and loops.any_before(connection, now)
-    if due:
+    if planned is not None and planned.created_at > stored_now() + CLOCK_APART:
+        _let_go(backend, planned.id, night)
+    elif due:
         begun = _started(backend, hour.date(), SCHEDULE.who)
         if begun.anew:  # else another sweep was quicker, and tells it
             trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{begun.run.id}", "done")
             log.info("nightly audit of %s started, run %s", night, begun.run.id)
         return begun.run
-    if planned is not None and planned.created_at < hour and planned.started_by != SCHEDULE.who:
+    elif planned is not None and planned.created_at < hour and planned.started_by != SCHEDULE.who:
         text = f"no nightly audit at {told(hour)}: run {planned.id} of that date was started before, by"
         _tell_once(backend, "audit.skip", f"/v1/audits/{planned.id}", f"{text} {planned.started_by or 'somebody'}")
     elif too_late:
         text = f"no nightly audit of {night}: the first samples came after its hour; the next one is at"
         _tell_once(backend, "audit.wait", f"night {night}", f"{text} {told(next_hour(backend.settings, now))}")
     return None
+
+
+def _let_go(backend: Backend, run: int, night: str) -> None:
+    with backend.database.write() as connection:
+        audits.let_go_of_night(connection, run)
+    log.warning("run %s was begun by a clock that was ahead; the night of %s comes now", run, night)
 
 
 def _tell_once(backend: Backend, action: str, subject: str, text: str) -> None:
