@@ -67,12 +67,11 @@ def nightly(
 
 
 def refuse_unready(backend: "Backend") -> None:
-    from app.services.upkeep.readiness import readiness
+    from app.services.upkeep.readiness import lacking, readiness
 
     found = readiness(backend)
     if found.state == "not_ready":
-        checks = ", ".join(f"{name} {value}" for name, value in found.checks.items())
-        raise RequestError("not_ready", checks)
+        raise RequestError("not_ready", f"nothing was begun: {'; '.join(lacking(found))}")
 
 
 def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":

@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.services.upkeep import readiness
 from tests.cli.calling import WIDE, as_program
 
 
@@ -42,6 +43,16 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
     assert "[no_database]" in said
     assert len(said.splitlines()) == 1
     assert not (tmp_path / "empty.db").exists()
+
+
+def test_a_night_without_room_names_the_disk_alone(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    assert as_program(monkeypatch, capsys, "migrate")[0] == 0
+    monkeypatch.setattr(readiness, "_free", lambda settings: 3_000_000)
+    code, _, err = as_program(monkeypatch, capsys, "nightly")
+    assert code == 2
+    said = "nothing was begun: the disk of the data folder has 3 MB free, and 105 MB are needed [not_ready]"
+    assert err == f"loopaudit: {said}\n"
 
 
 @pytest.mark.parametrize(

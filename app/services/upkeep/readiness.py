@@ -4,7 +4,7 @@ import shutil
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.services.backend import Backend
+from app.services.backend import Backend, megabytes
 from app.services.moments import iso_utc
 from app.services.results import Readiness
 from app.settings import Settings
@@ -25,6 +25,18 @@ def readiness(backend: Backend) -> Readiness:
     if not well or _free(backend.settings) < LEAST_FREE_BYTES:
         return Readiness("not_ready", checks)
     return Readiness("ready" if checks["broker"] == checks["writes"] == "ok" else "degraded", checks)
+
+
+def lacking(found: Readiness) -> list[str]:
+    """What is to be put right before the service is ready, in words."""
+    checks = found.checks
+    said = {
+        f"the data base is {checks['database']}": checks["database"] != "ok",
+        "its tables are not those of this version (`loopaudit migrate`)": checks["schema"] == "not current",
+        f"the disk of the data folder has {megabytes(checks['disk_free_bytes'])} free, and {megabytes(LEAST_FREE_BYTES)} "
+        "are needed": checks["disk_free_bytes"] < LEAST_FREE_BYTES,
+    }
+    return [words for words, holds in said.items() if holds]
 
 
 def _database(backend: Backend) -> str:
