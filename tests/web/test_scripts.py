@@ -73,6 +73,22 @@ def test_lines_that_were_typed_into_a_mapping_stay_when_a_row_is_changed(opened:
     expect(text).to_have_value("tag,loop,signal\nOTHER.X,O1,PV\nLIC7.OP,LIC7,SP\n")
 
 
+def test_a_long_tag_is_shortened_in_the_treemap_to_what_can_be_read(opened: Page):
+    tag = "AREA_0001_REFINERY_NORTH_FLOW_CONTROLLER_0000133"
+    told = {
+        "units": [["U1", 2, 2.0, 80.0]],
+        "loops": [[tag, "U1", 1.0, "stiction", 41.0], ["FIC1", "U1", 1, "stiction", 41]],
+    }
+    opened.route("**/plant/tiles", lambda route: route.fulfill(json=told))
+    opened.goto("/")
+    opened.locator("#treemap").scroll_into_view_if_needed()
+    shown = opened.locator("#treemap .slice", has_text="AREA_000…R_0000133").last
+    expect(shown).to_be_visible()
+    expect(opened.locator("#treemap .slice", has_text="FIC1").last).to_be_visible()
+    shown.hover()
+    expect(opened.locator("#treemap .hoverlayer")).to_contain_text(tag)
+
+
 def test_the_treemap_shows_loops_without_a_health_in_grey(opened: Page):
     loops = [
         ["FIC101", "A", 1.0, "not_auditable", None],

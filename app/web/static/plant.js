@@ -13,12 +13,14 @@ const safe = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").rep
 const WHOLE = new Intl.NumberFormat("en", { maximumFractionDigits: 0, roundingMode: "halfEven" }); // as the tables round: 38.5 is 38
 const known = (health) => (health === null ? "not evaluated" : WHOLE.format(health));
 const loopsOf = (count) => (count === 1 ? "1 loop" : `${count} loops`);
+const MOST_LETTERS = 18; // of a tag: the chart library writes a longer one too small to be read
+const short = (tag) => { const letters = [...tag]; return letters.length > MOST_LETTERS ? `${letters.slice(0, 8).join("")}…${letters.slice(-9).join("")}` : tag; };
 const key = (unit) => `u:${unit ?? ""}`;
 
 function nodes(units, loops) {
-  const found = { ids: [], labels: [], parents: [], values: [], colours: [], inks: [], texts: [] };
+  const found = { ids: [], labels: [], names: [], parents: [], values: [], colours: [], inks: [], texts: [] };
   const add = (id, label, parent, value, health, text) => {
-    found.ids.push(id); found.labels.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(colour(health)); found.inks.push(INK(health ?? 100)); found.texts.push(text);
+    found.ids.push(id); found.labels.push(safe(id.startsWith("l:") ? short(label) : label)); found.names.push(safe(label)); found.parents.push(parent); found.values.push(value); found.colours.push(colour(health)); found.inks.push(INK(health ?? 100)); found.texts.push(text);
   };
   const rest = new Map(units.map(([name, count, importance]) => [key(name), { count, weight: Math.max(importance, LIGHT * count), share: 0, shown: 0 }]));
   for (const [tag, unit, importance, verdict, health] of loops) {
@@ -45,8 +47,8 @@ function nodes(units, loops) {
 function traceOf(units, loops, level) {
   const found = nodes(units, loops);
   return {
-    type: "treemap", ids: found.ids, labels: found.labels, parents: found.parents, values: found.values, text: found.texts, level,
-    branchvalues: "total", maxdepth: units.length > 12 ? 2 : 3, hovertemplate: "%{label}<br>%{text}<extra></extra>", textinfo: "label+text", textfont: { color: found.inks },
+    type: "treemap", ids: found.ids, labels: found.labels, parents: found.parents, values: found.values, text: found.texts, customdata: found.names, level,
+    branchvalues: "total", maxdepth: units.length > 12 ? 2 : 3, hovertemplate: "%{customdata}<br>%{text}<extra></extra>", textinfo: "label+text", textfont: { color: found.inks },
     marker: { colors: found.colours, colorscale: SCALE, cmin: LEAST, cmax: 100, showscale: true, colorbar: { title: { text: "health" }, thickness: 12 }, line: { width: 1, color: paint("--paper") } },
     tiling: { pad: 2 }, pathbar: { visible: true },
   };
