@@ -29,12 +29,11 @@ def readiness(backend: Backend) -> Readiness:
 
 def lacking(found: Readiness) -> list[str]:
     """What is to be put right before the service is ready, in words."""
-    checks = found.checks
+    checks, free, needed = found.checks, found.checks["disk_free_bytes"], megabytes(LEAST_FREE_BYTES)
     said = {
         f"the data base is {checks['database']}": checks["database"] != "ok",
         "its tables are not those of this version (`loopaudit migrate`)": checks["schema"] == "not current",
-        f"the disk of the data folder has {megabytes(checks['disk_free_bytes'])} free, and {megabytes(LEAST_FREE_BYTES)} "
-        "are needed": checks["disk_free_bytes"] < LEAST_FREE_BYTES,
+        f"the disk of the data folder has {megabytes(free)} free, and {needed} are needed": free < LEAST_FREE_BYTES,
     }
     return [words for words, holds in said.items() if holds]
 
