@@ -116,6 +116,12 @@ def by_night(connection: Connection, plant: str, nightly_for: str) -> AuditRow |
     return None if row is None else AuditRow(*row)
 
 
+def nights_dated_after(connection: Connection, plant: str, night: str, latest: datetime) -> list[AuditRow]:
+    """The runs of this night and of later ones that began after `latest`, in the order of their nights."""
+    ahead = (audits.c.plant == plant, audits.c.nightly_for >= night, audits.c.created_at > latest)
+    return [AuditRow(*row) for row in connection.execute(select(*COLUMNS).where(*ahead).order_by(audits.c.nightly_for))]
+
+
 def let_go_of_night(connection: Connection, audit_id: int) -> None:
     """The run was not its date's night, which is to come: it stands beside it."""
     connection.execute(update(audits).where(audits.c.id == audit_id).values(nightly_for=None))

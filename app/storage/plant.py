@@ -199,10 +199,11 @@ def last_whole_run(connection: Connection) -> WholeRun | None:
     largest = connection.scalar(select(func.max(audits.c.total)).where(ended)) or 0
     today = connection.scalar(select(func.count()).where(IN_SERVICE, loops.c.newest_ns.is_not(None))) or 0
     asked_for = connection.execute(query.where(~nightly, 2 * audits.c.total >= min(largest, today))).one_or_none()
-    if night is None or (asked_for is not None and asked_for.created_at - night.created_at > A_DAY):
+    found = night
+    if night is None or (
+        asked_for is not None and asked_for.id > night.id and asked_for.created_at - night.created_at > A_DAY
+    ):
         found = asked_for
-    else:
-        found = night
     return None if found is None else WholeRun._make(found)
 
 

@@ -330,20 +330,6 @@ def test_the_nightly_run_comes_at_its_hour_and_is_caught_up(backend: Backend, ad
     assert nightly.nightly_if_due(backend, datetime(2026, 3, 3, 2, 0, tzinfo=UTC)) is not None
 
 
-def test_a_night_that_a_clock_ahead_had_begun_comes_all_the_same(backend: Backend, add_loops: AddLoops) -> None:
-    add_loops("FIC1")
-    tomorrow = datetime.now(UTC) + timedelta(days=1)
-    too_early = nightly.nightly_if_due(backend, tomorrow)
-    assert too_early is not None
-    with backend.database.write() as connection:
-        connection.execute(update(audits_table).values(created_at=tomorrow))
-    begun = [nightly.nightly_if_due(backend, tomorrow) for _ in range(3)]
-    assert [run and run.night for run in begun] == [None, too_early.night, None]
-    assert begun[1].id != too_early.id
-    beside = audits.get_audit(backend, too_early.id)
-    assert (beside.trigger, beside.night) == ("nightly", None)
-
-
 def test_of_two_sweeps_that_begin_a_night_at_once_one_tells_it(
     backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
 ) -> None:

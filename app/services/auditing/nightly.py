@@ -16,6 +16,9 @@ from app.storage import trail as trail_rows
 from app.storage.types import CLOCK_APART
 from app.storage.types import now as stored_now
 
+AHEAD = "audit.ahead"
+MOST_NIGHTS_TOLD = 100
+
 log = logging.getLogger("loopaudit.nightly")
 
 
@@ -47,24 +50,23 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
 
     A plant whose first samples came after the hour waits for the next night, and a night whose run somebody asked for
     before the hour has none of the schedule's: both are told once. A night that a clock had begun that was
-    ahead is let go, and the next sweep begins it.
+    ahead comes all the same.
     """
     now = now or datetime.now(UTC)
     hour = latest_hour(backend, now)
     night = hour.date().isoformat()
+    _let_go_of_nights_ahead(backend, night)
     with backend.database.read() as connection:
         planned = audits.by_night(connection, backend.settings.plant, night)
         due = planned is None and loops.any_before(connection, hour)
         too_late = planned is None and not due and loops.any_before(connection, now)
-    if planned is not None and planned.created_at > stored_now() + CLOCK_APART:
-        _let_go(backend, planned.id, night)
-    elif due:
+    if due:
         begun = _started(backend, hour.date(), SCHEDULE.who)
         if begun.anew:  # else another sweep was quicker, and tells it
             trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{begun.run.id}", "done")
             log.info("nightly audit of %s started, run %s", night, begun.run.id)
         return begun.run
-    elif planned is not None and planned.created_at < hour and planned.started_by != SCHEDULE.who:
+    if planned is not None and planned.created_at < hour and planned.started_by != SCHEDULE.who:
         text = f"no nightly audit at {told(hour)}: run {planned.id} of that date was started before, by"
         _tell_once(backend, "audit.skip", f"/v1/audits/{planned.id}", f"{text} {planned.started_by or 'somebody'}")
     elif too_late:
@@ -73,10 +75,22 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView |
     return None
 
 
-def _let_go(backend: Backend, run: int, night: str) -> None:
-    with backend.database.write() as connection:
-        audits.let_go_of_night(connection, run)
-    log.warning("run %s was begun by a clock that was ahead; the night of %s comes now", run, night)
+def _let_go_of_nights_ahead(backend: Backend, night: str) -> None:
+    """As soon as the clock is right again: at the hour itself a run that began at that hour looks like any other.
+
+    Once a night: of two servers whose clocks differ, the one would begin anew what the other lets go, for ever.
+    """
+    with backend.database.read() as connection:
+        ahead = audits.nights_dated_after(connection, backend.settings.plant, night, stored_now() + CLOCK_APART)
+        told = trail_rows.page(connection, MOST_NIGHTS_TOLD, None, who=SCHEDULE.who, action=AHEAD) if ahead else []
+    for run in ahead:
+        subject = f"night {run.nightly_for}"
+        if subject in {row.subject for row in told}:
+            continue
+        with backend.database.write() as connection:
+            audits.let_go_of_night(connection, run.id)
+        trail.record(backend, SCHEDULE, AHEAD, subject, "done")
+        log.warning("run %s was begun by a clock that was ahead; the %s comes at its hour", run.id, subject)
 
 
 def _tell_once(backend: Backend, action: str, subject: str, text: str) -> None:
