@@ -281,6 +281,17 @@ def test_why_a_data_base_cannot_be_used_is_told_in_its_own_words(tmp_path, postg
     assert "refused" in refused.found
 
 
+def test_a_table_that_is_not_there_is_for_the_migration(plant):
+    with plant.database.write() as connection:
+        connection.exec_driver_sql("ALTER TABLE uploads RENAME TO elsewhere")
+    try:
+        found = next(check for check in doctor.examine(plant.settings) if check.name == "exports")
+    finally:
+        with plant.database.write() as connection:
+            connection.exec_driver_sql("ALTER TABLE elsewhere RENAME TO uploads")
+    assert (found.state, "uploads" in found.found, found.advice) == ("problem", True, "run `loopaudit migrate`")
+
+
 @pytest.fixture
 def crowded(postgres_url: str) -> Iterator[Callable[[int], str]]:
     """The address of a role that may have so many connections."""

@@ -398,8 +398,10 @@ def _guarded(name: str, check: Callable[[Backend], Check], backend: Backend) -> 
     try:
         return check(backend)
     except SQLAlchemyError as error:
-        away = "look at the log of the data base" if isinstance(error, DATABASE_AWAY) else "run `loopaudit migrate`"
-        return Check(name, "problem", f"cannot be looked at: {_reason(error)}", _advice(backend, error) or away)
+        # SQLite has one class of errors for a table that is not there and for a file that cannot be read.
+        away = isinstance(error, DATABASE_AWAY) and not backend.database.is_sqlite
+        usual = "look at the log of the data base" if away else "run `loopaudit migrate`"
+        return Check(name, "problem", f"cannot be looked at: {_reason(error)}", _advice(backend, error) or usual)
 
 
 def _advice(backend: Backend, error: SQLAlchemyError) -> str | None:
