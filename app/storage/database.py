@@ -12,6 +12,7 @@ from typing import Any
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.engine import URL, ExceptionContext
 from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
+from sqlalchemy.pool import QueuePool
 
 from app.errors import RequestError
 
@@ -65,14 +66,23 @@ class Database:
             connection.exec_driver_sql("SELECT 1")
         return time.perf_counter() - begun
 
-    def takes_writes(self) -> bool:
-        """Not on a standby, on a server that was made read-only, or on a file system that is mounted so. Raises what
-        SQLAlchemy raises where the data base does not answer."""
+    def takes_writes(self) -> bool | None:
+        """Not on a standby, on a server that was made read-only, or on a file system that is mounted so. None where all
+        connections to write with are in use: whoever asks does not wait for one. Raises what SQLAlchemy raises where
+        the data base does not answer."""
         if self.is_sqlite:
-            file = Path(self.url.database or "")
-            return all(os.access(path, os.W_OK) for path in (file, file.parent))
+            return self._file_takes_writes()
+        pool = self._writer.pool
+        if isinstance(pool, QueuePool) and pool.checkedout() >= 2 * pool.size():
+            return None
         with self.write() as connection:
-            return connection.exec_driver_sql("SHOW transaction_read_only").scalar() == "off"
+            return bool(connection.exec_driver_sql("SHOW transaction_read_only").scalar() == "off")
+
+    def _file_takes_writes(self) -> bool:
+        """SQLite says which file it is: an address may be a URI. One in memory has none."""
+        with self.read() as connection:
+            name = connection.exec_driver_sql("SELECT file FROM pragma_database_list WHERE name = 'main'").scalar()
+        return not name or all(os.access(path, os.W_OK) for path in (Path(name), Path(name).parent))
 
     @property
     def writer(self) -> Engine:
@@ -207,7 +217,7 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         # query costs one round trip instead of three.
         isolation_level="READ COMMITTED" if writes else "AUTOCOMMIT",
         pool_size=pool_size,
-        max_overflow=pool_size,
+        max_overflow=pool_size,  # see `takes_writes`
         pool_timeout=10,
         pool_pre_ping=True,
         connect_args={

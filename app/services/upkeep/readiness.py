@@ -11,20 +11,23 @@ from app.settings import Settings
 from app.storage import schema, uploads
 
 LEAST_FREE_BYTES = 100 << 20
+WRITES = {True: "ok", False: "read-only", None: "busy"}
+WELL = ("ok", "busy")
 
 
 def readiness(backend: Backend) -> Readiness:
     """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base that
-    takes no writes the pages can be read."""
-    checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": _free(backend.settings)}
+    takes no writes the pages can be read; one that is busy with them takes them."""
+    free = _free(backend.settings)
+    checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": free}
     checks["schema"] = _schema(backend) if checks["database"] == "ok" else "not known"
     checks["broker"] = "ok" if backend.queue.reachable() else "away"
     well = checks["schema"] == "current"
     if well:
         checks |= {"writes": _writes(backend)} | _waiting_for_room(backend)
-    if not well or _free(backend.settings) < LEAST_FREE_BYTES:
+    if not well or free < LEAST_FREE_BYTES:
         return Readiness("not_ready", checks)
-    return Readiness("ready" if checks["broker"] == checks["writes"] == "ok" else "degraded", checks)
+    return Readiness("ready" if checks["broker"] == "ok" and checks["writes"] in WELL else "degraded", checks)
 
 
 def lacking(found: Readiness) -> list[str]:
@@ -62,7 +65,7 @@ def _schema(backend: Backend) -> str:
 
 def _writes(backend: Backend) -> str:
     try:
-        return "ok" if backend.database.takes_writes() else "the data base is read-only: nothing is stored"
+        return WRITES[backend.database.takes_writes()]
     except SQLAlchemyError as error:
         return f"away: {type(error).__name__}"
 
