@@ -89,6 +89,17 @@ def test_a_long_tag_is_shortened_in_the_treemap_to_what_can_be_read(opened: Page
     expect(opened.locator("#treemap .hoverlayer")).to_contain_text(tag)
 
 
+def test_a_tag_is_shortened_between_what_is_read_as_one_letter(opened: Page):
+    family, accented = "\U0001f468\u200d\U0001f469\u200d\U0001f467", "e\u0301"
+    tags = [family * 20, accented * 18, f"<b>{accented * 30}"]
+    told = {"units": [["U1", 3, 3.0, 80.0]], "loops": [[tag, "U1", 1.0, "stiction", 41.0] for tag in tags]}
+    opened.route("**/plant/tiles", lambda route: route.fulfill(json=told))
+    opened.goto("/")
+    opened.locator("#treemap").scroll_into_view_if_needed()
+    for shown in (f"{family * 8}…{family * 9}", accented * 18, f"<b>{accented * 5}…{accented * 9}"):
+        expect(opened.locator("#treemap .slice", has_text=shown).last).to_be_visible()
+
+
 def test_the_treemap_shows_loops_without_a_health_in_grey(opened: Page):
     loops = [
         ["FIC101", "A", 1.0, "not_auditable", None],

@@ -14,7 +14,8 @@ const WHOLE = new Intl.NumberFormat("en", { maximumFractionDigits: 0, roundingMo
 const known = (health) => (health === null ? "not evaluated" : WHOLE.format(health));
 const loopsOf = (count) => (count === 1 ? "1 loop" : `${count} loops`);
 const MOST_LETTERS = 18; // of a tag: the chart library writes a longer one too small to be read
-const short = (tag) => { const letters = [...tag]; return letters.length > MOST_LETTERS ? `${letters.slice(0, 8).join("")}…${letters.slice(-9).join("")}` : tag; };
+const lettersOf = (text) => (Intl.Segmenter ? Array.from(new Intl.Segmenter().segment(text), ({ segment }) => segment) : [...text]); // an accent or a joined sign is no letter of its own
+const short = (tag) => { const letters = tag.length > MOST_LETTERS ? lettersOf(tag) : []; return letters.length > MOST_LETTERS ? `${letters.slice(0, 8).join("")}…${letters.slice(-9).join("")}` : tag; };
 const key = (unit) => `u:${unit ?? ""}`;
 
 function nodes(units, loops) {
