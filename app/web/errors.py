@@ -68,6 +68,7 @@ ACTION = re.compile(
     r"|(/uploads)/kept/forget|(/uploads/[^/]+)/(?:audit|mapping)|(/runs/[^/]+)/cancel|(/runs|/uploads|/loop-list)"
 )
 """What a form is sent to, and the page that has it."""
+A_WORD = re.compile(r"(?:a|[a-z]{2,})[ ,;](?!=)")
 
 
 def error_page(problem: Mapping[str, Any]) -> HTMLResponse:
@@ -76,7 +77,7 @@ def error_page(problem: Mapping[str, Any]) -> HTMLResponse:
     found = page(
         "error.html",
         heading=HEADING_BY_CODE.get(code) or HEADINGS.get(status, problem["title"]),
-        detail=DETAIL_BY_CODE.get(code, problem["detail"]),
+        detail=as_sentence(DETAIL_BY_CODE.get(code, problem["detail"])),
         next_step=NEXT_BY_CODE.get(code) or NEXT.get(status, TRY_AGAIN),
         form_page=form_page(problem["instance"]),
         problem=problem,
@@ -84,6 +85,12 @@ def error_page(problem: Mapping[str, Any]) -> HTMLResponse:
     )
     found.status_code = status
     return found
+
+
+def as_sentence(detail: str) -> str:
+    """As it stands on a page; a name that it begins with (pv_low, fic-101, mV, d = 0.3) stays as it is spelled."""
+    begun = detail[:1].upper() + detail[1:] if A_WORD.match(detail) else detail
+    return begun if begun.endswith((".", "?", "!")) or not begun else f"{begun}."
 
 
 def form_page(instance: str) -> str | None:

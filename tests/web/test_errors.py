@@ -53,6 +53,24 @@ def test_a_wrong_method_and_a_form_that_cannot_be_used(client):
     assert "pv_low must be below pv_high" in answer.text
 
 
+@pytest.mark.parametrize(
+    ("detail", "shown"),
+    [
+        ("there is no loop 'X'", "There is no loop 'X'."),
+        ("this needs the role audit; ask", "This needs the role audit; ask."),
+        ("pv_low must be below pv_high", "pv_low must be below pv_high."),
+        ("d = 0.3 is too small?", "d = 0.3 is too small?"),
+        ("mV, pH and limit=3 are none", "mV, pH and limit=3 are none."),
+        ("fic-101 is not there", "fic-101 is not there."),
+        ("", ""),
+    ],
+)
+def test_what_is_told_on_a_page_is_a_sentence_and_names_stay_as_they_are(detail, shown):
+    problem = {"status": 404, "title": "Not Found", "code": "unknown_loop", "instance": "/", "detail": detail}
+    page = error_page(problem).body.decode()
+    assert f'<p role="alert">{escape(shown)}</p>' in page
+
+
 @pytest.mark.parametrize("path", ["/v1/loops/nothing", "/v1/nowhere", "/v1", "/static/nothing.js"])
 def test_addresses_for_machines_answer_as_problems_to_browsers_too(client, path):
     answer = client.get(path, headers=BROWSER)
