@@ -1,5 +1,7 @@
 """The pages of runs: who started them, and how one is called off."""
 
+import re
+
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.nightly import nightly
 from tests.web.conftest import seen
@@ -46,3 +48,8 @@ def test_the_plant_is_told_night_by_night(client, web_backend):
     assert "judged on what it did before it went to manual is not counted" in html
     assert '<th scope="col" class="number">no unit</th>' in html
     assert 'href="/nights"' in client.get("/").text
+
+
+def test_the_work_of_a_short_run_is_more_than_nothing(client):
+    figures = re.search(r"longest ([\d.]+) s, together ([\d.]+) s of work", client.get("/runs/1").text)
+    assert 0 < float(figures[1]) <= float(figures[2])

@@ -1,19 +1,21 @@
 """What stands in a table has room: at the width of a desk and of a telephone."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from app.services.auditing.audits import list_audits
+from app.services.auditing.run_figures import RunFigures
 from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html
 from app.services.plant.judged import Judged
 from app.services.plant.nights import Night as Mark
 from app.services.reports import documents
-from app.services.results import Night, NightOfUnit
+from app.services.results import FailureView, Night, NightOfUnit
 from app.services.stating.notes import add_note
-from app.web import pages
+from app.web import pages, runs
 from tests.web.conftest import NARROW
 from tests.web.test_browser import narrow, opened, settled, width
 
@@ -58,6 +60,24 @@ def test_the_order_of_the_table_can_be_read_to_its_end(opened: Page, width_px):
     given = order.bounding_box()["width"]
     order.evaluate("select => { select.style.width = select.style.maxWidth = 'max-content'; }")
     assert given >= order.bounding_box()["width"]
+
+
+def test_what_happened_to_failed_loops_is_read_whole_on_a_narrow_screen(narrow: Page, monkeypatch: pytest.MonkeyPatch):
+    shown = runs.run_figures
+
+    def failed(*asked: object) -> RunFigures:
+        figures = shown(*asked)
+        return replace(figures, run=replace(figures.run, done=0, failed=1_234))
+
+    why = FailureView("AREA_0001_REFINERY_NORTH_FLOW_CTRL_00133", "memory_limit", "ZeroDivisionError: division by zero")
+    monkeypatch.setattr(runs, "run_figures", failed)
+    monkeypatch.setattr(runs, "failures", lambda *_: [why])
+    narrow.goto("/runs/1")
+    part = narrow.get_by_role("group", name="Failed loops")
+    assert part.evaluate("part => part.scrollWidth <= part.clientWidth")
+    expect(part).to_contain_text("ZeroDivisionError: division by zero")
+    expect(narrow.locator("#count")).to_contain_text("1,234 failed")
+    expect(narrow.locator("main")).to_contain_text("1,233 more failed")
 
 
 def test_units_show_their_health_on_a_narrow_screen(narrow: Page):
