@@ -22,6 +22,7 @@ from sqlalchemy import (
     update,
 )
 
+from app.nanoseconds import NS_PER_S
 from app.storage.bulk import insert_new
 from app.storage.items import CANCELLED
 from app.storage.locks import Lock, hold
@@ -117,9 +118,11 @@ def by_night(connection: Connection, plant: str, nightly_for: str) -> AuditRow |
 
 
 def nights_dated_after(connection: Connection, plant: str, night: str, latest: datetime) -> list[AuditRow]:
-    """The runs of this night and of later ones that began after `latest`, in the order of their nights."""
-    ahead = (audits.c.plant == plant, audits.c.nightly_for >= night, audits.c.created_at > latest)
-    return [AuditRow(*row) for row in connection.execute(select(*COLUMNS).where(*ahead).order_by(audits.c.nightly_for))]
+    """The runs of this night and of later ones that began after `latest`, in the order of their nights; without those
+    whose samples are later too: they come from other clocks, and it is ours that is behind."""
+    c, latest_ns = audits.c, int(latest.timestamp()) * NS_PER_S
+    ahead = (c.plant == plant, c.nightly_for >= night, c.created_at > latest, c.newest_ns <= latest_ns)
+    return [AuditRow(*row) for row in connection.execute(select(*COLUMNS).where(*ahead).order_by(c.nightly_for))]
 
 
 def let_go_of_night(connection: Connection, audit_id: int) -> None:

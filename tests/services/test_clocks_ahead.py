@@ -64,6 +64,20 @@ def test_of_two_servers_whose_clocks_differ_none_begins_nights_over_and_over(
         assert len(stored_audits.page(connection, 50, None)) <= 3
 
 
+def test_a_clock_that_is_behind_takes_no_night_its_date(backend: Backend, sweep_at: SweepAt) -> None:
+    """As after a start whose clock is not set yet: the samples that the runs rest on are ahead of it as well."""
+    days = [datetime(2026, 3, day, 3, tzinfo=UTC) for day in (1, 2, 3)]
+    for day in days:
+        with backend.database.write() as connection:
+            recorded = int((day - timedelta(hours=2)).timestamp()) * 10**9
+            connection.execute(update(loops_table).values(newest_ns=recorded))
+        sweep_at(day)
+    sweep_at(datetime(2026, 1, 15, 1, tzinfo=UTC))
+    told = [audits.get_audit(backend, str(number)).night for number in (1, 2, 3)]
+    assert told == ["2026-03-01", "2026-03-02", "2026-03-03"]
+    assert sweep_at(days[-1] + timedelta(hours=1)) is None
+
+
 def test_a_run_dated_ahead_is_not_the_newest_one(backend: Backend, sweep_at: SweepAt) -> None:
     day = datetime(2026, 3, 1, 9, tzinfo=UTC)
     for number, clock in enumerate((day, day + timedelta(days=40), day + timedelta(days=1)), 1):
