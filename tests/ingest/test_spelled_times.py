@@ -226,3 +226,31 @@ def test_a_clock_of_twelve_hours_without_its_half_is_told(
     )
     content = read(long, options=options)
     assert any("nothing tells AM from PM" in note for note in content.summary.notes) is lacks
+
+
+def half_seconds(k: int) -> str:
+    """The clock's second of a row, of two a second."""
+    return f"06:00:{k // 2:02d}"
+
+
+@pytest.mark.parametrize("mark", [";", ":"])
+def test_milliseconds_behind_a_mark_of_logix(read: Read, mark: str) -> None:
+    rows = [f"01/31/2024,{half_seconds(k)}{mark}{500 * (k % 2):03d},{k % 9}.5,{k % 7}.5" for k in range(60)]
+    content = read("Date,Time,FIC1.PV,FIC1.OP\n" + "\n".join(rows))
+    assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [500_000_000]
+    assert content.loops["FIC1"].time_ns[0] == np.datetime64("2024-01-31T06:00:00", "ns").astype(np.int64)
+
+
+@pytest.mark.parametrize("mark", [";", ":"])
+def test_the_same_behind_date_and_clock_in_one(read: Read, mark: str) -> None:
+    rows = [f'"01/31/2024 {half_seconds(k)}{mark}{500 * (k % 2):03d}","{k % 9}.5","{k % 7}.5"' for k in range(60)]
+    content = read('"Time","FIC1.PV","FIC1.OP"\n' + "\n".join(rows))
+    assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [500_000_000]
+
+
+def test_semicolons_between_fields_stay_delimiters(read: Read) -> None:
+    rows = [f"31.01.2024 06:00:{k:02d};250;{k % 7},5" for k in range(60)]
+    content = read("Time;FIC1.PV;FIC1.OP\n" + "\n".join(rows))
+    assert content.loops["FIC1"].pv is not None
+    assert set(content.loops["FIC1"].pv.tolist()) == {250.0}
+    assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [1_000_000_000]

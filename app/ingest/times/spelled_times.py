@@ -61,10 +61,10 @@ ZONES_IN_LETTERS = tuple(_OFFSETS)
 _IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(_OFFSETS)})$"
 _OF_DIGITS = (
     (r"(:\d{2}(?:\.\d+)?) ([+-]\d{2}):?(\d{2})$", "${1}${2}:${3}"),
-    (r"(\d:\d{2}:\d{2}):(\d{3})$", "${1}.${2}"),
+    (r"(\d:\d{2}:\d{2})[:;](\d{3})$", "${1}.${2}"),
 )
 """All that is done to stamps of digits and their usual signs, as ISO 8601 has them."""
-_OTHER_SIGNS = r"[^0-9TZ :.+/-]"
+_OTHER_SIGNS = r"[^0-9TZ :;.+/-]"
 _MADE_PLAIN = (
     (
         r"(?i)^[a-z]{3} ([a-z]{3}) (\d{1,2}) (\d{1,2}:\d{2}:\d{2})((?: \S+)?) (\d{4})$",
