@@ -74,6 +74,7 @@ TAG_NAMES = frozenset(
         "signal",
         "wwtagname",
         "tagid",
+        "tagindex",
         "pointid",
         "variable",
         "series",
@@ -447,7 +448,7 @@ def long_from(
     values = [known.index(name) for name in VALUE_NAMES if name in known]
     if not tags or not values:
         return None
-    tags.sort(key=lambda index: not mostly_signals(head.column(index, first_row)))
+    tags.sort(key=lambda index: _rank_of_tags(head, head.column(index, first_row)))
     found = times_of_rows(head, names, first_row, options)
     if found is None:
         return None
@@ -456,6 +457,11 @@ def long_from(
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+
+
+def _rank_of_tags(head: Head, fields: list[str]) -> tuple[bool, bool]:
+    """Names of signals go before other words, and numbers come last."""
+    return not mostly_signals(fields), mostly_numbers(fields, head.decimal_mark)
 
 
 def quality_of(
