@@ -21,12 +21,22 @@ class ValueColumn:
 
 
 @dataclass(frozen=True)
+class Fraction:
+    """The column of what times of whole seconds have beyond them, counted in units of `unit_ns`."""
+
+    index: int
+    unit_ns: int
+
+
+@dataclass(frozen=True)
 class TimedColumns:
-    """Columns of values and the column (or date and time columns) in which their times stand."""
+    """Columns of values and the column (or date and time columns) in which their times stand; `fraction`: their parts
+    of a second, where these stand apart."""
 
     time: tuple[int, ...]
     form: TimeForm
     values: tuple[ValueColumn, ...]
+    fraction: Fraction | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,9 @@ class WidePlan:
         """The columns that are read."""
         values = [value for group in self.groups for value in group.values]
         times = chain.from_iterable(group.time for group in self.groups)
-        return frozenset((*times, *chain.from_iterable((one.index, one.off_line, one.quality) for one in values)))
+        fractions = (group.fraction.index for group in self.groups if group.fraction is not None)
+        of_values = chain.from_iterable((one.index, one.off_line, one.quality) for one in values)
+        return frozenset((*times, *fractions, *of_values))
 
 
 @dataclass(frozen=True)
@@ -66,7 +78,7 @@ class LongPlan:
     are no flags. `signals`: where a row holds several values of the loop that stands in column
     `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
     where it is not one for all rows. `others`: such columns of no signal, which are kept beside them. `ends`: as in a
-    wide plan. `unit`: the column of the units of the values."""
+    wide plan. `unit`: the column of the units of the values. `fraction`: as of timed columns."""
 
     layout: str
     first_row: int
@@ -85,12 +97,14 @@ class LongPlan:
     ends: frozenset[int] = frozenset()
     unit: int | None = None
     good_if_set: bool | None = None
+    fraction: Fraction | None = None
 
     @property
     def read(self) -> frozenset[int | None]:
         """The columns that are read."""
         values = (value.index for value in (*self.signals, *self.others))
-        return frozenset((*self.time, self.tag, self.value, self.quality, self.word, self.unit, *values))
+        fraction = None if self.fraction is None else self.fraction.index
+        return frozenset((*self.time, fraction, self.tag, self.value, self.quality, self.word, self.unit, *values))
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""

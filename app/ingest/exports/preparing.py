@@ -52,7 +52,7 @@ def _named(group: TimedColumns, options: IngestOptions, log: RejectLog) -> Timed
 
 def _cut(plan: WidePlan, head: Head) -> bool:
     group = plan.groups[0]
-    if len(plan.groups) > 1 or group.form.kind not in ("text", "epoch"):
+    if len(plan.groups) > 1 or group.fraction is not None or group.form.kind not in ("text", "epoch"):
         return False
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
     texts = [joined_stamp([row[index] for index in group.time]) for row in rows]

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from app.errors import DataError
 from app.ingest.columns.clocks import joined_stamp
+from app.ingest.columns.fractions import with_fraction
 from app.ingest.columns.further_down import tells_more
 from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, plain, time_columns
@@ -58,7 +59,7 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     plan = next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
     if plan is None:
         return None
-    plan = with_ends(plan, head)
+    plan = with_fraction(with_ends(plan, head), head, options)
     if isinstance(plan, LongPlan):
         plan = with_columns_left(with_flags(with_unit_column(plan, head), head), head)
     return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))

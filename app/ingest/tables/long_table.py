@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.errors import DataError
 from app.ingest.columns.dates_once import DatesOnce
+from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import LongPlan, name_of
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.kinds import IN_DOUBT, tells_nothing
@@ -97,6 +98,8 @@ class LongTable:
             types[self._plan.quality] = self._quality_type
         if self._plan.unit is not None:
             types[self._plan.unit] = pl.String()
+        if self._plan.fraction is not None:
+            types[self._plan.fraction.index] = pl.String()
         return types
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
@@ -135,7 +138,8 @@ class LongTable:
                 spill.close()
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
-        return reader.scanning(self._plan) if self._plan.unit is None else None
+        plain = self._plan.unit is None and self._plan.fraction is None
+        return reader.scanning(self._plan) if plain else None
 
     def _size(self) -> None:
         """Takes in how large the values of each tag are."""
@@ -243,6 +247,7 @@ class LongTable:
         """What stands in the rows for their times, and the times. Rows cut short lost the place of their fields:
         without a time they are refused as such."""
         texts, time_ns = self._dates.read(rows.frame, self._read_times)
+        texts, time_ns = with_parts(rows.frame, self._plan.fraction, texts, time_ns)
         short = reader.short_rows(rows, rows.may_be_short())
         time_ns = np.where(np.isin(np.arange(len(time_ns)), short), NO_TIME, time_ns) if len(short) else time_ns
         return texts, time_ns

@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.columns.dates_once import DatesOnce
+from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock
 from app.ingest.numbers.no_data import Span, ends_are_codes
@@ -60,7 +61,7 @@ class WideTable:
         """The type in which each column is wanted from the text."""
         types: dict[int, pl.DataType] = {}
         for group in self._plan.groups:
-            types.update(dict.fromkeys(group.time, pl.String()))
+            types.update(dict.fromkeys(_columns_of_times(group), pl.String()))
             for value in group.values:
                 types[value.index] = pl.String() if self._is_mode(value) else pl.Float64()
                 if value.off_line is not None:
@@ -171,6 +172,7 @@ class WideTable:
         first: bool,
     ) -> Chunk | None:
         texts, time_ns = self._dates[number].read(rows.frame, self._times[number].read)
+        texts, time_ns = with_parts(rows.frame, group.fraction, texts, time_ns)
         kept = time_ns != NO_TIME
         if len(short):
             kept[short] = False
@@ -414,7 +416,11 @@ def _columns(groups: Iterable[TimedColumns]) -> list[int]:
     """All columns that the groups need."""
     needed: set[int] = set()
     for group in groups:
-        needed.update(group.time, (value.index for value in group.values))
+        needed.update(_columns_of_times(group), (value.index for value in group.values))
         for value in group.values:
             needed.update(index for index in (value.off_line, value.quality) if index is not None)
     return sorted(needed)
+
+
+def _columns_of_times(group: TimedColumns) -> tuple[int, ...]:
+    return group.time if group.fraction is None else (*group.time, group.fraction.index)
