@@ -22,3 +22,9 @@ def test_a_zip_archive_is_to_be_unpacked(read: Read, method: int, pack: Callable
     with pytest.raises(DataError, match="this is a zip archive") as error:
         read(pack(packed.getvalue()), name="night.zip")
     assert error.value.code == "not_an_export"
+
+
+def test_a_workbook_of_the_old_form_is_to_be_saved_anew(read: Read) -> None:
+    with pytest.raises(DataError, match=r"old form \(\.xls\): save it as \.xlsx or CSV") as error:
+        read(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(range(256)) * 8, name="night.xls")
+    assert error.value.code == "not_an_export"

@@ -449,6 +449,6 @@ def test_labview(read: Read, names: tuple[str, ...]) -> None:
     heading = LVM.format(count=len(names), empty="\t" * len(names), names="\t" + "\t".join(names), **above)
     rows = "".join(f"{2 * k}.000000" + f"\t{k % 7}.250000" * len(names) + "\n" for k in range(40))
     content = read(heading + rows, name="F1.lvm")
-    assert content.loops["F1.lvm"].op.tolist() == [k % 7 + 0.25 for k in range(40)]
-    assert np.unique(np.diff(content.loops["F1.lvm"].time_ns)).tolist() == [2_000_000_000]
+    assert content.loops["F1"].op.tolist() == [k % 7 + 0.25 for k in range(40)]
+    assert np.unique(np.diff(content.loops["F1"].time_ns)).tolist() == [2_000_000_000]
     assert content.rejects.total == 0

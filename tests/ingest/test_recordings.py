@@ -70,7 +70,10 @@ def test_the_exports_go_in_whole(shared_dir: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "taken"),
-    [("night.csv", True), ("FIC1.PV.CSV.gz", True), ("night.xlsx", True), (".night.csv", False), ("notes.pdf", False)],
+    [
+        *(("night.csv", True), ("FIC1.PV.CSV.gz", True), ("night.xlsx", True), ("run.lvm", True), ("run.ASC", True)),
+        *(("night.xls", True), ("night.xlsb", True), (".night.csv", False), ("notes.pdf", False), ("run.log", False)),
+    ],
 )
 def test_files_of_a_folder_that_are_taken(name: str, taken: bool) -> None:
     assert is_export_name(name) is taken

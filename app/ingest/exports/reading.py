@@ -30,7 +30,12 @@ _NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
 _JSON = re.compile(r'\s*(\[\s*)*(\{\s*"|\[\s*[\["\d])')
 _MARKUP = re.compile(r"(?i)\s*<(\?xml|!doctype|html|table|meta|style)\b")
-SUFFIXES = (".csv", ".tsv", ".txt", ".tab", ".dat", ".parquet", ".pq", ".xlsx", ".xlsm", ".mat", ".gz")
+SUFFIXES = (
+    *(".csv", ".tsv", ".txt", ".tab", ".dat", ".asc", ".lvm"),
+    *(".parquet", ".pq", ".xls", ".xlsx", ".xlsm", ".xlsb", ".mat", ".gz"),
+)
+"""Those in which one of the forms comes that are read; what historians call .xls is text or an old workbook, which is
+refused with a word."""
 
 
 class TextSource:

@@ -33,6 +33,7 @@ _INSIDE_CAPITALS = re.compile(rb"(?<=[A-Z])[\xc0-\xdf]{2}(?=[A-Z])")  # capitals
 _LEAST_WHOLE = 2  # letters to a byte that is none, in UTF-8 with some damage
 _LEAST_TEXT = 0.1  # of a file of text with holes
 _ZEROS = re.compile(rb"\0+")
+_OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
@@ -312,6 +313,8 @@ def _refuse_archive(first: bytes) -> None:
             "not_an_export",
             "this is a zip archive, and no xlsx that can be read: unpack it and send its files, or send them as .gz",
         )
+    if first.startswith(_OLD_OFFICE):
+        raise DataError("not_an_export", "this is a workbook of the old form (.xls): save it as .xlsx or CSV")
 
 
 def _refuse_binary(head: str) -> None:
