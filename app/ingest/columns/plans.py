@@ -78,7 +78,8 @@ class LongPlan:
     are no flags. `signals`: where a row holds several values of the loop that stands in column
     `tag`, their columns, each with the word that makes a tag of the loop; `word` is the column that has this word,
     where it is not one for all rows. `others`: such columns of no signal, which are kept beside them. `ends`: as in a
-    wide plan. `unit`: the column of the units of the values. `fraction`: as of timed columns."""
+    wide plan. `unit`: the column of the units of the values. `fraction`: as of timed columns.
+    `state`: the column of the words of states, which stand for numbers."""
 
     layout: str
     first_row: int
@@ -98,13 +99,15 @@ class LongPlan:
     unit: int | None = None
     good_if_set: bool | None = None
     fraction: Fraction | None = None
+    state: int | None = None
 
     @property
     def read(self) -> frozenset[int | None]:
         """The columns that are read."""
         values = (value.index for value in (*self.signals, *self.others))
         fraction = None if self.fraction is None else self.fraction.index
-        return frozenset((*self.time, fraction, self.tag, self.value, self.quality, self.word, self.unit, *values))
+        beside = (self.quality, self.word, self.unit, self.state)
+        return frozenset((*self.time, fraction, self.tag, self.value, *beside, *values))
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""

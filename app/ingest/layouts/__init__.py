@@ -16,6 +16,7 @@ from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.columns.quality_of_rows import with_columns_left, with_flags
 from app.ingest.columns.row_ends import with_ends
+from app.ingest.columns.state_column import with_state_column
 from app.ingest.columns.unit_column import with_unit_column
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (
@@ -61,7 +62,8 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
         return None
     plan = with_fraction(with_ends(plan, head), head, options)
     if isinstance(plan, LongPlan):
-        plan = with_columns_left(with_flags(with_unit_column(plan, head), head), head)
+        plan = with_flags(with_unit_column(with_state_column(plan, head), head), head)
+        plan = with_columns_left(plan, head)
     return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
 
 

@@ -9,10 +9,17 @@ from app.ingest.model import IngestOptions
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
-    for index, names in enumerate(head.rows[:PREAMBLE_ROWS]):
+    for index, written in enumerate(head.rows[:PREAMBLE_ROWS]):
+        names = _without_table(written)
         if len(names) >= 3:
             plan = long_from(head, "long", names, index + 1, options)
             if plan is not None:
                 refuse_to_mix(names, column_that_parts_tags(plan, head))
                 return plan
     return None
+
+
+def _without_table(names: tuple[str, ...]) -> tuple[str, ...]:
+    """As a query may name its columns: picomp2.tag, picomp2.time."""
+    tables = {name.rpartition(".")[0] for name in names if name}
+    return tuple(name.rpartition(".")[2] for name in names) if len(tables) == 1 else names

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -23,6 +23,7 @@ from app.ingest.tables.parting import BlocksByTag
 from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.tables.scanning import Scan, Scanner
 from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
+from app.ingest.tables.state_words import states_for_values
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.unit_column import UnitColumn
 from app.ingest.tags.grouping import Place
@@ -38,19 +39,21 @@ NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
 @dataclass(frozen=True, eq=False)
 class Cells:
     """The values of one column of a chunk, and the tag of each. telling: what is wrong with its rows is told with
-    them."""
+    them. states: words that stand for values."""
 
     rows: Rows
     reader: RowReader
     tags: pl.Series
     column: int
     telling: bool = True
+    states: pl.Series | None = None
 
     def numbers(self) -> Numbers:
         return self.rows.numbers([self.column])
 
     def texts(self) -> pl.Series:
-        return self.reader.texts(self.rows, [self.column]).to_series(0)
+        texts = self.reader.texts(self.rows, [self.column]).to_series(0)
+        return texts if self.states is None else self.states.zip_with(self.states.is_not_null(), texts)
 
     def kinds(self) -> int:
         """Of the values' fields; 0 where they were not seen."""
@@ -100,6 +103,8 @@ class LongTable:
             types[self._plan.unit] = pl.String()
         if self._plan.fraction is not None:
             types[self._plan.fraction.index] = pl.String()
+        if self._plan.state is not None:
+            types[self._plan.state] = pl.String()
         return types
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
@@ -138,8 +143,8 @@ class LongTable:
                 spill.close()
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
-        plain = self._plan.unit is None and self._plan.fraction is None
-        return reader.scanning(self._plan) if plain else None
+        plan = self._plan
+        return reader.scanning(plan) if plan.unit is plan.fraction is plan.state is None else None
 
     def _size(self) -> None:
         """Takes in how large the values of each tag are."""
@@ -352,6 +357,10 @@ class LongTable:
         numbers = cells.numbers()
         values, missing = numbers.values[:, 0], numbers.missing[:, 0]
         modes = self._are_modes(codes)
+        if self._plan.state is not None:
+            states = states_for_values(cells.rows.frame[name_of(self._plan.state)], codes, modes, missing)
+            cells = replace(cells, states=states)
+            missing |= states.is_not_null().to_numpy()
         if self._may_tell(cells, values, codes, kept & ~modes):
             missing |= marked(cells.texts())
         if missing.any() or self._tally.writing.own:

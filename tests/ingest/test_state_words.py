@@ -1,0 +1,94 @@
+"""Words of states that stand beside numbers, as in PI's tag, time, value, svalue, status."""
+
+from collections.abc import Callable
+
+import pytest
+
+from .conftest import Content, Read
+
+HEADING = "tag;time;value;svalue;status"
+ROWS = 60
+Row = Callable[[int], str]
+
+
+def numbers(k: int) -> str:
+    return f"{k % 9}.5;"
+
+
+def modes(k: int) -> str:
+    """0 of the list of states is automatic, 1 manual."""
+    return "0;AUTO" if k < 40 else "1;MAN"
+
+
+def table(heading: str = HEADING, status: str = ";0", **tags: Row) -> str:
+    rows = [
+        f"FIC101.{tag};31-Jan-24 06:{k // 60:02d}:{k % 60:02d};{row(k)}{status}"
+        for k in range(ROWS)
+        for tag, row in {"PV": numbers, "OP": numbers, **tags}.items()
+    ]
+    return "\n".join((heading, *rows)) + "\n"
+
+
+def automatic(content: Content) -> list[float]:
+    found = content.loops["FIC101"].automatic
+    assert found is not None
+    return found.tolist()
+
+
+@pytest.mark.parametrize("time", ["time", "pictime"])
+@pytest.mark.parametrize("words", ["svalue", "StringValue", "digstring"])
+def test_modes_are_what_their_words_say(read: Read, time: str, words: str) -> None:
+    content = read(table(f"tag;{time};value;{words};status", MODE=modes))
+    assert automatic(content) == [1.0] * 40 + [0.0] * 20
+    assert content.rejects.counts == {}
+    assert not [note for note in content.summary.notes if words in note]
+
+
+def test_modes_that_have_words_alone(read: Read) -> None:
+    content = read(table(MODE=lambda k: ";AUTO" if k < 40 else ";MAN"))
+    assert automatic(content) == [1.0] * 40 + [0.0] * 20
+
+
+def test_modes_that_have_numbers_alone(read: Read) -> None:
+    content = read(table(MODE=lambda k: "1;" if k < 40 else "0;NULL"))
+    assert automatic(content) == [1.0] * 40 + [0.0] * 20
+
+
+def test_aveva_has_words_in_vvalue(read: Read) -> None:
+    rows = [
+        f"2024-01-31 06:00:{k:02d},FIC101.{tag},{value},{word},0,192,192"
+        for k in range(ROWS)
+        for tag, value, word in (("PV", k, k), ("OP", k, k), ("MODE", "NULL", "AUTO" if k < 40 else "MAN"))
+    ]
+    content = read("DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality\n" + "\n".join(rows))
+    assert automatic(content) == [1.0] * 40 + [0.0] * 20
+
+
+@pytest.mark.parametrize("number", ["", "-254"])
+def test_a_word_beside_a_measurement_says_why_there_is_none(read: Read, number: str) -> None:
+    content = read(table("tag;time;value;svalue", "", PV=lambda k: f"{number};I/O Timeout" if k == 7 else numbers(k)))
+    (reject,) = content.rejects.listed
+    assert (reject.code, reject.text, reject.tag) == ("not_a_number", "I/O Timeout", "FIC101.PV")
+    pv = content.loops["FIC101"].pv
+    assert pv is not None
+    assert [str(value) for value in pv[6:9]] == ["6.5", "nan", "8.5"]
+
+
+def test_words_beside_all_numbers_leave_them(read: Read) -> None:
+    content = read(table(PV=lambda k: f"{k % 9}.5;{k % 9}.5 t/h", RUNS=lambda k: f"{k % 2};{('OFF', 'ON')[k % 2]}"))
+    loop = content.loops["FIC101"]
+    assert loop.pv is not None
+    assert loop.pv.tolist() == [k % 9 + 0.5 for k in range(ROWS)]
+    assert content.loops["FIC101.RUNS"].others["FIC101.RUNS"].tolist() == [float(k % 2) for k in range(ROWS)]
+    assert content.rejects.counts == {}
+
+
+def test_columns_that_are_called_after_their_table(read: Read) -> None:
+    content = read(table(";".join(f"picomp2.{name}" for name in HEADING.split(";")), MODE=modes))
+    assert content.loops["FIC101"].samples == ROWS
+
+
+def test_a_loop_before_all_names_is_no_table(read: Read) -> None:
+    rows = "\n".join(f"2024-01-31 06:00:{k:02d},{k % 9},{k % 7}" for k in range(ROWS))
+    content = read(f"FIC7.Time,FIC7.PV,FIC7.OP\n{rows}\n")
+    assert content.loops["FIC7"].op is not None
