@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.errors import DataError
+from app.ingest import IngestOptions
 
 from .conftest import Content, Read
 
@@ -90,3 +91,43 @@ def test_rows_of_a_stamp_that_words_tell_apart_are_no_wide_table(read: Read) -> 
     with pytest.raises(DataError, match="'Where' tells the rows of one time apart") as refused:
         read("Time,Where,PV,OP\n" + rows)
     assert refused.value.code == "unknown_layout"
+
+
+WINCC = "Name;TimeStamp;ProcessValue;Quality;Flags"
+
+
+def wincc(heading: str = WINCC, quality: int = 128) -> str:
+    rows = [
+        f"SystemArchive\\FIC101/{word}#Value;14.03.2024 08:00:{k:02d};{k},5;{quality};8388612"
+        for k in range(40)
+        for word in ("PV_Out", "MV")
+    ]
+    return "\n".join((heading, *rows)) + "\n"
+
+
+@pytest.mark.parametrize("drop_uncertain", [False, True])
+def test_an_archive_of_wincc(read: Read, drop_uncertain: bool) -> None:
+    """Whose 128 is good."""
+    content = read(wincc(), options=IngestOptions(drop_uncertain=drop_uncertain))
+    assert content.loops["FIC101"].samples == 40
+    assert content.loops["FIC101"].op is not None
+    assert content.rejects.counts == {}
+
+
+def test_qualities_of_opc_below_are_uncertain(read: Read) -> None:
+    content = read(wincc(quality=76), options=IngestOptions(drop_uncertain=True))
+    assert content.rejects.counts == {"bad_quality": 80}
+
+
+def test_a_process_value_beside_a_set_point_is_no_value_of_tags(read: Read) -> None:
+    rows = "\n".join(f"FIC{k % 2};2024-03-14 08:00:{k // 2:02d};{k},5;7,5;{k % 7},5" for k in range(80))
+    content = read(f"Name;TimeStamp;ProcessValue;SetPoint;Output\n{rows}\n")
+    assert sorted(content.loops) == ["FIC0", "FIC1"]
+    assert content.loops["FIC0"].sp is not None
+    assert content.loops["FIC0"].op is not None
+
+
+def test_a_process_value_of_a_wide_file_is_the_pv(read: Read) -> None:
+    rows = "\n".join(f"14.03.2024 08:00:{k:02d};{k},5;{k % 7},5" for k in range(40))
+    content = read(f"TimeStamp;ProcessValue;Output\n{rows}\n", name="FIC7.csv")
+    assert content.loops["FIC7"].pv is not None

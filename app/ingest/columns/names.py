@@ -61,29 +61,11 @@ TIME_NAMES = frozenset(
 SHORT_TIME_NAMES = frozenset(("t", "ts"))
 """Names of times where no other is: a temperature and a sampling interval are called so too."""
 TAG_NAMES = frozenset(
-    [
-        "tag",
-        "tagname",
-        "name",
-        "point",
-        "pointname",
-        "tagpath",
-        "path",
-        "item",
-        "itemid",
-        "signal",
-        "wwtagname",
-        "tagid",
-        "tagindex",
-        "pointid",
-        "variable",
-        "series",
-        "datasource",
-        "messstelle",
-        "varname",
-        "nodeid",
-        "etiqueta",
-    ]
+    (
+        *("tag", "tagname", "name", "point", "pointname", "tagpath", "path", "item", "itemid", "signal"),
+        *("wwtagname", "tagid", "tagindex", "pointid", "variable", "series", "datasource", "messstelle"),
+        *("varname", "nodeid", "etiqueta"),
+    )
 )
 VALUE_NAMES = (
     "value",
@@ -445,7 +427,7 @@ def long_from(
     """A long plan from the row of names; None where tag, time or value are not among them."""
     known = [plain(name) for name in names]
     tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
-    values = [known.index(name) for name in VALUE_NAMES if name in known]
+    values = [known.index(name) for name in VALUE_NAMES if name in known] or _of_wincc(names, known)
     if not tags or not values:
         return None
     tags.sort(key=lambda index: _rank_of_tags(head, head.column(index, first_row)))
@@ -457,6 +439,12 @@ def long_from(
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
     return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+
+
+def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
+    """The column of values that is called as a PV is: it is one where no further signal stands beside it."""
+    signals = [index for index, name in enumerate(names) if place(name, "").signal != "OTHER"]
+    return signals if [known[index] for index in signals] == ["processvalue"] else []
 
 
 def _rank_of_tags(head: Head, fields: list[str]) -> tuple[bool, bool]:

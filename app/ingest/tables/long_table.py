@@ -143,8 +143,8 @@ class LongTable:
                 spill.close()
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
-        plan = self._plan
-        return reader.scanning(plan) if plan.unit is plan.fraction is plan.state is None else None
+        beside = (self._plan.unit, self._plan.fraction, self._plan.state)
+        return reader.scanning(self._plan) if all(column is None for column in beside) else None
 
     def _size(self) -> None:
         """Takes in how large the values of each tag are."""

@@ -60,8 +60,8 @@ _WITHOUT_BLANKS = re.compile(rf"^(?P<loop>.+)(?P<word>{'|'.join(word for word in
 _OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
     {
         **dict.fromkeys(("PV_OUT", "PV_IN", "VAL_PV"), "PV"),
-        **dict.fromkeys(("LMN", "VAL_CVOUT"), "OP"),
-        "VAL_SP": "SP",
+        **dict.fromkeys(("LMN", "VAL_CVOUT", "MV_OUT"), "OP"),
+        **dict.fromkeys(("VAL_SP", "SP_OUT", "SP_IN"), "SP"),
         **dict.fromkeys(("AUTACT", "STS_AUTO"), "MODE"),
     }
 )
@@ -82,7 +82,8 @@ _UNIT_UNBRACKETED = re.compile(r"^(?P<name>.*[^, ])[, ]+(?P<unit>[^, ]+)$")  # F
 _DESCRIBED = re.compile(r"^(?P<name>[^ ]+[._/][A-Za-z]+) +[-–] +[^ ].*$")  # FIC101.PV - Feed flow
 _BRACKET = re.compile(r"[\[(].*$")
 _NO_LETTER = re.compile(r"[\W\d_]+")
-SERVER = re.compile(r"^\\\\[^\\]+\\")
+SERVER = re.compile(r"(?i)^(?:\\\\[^\\]+|\w*Archive\w*)\\")
+"""Where a tag is kept: \\\\PISRV\\FIC101.PV, and SystemArchive\\FIC101/PV_Out#Value of WinCC."""
 _LIKE_TAG = re.compile(r"\S*\d\S*")
 _NUMBERED = re.compile(r"\D*(\d+)\D*")
 

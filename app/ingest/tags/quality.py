@@ -34,6 +34,7 @@ _SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
 _SHORT_BAD = frozenset(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_LOCAL_OVERRIDE, OPC_UNCERTAIN = 192.0, 216.0, 64.0
+PROFIBUS_GOOD = 128.0  # below OPC's good ones, which leaves these out; WinCC has them
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
@@ -130,7 +131,7 @@ class Quality:
         return self._judge_byte(number if number <= OPC_MOST else float(int(number) & 0xFF))
 
     def _judge_byte(self, number: float) -> bool:
-        if number >= OPC_GOOD:
+        if number >= PROFIBUS_GOOD:
             return False
         return self._drop_uncertain if number >= OPC_UNCERTAIN else True
 
