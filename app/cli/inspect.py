@@ -31,6 +31,8 @@ def inspect(
 ) -> None:
     """Say what files hold, before anything is sent: layout, loops, times, and what would be refused and why.
 
+    What is missing is counted over the rows from a loop's first to its last, with those that a hole leaves out.
+
     Exit code 1: some files cannot be audited; 2: none of them can.
 
     [bold]Examples[/bold]
@@ -123,7 +125,7 @@ def cells(loop: "LoopReport") -> list[str]:
         f"{loop.samples:,}",
         "-" if loop.sampling_interval_s is None else f"{loop.sampling_interval_s:g}",
         "yes" if loop.even else "no",
-        f"{100 * loop.missing_share:.1f}",
+        f"{100 * loop.missing_of_span:.1f}",
         utc(loop.first_time_ns),
         utc(loop.last_time_ns),
         to_audit(loop),

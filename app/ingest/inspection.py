@@ -6,14 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from app.ingest.exports.reading import read_export
-from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects
+from app.ingest.model import FileSummary, FloatArray, IngestOptions, LoopSamples, Rejects
 from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
+
+_HOLE, _MOST = 1.5, 0.8  # steps so many times as long as the usual one leave rows out, where most are shorter
 
 
 @dataclass(frozen=True)
 class LoopReport:
-    """One loop as the file has it. sampling_interval_s: the median step; even: all steps within 1 % of it."""
+    """One loop as the file has it. sampling_interval_s: the median step; even: all steps within 1 % of it.
+    missing_share: of the rows of the loop, in the signal that has the fewest values. absent: rows that the interval
+    makes between the others, and that are not there; none where rows come at times of their own."""
 
     loop: str
     samples: int
@@ -24,6 +28,12 @@ class LoopReport:
     even: bool
     missing_share: float
     resampled: tuple[str, ...]
+    absent: int = 0
+
+    @property
+    def missing_of_span(self) -> float:
+        """Share of the rows from the first to the last, with those that are absent, that have not all values."""
+        return 1.0 - (1.0 - self.missing_share) * self.samples / (self.samples + self.absent)
 
 
 @dataclass(frozen=True)
@@ -62,4 +72,12 @@ def _report(samples: LoopSamples) -> LoopReport:
         bool(interval is not None and np.all(np.abs(steps - interval) <= 0.01 * interval)),
         max(missing, default=0.0),
         samples.resampled,
+        _absent(steps, interval),
     )
+
+
+def _absent(steps: FloatArray, interval: float | None) -> int:
+    """How many rows are left out in steps (n,), s."""
+    if not interval or np.mean(steps <= _HOLE * interval) < _MOST:
+        return 0
+    return int(np.sum(np.rint(steps[steps > _HOLE * interval] / interval) - 1.0))

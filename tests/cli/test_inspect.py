@@ -107,3 +107,12 @@ def test_dates_ahead_of_the_clock_are_not_read_where_others_can_be(tmp_path, mon
     text = run("inspect", export).stdout
     assert "2026-11-12 00:00:00" in text
     assert "read otherwise, times lie ahead of the clock" in " ".join(text.split())
+
+
+def test_inspect_says_how_much_a_hole_leaves_out(tmp_path):
+    export = tmp_path / "FIC1.csv"
+    seconds = [*range(150), *range(450, 600)]
+    lines = (f"2026-01-01 00:{k // 60:02d}:{k % 60:02d},{k % 7},{k % 5}" for k in seconds)
+    export.write_text("\n".join(["time,PV,OP", *lines]) + "\n")
+    (line,) = (line for line in run("inspect", export).stdout.splitlines() if line.startswith(" FIC1 "))
+    assert line.split()[:7] == ["FIC1", "PV", "OP", "300", "1", "no", "50.0"]

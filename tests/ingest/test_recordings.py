@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions, inspect, is_export_name, read_named, read_recordings
+from app.ingest import IngestOptions, LoopReport, inspect, is_export_name, read_named, read_recordings
 
 
 def test_one_loop_is_named_by_its_file(tmp_path: Path) -> None:
@@ -152,3 +152,36 @@ def test_a_simulated_pv_is_no_pv_of_a_loop(tmp_path: Path) -> None:
     path.write_text("time,FIC1.PV,FIC1.OP,PV_sim\n" + "".join(f"{k},{k % 7},{k % 5},{k % 6}\n" for k in range(100)))
     read = read_recordings(path)
     assert (len(read.recordings), read.skipped) == (1, ())
+
+
+def _inspected(tmp_path: Path, seconds: list[float]) -> LoopReport:
+    path = tmp_path / "F1.csv"
+    path.write_text("Time,PV,OP\n" + "".join(f"{at},{k % 7},{k % 5}\n" for k, at in enumerate(seconds)))
+    (report,) = inspect(path).loops
+    return report
+
+
+def test_rows_that_a_hole_leaves_out_are_missing(tmp_path: Path) -> None:
+    report = _inspected(tmp_path, [*range(0, 200, 2), *range(600, 800, 2)])
+    assert (report.samples, report.absent, report.missing_share) == (200, 200, 0.0)
+    assert report.missing_of_span == pytest.approx(0.5)
+
+
+def test_values_that_a_row_lacks_are_missing_beside_them(tmp_path: Path) -> None:
+    path = tmp_path / "F1.csv"
+    rows = (f"{k},{k % 7},{'' if 10 <= k < 20 else k % 5}\n" for k in range(100) if k < 50 or k >= 75)
+    path.write_text("Time,PV,OP\n" + "".join(rows))
+    (report,) = inspect(path).loops
+    assert (report.samples, report.absent) == (75, 25)
+    assert report.missing_of_span == pytest.approx(0.35)
+
+
+def test_no_row_is_missing_where_all_are_there(tmp_path: Path) -> None:
+    report = _inspected(tmp_path, [0.5 * k for k in range(100)])
+    assert (report.absent, report.missing_of_span) == (0, 0.0)
+
+
+def test_rows_at_times_of_their_own_leave_none_out(tmp_path: Path) -> None:
+    seconds = np.cumsum(np.random.default_rng(3).exponential(20.0, 300)).round(1)
+    report = _inspected(tmp_path, seconds.tolist())
+    assert (report.even, report.absent, report.missing_of_span) == (False, 0, 0.0)
