@@ -166,3 +166,27 @@ def test_names_without_numbers_below_a_title_or_descriptions(read: Read) -> None
     assert [loop.loop for loop in loops] == ["Feed", "Valve"]
     loops = read(table("Flow1,,Valve1,\nFeed.PV,,Feed.OP,", "{t},{i}.5,{t},{i}")).summary.loops
     assert [(loop.loop, loop.pv, loop.op) for loop in loops] == [("Feed", "Feed.PV", "Feed.OP")]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "FIC101_PV Time;FIC101_PV ValueY;FIC101_OP Time;FIC101_OP ValueY",
+        "FIC101.PV Time;FIC101.PV;FIC101.OP Time;FIC101.OP",
+        "FIC101.PV_Timestamp;FIC101.PV_Value;FIC101.OP_Timestamp;FIC101.OP_Value",
+    ],
+)
+def test_tags_stand_before_the_words_of_time_and_value(read: Read, names: str) -> None:
+    stamps = [f"31.01.2024 06:00:{k:02d}" for k in range(40)]
+    rows = [f"{at};{k % 9},5;{at};{k % 7},5" for k, at in enumerate(stamps)]
+    content = read("\n".join((names, *rows)))
+    loop = content.loops["FIC101"]
+    assert loop.pv is not None
+    assert loop.op is not None
+    assert (loop.pv[8], loop.op[8]) == (8.5, 1.5)
+
+
+def test_a_time_of_another_name_leaves_the_tag_beside_it(read: Read) -> None:
+    rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
+    content = read("\n".join(("Time;FIC101.PV;Time;FIC101.OP", *rows)))
+    assert content.loops["FIC101"].op is not None

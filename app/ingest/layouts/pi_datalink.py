@@ -20,6 +20,7 @@ from app.ingest.tags.quality import tells_quality
 from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
 _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
+_TAG_AND_WORD = re.compile(r"(?P<tag>.+)[ ._/](?P<word>[^ ._/]+)")
 _PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")
 _MOST_STRAY = 0.02  # of the rows, that have a cell in a column that is none
 _LEAST_SERIAL = 20_000.0  # a smaller number is no date
@@ -151,8 +152,17 @@ def _tags(titles: Rows, columns: list[tuple[int, int]]) -> dict[int, str]:
 
 def _name_in(row: tuple[str, ...], time: int, value: int) -> str:
     columns = (time, value) if value == time + 1 else (value,)
-    names = (row[column] for column in columns if column < len(row))
+    names = [row[column] for column in columns if column < len(row)]
+    if len(names) > 1 and (tag := _before_time(*names)):
+        return tag
     return next((name for name in names if plain(name) not in _GENERIC), "")
+
+
+def _before_time(of_time: str, of_value: str) -> str:
+    """The tag in FIC101.PV Time beside FIC101.PV ValueY; empty where the two names share none."""
+    found = _TAG_AND_WORD.fullmatch(of_time)
+    shared = found is not None and plain(found["word"]) in TIME_NAMES and of_value.startswith(found["tag"])
+    return found["tag"] if found is not None and shared else ""
 
 
 def _reads_as_tags(row: Mapping[int, str]) -> tuple[int, int, int]:
