@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from app.errors import DataError
 from app.ingest.columns.clocks import joined_stamp
+from app.ingest.columns.dates_alone import refuse_dates_alone
 from app.ingest.columns.fractions import with_fraction
 from app.ingest.columns.further_down import tells_more
 from app.ingest.columns.headings import heading_notes, units_in
@@ -57,9 +58,12 @@ LAYOUTS: tuple[Sniff, ...] = (
 
 
 def recognise(head: Head, options: IngestOptions) -> Plan | None:
+    """None where no layout is known. Raises DataError where the rows are such that they would be mixed, or have no
+    times."""
     plan = next((plan for sniff in LAYOUTS if (plan := sniff(head, options)) is not None), None)
     if plan is None:
         return None
+    refuse_dates_alone(plan, head)
     plan = with_fraction(with_ends(plan, head), head, options)
     if isinstance(plan, LongPlan):
         plan = with_flags(with_unit_column(with_state_column(plan, head), head), head)
