@@ -69,3 +69,11 @@ def test_a_record_may_begin_with_many_rows_of_midnight(read: Read) -> None:
 def test_a_day_that_is_sent_over_and_over_has_its_time(read: Read) -> None:
     content = read("Date,PV,OP\n" + "2024-01-01,1,2\n" * 50, name="F1.csv")
     assert content.loops["F1"].samples == 1
+
+
+@pytest.mark.parametrize("heading", ["Loop,Signal,Date,Value", "_measurement,_field,_time,_value"])
+def test_signals_of_a_day_in_a_column_of_words_have_times(read: Read, heading: str) -> None:
+    words = ("PV", "OP", "SP", "MODE")
+    rows = [f"FIC{n},{word},{day(k)},{k % 9}.5" for k in range(31) for n in range(2) for word in words]
+    content = read(heading + "\n" + "\n".join(rows))
+    assert [content.loops[f"FIC{n}"].samples for n in range(2)] == [31, 31]

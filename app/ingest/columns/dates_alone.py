@@ -13,13 +13,13 @@ _FEWEST, _OF_A_DAY = 6, 3
 def refuse_dates_alone(plan: Plan, head: Head) -> None:
     """Raises DataError where most days have several rows, of each tag, and no clock: spread over the day they would
     have times that are made up."""
-    time, tag = (plan.time, plan.tag) if isinstance(plan, LongPlan) else (plan.groups[0].time, None)
+    time, keys = (plan.time, plan.keys) if isinstance(plan, LongPlan) else (plan.groups[0].time, ())
     different = dict.fromkeys(head.rows[plan.first_row :])  # the same row may be sent over and over
     rows = [row for row in different if len(row) > max(time) and row[time[0]]]
     stamps = [joined_stamp([row[at] for at in time]) for row in rows]
     if plan.form.kind != "text" or not (plan.form.is_date or _are_of_days(stamps)):
         return
-    days = {(stamp, "" if tag is None else name_at(row, tag)) for stamp, row in zip(stamps, rows, strict=True)}
+    days = {(stamp, *(name_at(row, key) for key in keys)) for stamp, row in zip(stamps, rows, strict=True)}
     if len(rows) >= max(_FEWEST, _OF_A_DAY * len(days)):
         raise DataError(
             "unknown_layout",

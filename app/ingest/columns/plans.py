@@ -109,6 +109,11 @@ class LongPlan:
         beside = (self.quality, self.word, self.unit, self.state)
         return frozenset((*self.time, fraction, self.tag, self.value, *beside, *values))
 
+    @property
+    def keys(self) -> tuple[int, ...]:
+        """The columns that tell of which signal, or loop with all of its signals, a row is."""
+        return (self.tag,) if self.word is None else (self.tag, self.word)
+
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""
         if not self.signals or self.word is not None:
