@@ -177,3 +177,68 @@ def test_a_file_of_milliseconds_alone_keeps_them(read: Read) -> None:
     rows = [f"2024-01-31 {seconds(k)},{half_seconds(k)}" for k in range(ROWS)]
     content = read("Time,Milliseconds\n" + "\n".join(rows))
     assert list(content.loops) == ["Milliseconds"]
+
+
+def test_milliseconds_that_nobody_fills_leave_the_rows_spread(read: Read) -> None:
+    for row in ("0", "250"):
+        content = read(wide("Time,Millitm,FIC1.PV,FIC1.OP", lambda k, row=row: row))
+        assert content.rejects.counts == {}
+        assert steps(content.loops["FIC1"]) == [HALF_S]
+        assert notes_of(content, "within a second it does not go on as times do")
+
+
+def test_such_milliseconds_of_a_table_of_tags_lose_no_rows(read: Read) -> None:
+    rows = [
+        f"01/31/2024;06:{k // 300:02d}:{k // 5 % 60:02d};0;{tag};{k % 9}.5" for k in range(5 * ROWS) for tag in SIGNALS
+    ]
+    content = read(long(rows))
+    assert content.rejects.counts == {}
+    assert content.loops["FIC101"].samples == 5 * ROWS
+
+
+def test_signals_in_a_column_of_words_do_not_hide_their_milliseconds(read: Read) -> None:
+    rows = [
+        f"L1;{word};2024-01-31 {seconds(k)};{half_seconds(k)};{k % 9}" for k in range(ROWS) for word in ("PV", "OP")
+    ]
+    content = read("\n".join(("Loop;Signal;Time;Millitm;Value", *rows)))
+    assert content.rejects.counts == {}
+    assert steps(content.loops["L1"]) == [HALF_S]
+
+
+def once(k: int) -> str:
+    return f"2024-01-31 06:{k // 60:02d}:{k % 60:02d}"
+
+
+def test_a_name_far_from_the_time_tells_nothing_alone(read: Read) -> None:
+    rows = [f"{once(k)},{k % 9},{k % 5},{10 + k % 7}" for k in range(ROWS)]
+    content = read("Time,FIC1.PV,FIC1.OP,msec\n" + "\n".join(rows))
+    assert steps(content.loops["FIC1"]) == [2 * HALF_S]
+    assert content.loops["msec"].samples == ROWS
+    assert notes_of(content, "nothing tells whether it is a part of them or a signal")
+
+
+def test_numbers_that_leap_beside_even_seconds_are_a_signal(read: Read) -> None:
+    rows = [f"{once(k)},{k * 577 % 1000},{k % 9},{k % 5}" for k in range(ROWS)]
+    content = read("Time,Millis,FIC1.PV,FIC1.OP\n" + "\n".join(rows))
+    assert steps(content.loops["FIC1"]) == [2 * HALF_S]
+    assert notes_of(content, "nothing tells whether it is a part of them or a signal")
+
+
+def test_a_phase_that_drifts_beside_even_seconds_is_joined(read: Read) -> None:
+    rows = [f"{once(k)},{125 + k},{k % 9},{k % 5}" for k in range(ROWS)]
+    content = read("Time,Millitm,FIC1.PV,FIC1.OP\n" + "\n".join(rows))
+    assert steps(content.loops["FIC1"]) == [1_001_000_000]
+
+
+@pytest.mark.parametrize("name", ["ms", "m/s"])
+def test_a_speed_that_moves_where_a_second_repeats_is_a_signal(read: Read, name: str) -> None:
+    """As the clocks of recorders that run fast repeat one."""
+    rows = [f"{once(k - (k >= 30))},{12 + (k >= 30)},{k % 9},{k % 5}" for k in range(ROWS)]
+    content = read(f"Time,{name},FIC1.PV,FIC1.OP\n" + "\n".join(rows))
+    assert content.loops[name].others[name].tolist()[:2] == [12.0, 12.0]
+
+
+def test_a_speed_that_rises_slowly_is_a_signal(read: Read) -> None:
+    content = read(wide("Time,m/s,FIC1.PV,FIC1.OP", lambda k: str(12 + (k + 1) // 20)))
+    assert content.loops["m/s"].samples == ROWS
+    assert steps(content.loops["FIC1"]) == [HALF_S]

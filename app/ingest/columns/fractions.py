@@ -28,6 +28,8 @@ _NAMED = MappingProxyType(dict.fromkeys(_MILLISECONDS, _NS_PER_MS) | dict.fromke
 _UNIT_ALONE = "ms"
 """The name of parts of a second or of anything that is measured in them."""
 _GOES_BACK = 0.5  # of the steps from a second to a later one, at least, where parts begin again
+_MOVES = 0.5  # of the steps within a second, at least
+_LEAP_NS, _EVEN = NS_PER_S / 10, 0.9  # a step of parts, and how many of the seconds are as long as the usual one
 
 
 @dataclass(frozen=True)
@@ -36,20 +38,17 @@ class _Sample:
 
     time_ns: TimeArray
     parts: FloatArray
-    tags: Sequence[str]
+    tags: Sequence[Sequence[str]]
 
-    def steps(self) -> tuple[list[float], list[float]]:
-        """From row to row of a tag: those of the parts within a second, and from one second to a later one."""
-        within, between = [], []
-        rows: dict[str, list[tuple[int, float]]] = {}
+    def steps(self) -> tuple[FloatArray, FloatArray]:
+        """From row to row of a tag, (n,), ns and parts: on from a time to the same or a later one."""
+        rows: dict[Sequence[str], list[tuple[int, float]]] = {}
         for tag, at, part in zip(self.tags, self.time_ns.tolist(), self.parts.tolist(), strict=True):
             rows.setdefault(tag, []).append((at, part))
-        for (one, part), (other, following) in (pair for own in rows.values() for pair in pairwise(own)):
-            if one == other:
-                within.append(following - part)
-            else:
-                between.append((following - part) * (1 if other > one else -1))
-        return within, between
+        pairs = [pair for own in rows.values() for pair in pairwise(own)]
+        on = np.array([other - one for (one, _), (other, _) in pairs], dtype=np.float64)
+        parts = np.array([following - part for (_, part), (_, following) in pairs], dtype=np.float64)
+        return np.abs(on), np.where(on < 0.0, -parts, parts)
 
 
 def with_fraction(plan: Plan, head: Head, options: IngestOptions) -> Plan:
@@ -57,13 +56,13 @@ def with_fraction(plan: Plan, head: Head, options: IngestOptions) -> Plan:
     be that and is not taken."""
     if isinstance(plan, WidePlan) and len(plan.groups) > 1:
         return plan
-    time, tag = (plan.groups[0].time, None) if isinstance(plan, WidePlan) else (plan.time, plan.tag)
+    time = plan.groups[0].time if isinstance(plan, WidePlan) else plan.time
     for index, name in _candidates(plan, head):
         unit_ns = _NAMED.get(plain(name), _NS_PER_MS)
-        named = plain(name) in _NAMED
-        if not named and index not in (max(time) + 1, min(time) - 1):
+        named, beside = plain(name) in _NAMED, index in (max(time) + 1, min(time) - 1)
+        if not named and not beside:
             continue
-        why_not = _why_not(_sample(head, plan, time, tag, index, options), plan.form, unit_ns, named)
+        why_not = _why_not(_sample(head, plan, time, index, options), plan.form, unit_ns, named, beside)
         if why_not is None:
             note = f"the parts of a second in {name.strip()[:80]!r} were joined to the times"
             return _joined(plan, Fraction(index, unit_ns), note)
@@ -86,39 +85,49 @@ def _candidates(plan: Plan, head: Head) -> Iterator[tuple[int, str]]:
     yield from ((index, name) for index, name in names.items() if plain(name) == _UNIT_ALONE)
 
 
-def _sample(
-    head: Head, plan: Plan, time: tuple[int, ...], tag: int | None, column: int, options: IngestOptions
-) -> _Sample:
-    rows = [row for row in head.rows[plan.first_row :] if len(row) > max(*time, tag or 0)]
+def _sample(head: Head, plan: Plan, time: tuple[int, ...], column: int, options: IngestOptions) -> _Sample:
+    keys = plan.keys if isinstance(plan, LongPlan) else ()
+    different = dict.fromkeys(head.rows[plan.first_row :])  # the same row may be sent again
+    rows = [row for row in different if len(row) > max(*time, *keys, 0)]
     stamps = pl.Series([joined_stamp([row[at] for at in time]) for row in rows], dtype=pl.String)
     time_ns = TimeReader(plan.form, options).read(stamps)
     timed = np.flatnonzero(time_ns != NO_TIME)
     fields = pl.Series([name_at(rows[at], column) for at in timed], dtype=pl.String)
-    return _Sample(time_ns[timed], to_numbers(fields), ["" if tag is None else rows[at][tag] for at in timed])
+    return _Sample(time_ns[timed], to_numbers(fields), [tuple(rows[at][key] for key in keys) for at in timed])
 
 
-def _why_not(sample: _Sample, form: TimeForm, unit_ns: int, named: bool) -> str | None:
+def _why_not(sample: _Sample, form: TimeForm, unit_ns: int, named: bool, beside: bool) -> str | None:
     """What speaks against it; nothing to be said where what has no such name is no part of a second."""
     most = NS_PER_S // unit_ns - 1
     if not len(sample.parts) or not np.all(_are_parts(sample.parts, unit_ns)):
         return f"it holds more than whole numbers from 0 to {most}" if named else ""
     if np.any(sample.time_ns % NS_PER_S) or form.resolution_ns > NS_PER_S:
         return "the times are not of whole seconds" if named else ""
-    within, between = sample.steps()
-    moved = [step for step in within if step]
-    if moved and not _begin_again(moved, between):
-        return "within a second it does not go on as times do"
-    if moved or (named and form.kind != "relative"):
+    seconds, parts = sample.steps()
+    again = seconds == 0.0
+    if np.any(again):
+        goes_on = _begin_again(parts[again], parts[~again], named)
+        return None if goes_on else "within a second it does not go on as times do"
+    if named and beside and form.kind != "relative" and not _leaps(seconds, parts * unit_ns):
         return None
     return "nothing tells whether it is a part of them or a signal, as which it was read"
 
 
-def _begin_again(within: Sequence[float], between: Sequence[float]) -> bool:
+def _leaps(seconds: FloatArray, parts: FloatArray) -> bool:
+    """Whether parts leap beside even seconds, which those of times do not: steps (n,), ns, of both."""
+    even = len(seconds) > 0 and np.mean(seconds == np.median(seconds)) >= _EVEN
+    return bool(even and np.median(np.abs(parts)) > _LEAP_NS)
+
+
+def _begin_again(within: FloatArray, between: FloatArray, named: bool) -> bool:
     """Whether parts go one way within seconds, and back from a second to the next one: a signal turns, a count goes
-    on."""
-    way = np.sign(np.array(within))
-    one_way = max(np.mean(way > 0), np.mean(way < 0)) >= ONE_WAY
-    return bool(one_way and (not between or np.mean(np.array(between) <= 0.0) >= _GOES_BACK))
+    on. Where the name does not say that they are such, what rests from a second to the next is a signal."""
+    moved = within[within != 0.0]
+    if len(moved) < _MOVES * len(within):
+        return False
+    one_way = max(np.mean(moved > 0.0), np.mean(moved < 0.0)) >= ONE_WAY
+    back = between <= 0.0 if named else between < 0.0
+    return bool(one_way and (not len(between) or np.mean(back) >= _GOES_BACK))
 
 
 def _are_parts(numbers: FloatArray, unit_ns: int) -> np.ndarray:
