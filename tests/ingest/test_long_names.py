@@ -131,3 +131,32 @@ def test_a_process_value_of_a_wide_file_is_the_pv(read: Read) -> None:
     rows = "\n".join(f"14.03.2024 08:00:{k:02d};{k},5;{k % 7},5" for k in range(40))
     content = read(f"TimeStamp;ProcessValue;Output\n{rows}\n", name="FIC7.csv")
     assert content.loops["FIC7"].pv is not None
+
+
+@pytest.mark.parametrize("heading", ["PointID,Path", "TagId,DataSource", "ItemID,Series"])
+def test_numbers_of_tags_are_the_tags_beside_words_that_name_none(read: Read, heading: str) -> None:
+    rows = "".join(f"{stamp},{n},PLC1,{k}.{n}\n" for k, stamp in enumerate(TIMES) for n in (100, 101))
+    content = read(f"Time,{heading},Value\n{rows}")
+    assert sorted(content.loops) == ["100", "101"]
+
+
+@pytest.mark.parametrize("word", ["FIC7", "batch"])
+def test_a_name_beside_a_process_value_and_others_is_no_tag(read: Read, word: str) -> None:
+    rows = "\n".join(f"14.03.2024 08:00:{k:02d};{word}{k // 20 * (word > 'a')};{k},5;{k % 7},5" for k in range(40))
+    content = read(f"TimeStamp;Name;ProcessValue;Valve\n{rows}\n", name="FIC7.csv")
+    assert content.loops["FIC7"].pv is not None
+    assert content.loops["FIC7"].samples == 40
+
+
+def test_tags_that_tell_no_signal_stand_beside_a_process_value_too(read: Read) -> None:
+    rows = [f"{name};14.03.2024 08:00:{k:02d};{k},5;192" for k in range(40) for name in ("Feed", "Valve")]
+    content = read("Name;TimeStamp;ProcessValue;Quality\n" + "\n".join(rows))
+    assert sorted(content.loops) == ["Feed", "Valve"]
+
+
+@pytest.mark.parametrize("name", ["Signal", "Point"])
+def test_numbers_below_names_of_one_loop_are_no_tags(read: Read, name: str) -> None:
+    rows = "".join(f"{stamp},{k % 3}.5,{k % 7}.5,{k}.5,{k % 5}.5\n" for k, stamp in enumerate(TIMES))
+    content = read(f"U1.Time,U1.{name},U1.Value,U1.PV,U1.OP\n{rows}")
+    assert content.loops["U1"].pv is not None
+    assert content.loops["U1"].op is not None

@@ -111,6 +111,7 @@ QUALITY_NAMES = (
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 _ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "row", "rowid", "ndx"))
 """Names of the number of a row, in small letters and without blanks: no times, however they rise."""
+_OF_WINCC = "processvalue"
 _ROWS_OR_VALUES = frozenset(("no", "nr"))
 NO_ROWS = -1
 _MAY_BE_STAMP = re.compile(r"\d\D+\d+\D+\d|\d{8}|年|^\d{5}([.,]|$)")
@@ -430,11 +431,14 @@ def long_from(
     values = [known.index(name) for name in VALUE_NAMES if name in known] or _of_wincc(names, known)
     if not tags or not values:
         return None
-    tags.sort(key=lambda index: _rank_of_tags(head, head.column(index, first_row)))
+    # names of signals go before other words, and TagIndex comes last
+    tags.sort(key=lambda at: (not mostly_signals(head.column(at, first_row)), known[at] == "tagindex"))
     found = times_of_rows(head, names, first_row, options)
     if found is None:
         return None
     time, form = found
+    if known[values[0]] == _OF_WINCC and not _are_tags(head, tags[0], time, first_row):
+        return None
     quality = quality_of(head, known, first_row, {*time, tags[0], values[0]}, holds_quality_words)
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
@@ -444,12 +448,13 @@ def long_from(
 def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
     """The column of values that is called as a PV is: it is one where no further signal stands beside it."""
     signals = [index for index, name in enumerate(names) if place(name, "").signal != "OTHER"]
-    return signals if [known[index] for index in signals] == ["processvalue"] else []
+    return signals if [known[index] for index in signals] == [_OF_WINCC] else []
 
 
-def _rank_of_tags(head: Head, fields: list[str]) -> tuple[bool, bool]:
-    """Names of signals go before other words, and numbers come last."""
-    return not mostly_signals(fields), mostly_numbers(fields, head.decimal_mark)
+def _are_tags(head: Head, column: int, time: tuple[int, ...], first_row: int) -> bool:
+    """Whether words beside a process value are names of signals, or several stand at a time: one may be a batch."""
+    rows = {(joined_stamp([name_at(row, at) for at in time]), name_at(row, column)) for row in head.rows[first_row:]}
+    return mostly_signals(head.column(column, first_row)) or len({stamp for stamp, _ in rows}) < MOST * len(rows)
 
 
 def quality_of(

@@ -1,7 +1,7 @@
 """Long with a row of names: tag, time, value and, where there is one, a quality. Lines above it and * comments are
 passed over."""
 
-from app.ingest.columns.names import long_from
+from app.ingest.columns.names import long_from, mostly_numbers
 from app.ingest.columns.of_words import column_that_parts_tags, refuse_to_mix
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head
@@ -13,10 +13,15 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
         names = _without_table(written)
         if len(names) >= 3:
             plan = long_from(head, "long", names, index + 1, options)
-            if plan is not None:
+            if plan is not None and (names == written or _has_words(head, plan)):
                 refuse_to_mix(names, column_that_parts_tags(plan, head))
                 return plan
     return None
+
+
+def _has_words(head: Head, plan: LongPlan) -> bool:
+    """Whether its tags are words: a loop may have signals called so, and stand before their names as a table does."""
+    return not mostly_numbers(head.column(plan.tag, plan.first_row), head.decimal_mark)
 
 
 def _without_table(names: tuple[str, ...]) -> tuple[str, ...]:
