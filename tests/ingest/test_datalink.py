@@ -190,3 +190,28 @@ def test_a_time_of_another_name_leaves_the_tag_beside_it(read: Read) -> None:
     rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
     content = read("\n".join(("Time;FIC101.PV;Time;FIC101.OP", *rows)))
     assert content.loops["FIC101"].op is not None
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "FIC101 Time;FIC101 PV;FIC101 Time;FIC101 OP",
+        "FIC101.Time;FIC101.PV;FIC101.Time;FIC101.OP",
+        "FIC1 Time;FIC101.PV;FIC1 Time;FIC101.OP",
+    ],
+)
+def test_a_signal_beside_a_time_of_its_loop_keeps_its_name(read: Read, names: str) -> None:
+    rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
+    content = read("\n".join((names, *rows)))
+    loop = content.loops["FIC101"]
+    assert loop.pv is not None
+    assert loop.op is not None
+    assert (loop.pv[8], loop.op[8]) == (8.5, 1.5)
+
+
+def test_a_unit_behind_the_value_stays_in_its_name(read: Read) -> None:
+    rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
+    content = read("\n".join(("FIC1.PV Time;FIC1.PV (t/h);FIC1.OP Time;FIC1.OP (%)", *rows)))
+    assert [(loop.loop, loop.pv, loop.op) for loop in content.summary.loops] == [
+        ("FIC1", "FIC1.PV (t/h)", "FIC1.OP (%)")
+    ]

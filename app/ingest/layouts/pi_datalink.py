@@ -15,7 +15,7 @@ from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.numbers.units import is_unit
-from app.ingest.tags.grouping import like_a_tag, place
+from app.ingest.tags.grouping import like_a_tag, place, without_unit
 from app.ingest.tags.quality import tells_quality
 from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
@@ -159,10 +159,19 @@ def _name_in(row: tuple[str, ...], time: int, value: int) -> str:
 
 
 def _before_time(of_time: str, of_value: str) -> str:
-    """The tag in FIC101.PV Time beside FIC101.PV ValueY; empty where the two names share none."""
+    """The tag in FIC101.PV Time beside FIC101.PV ValueY; empty where the two names share none. The name of the value is
+    the tag where it alone tells a signal, as beside FIC101 Time, or the unit."""
     found = _TAG_AND_WORD.fullmatch(of_time)
-    shared = found is not None and plain(found["word"]) in TIME_NAMES and of_value.startswith(found["tag"])
-    return found["tag"] if found is not None and shared else ""
+    if found is None or plain(found["word"]) not in TIME_NAMES or not of_value.startswith(found["tag"]):
+        return ""
+    tag = found["tag"]
+    if without_unit(of_value) == tag or (_tells_signal(of_value) and not _tells_signal(tag)):
+        return of_value
+    return "" if of_value[len(tag) :][:1].isalnum() else tag
+
+
+def _tells_signal(name: str) -> bool:
+    return place(name, "").signal != "OTHER"
 
 
 def _reads_as_tags(row: Mapping[int, str]) -> tuple[int, int, int]:
