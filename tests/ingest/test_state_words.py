@@ -92,3 +92,28 @@ def test_a_loop_before_all_names_is_no_table(read: Read) -> None:
     rows = "\n".join(f"2024-01-31 06:00:{k:02d},{k % 9},{k % 7}" for k in range(ROWS))
     content = read(f"FIC7.Time,FIC7.PV,FIC7.OP\n{rows}\n")
     assert content.loops["FIC7"].op is not None
+
+
+def text_of(k: int) -> str:
+    """The number once more, with its thousands parted, its unit or its bound, in few of the rows."""
+    return {0: "1,059.4", 1: "1.059,4", 2: "59.4 t/h", 3: "<59.4"}.get(k % 10, "")
+
+
+def test_numbers_that_are_written_otherwise_beside_them_are_no_words(read: Read) -> None:
+    content = read(table("tag;time;value;StringValue", "", PV=lambda k: f"{k % 9}.4375;{text_of(k)}"))
+    pv = content.loops["FIC101"].pv
+    assert pv is not None
+    assert pv.tolist() == [k % 9 + 0.4375 for k in range(ROWS)]
+    assert content.rejects.counts == {}
+
+
+def test_modes_with_their_number_before_the_word(read: Read) -> None:
+    content = read(table(MODE=lambda k: "0;1 AUTO" if k < 40 else "1;0 MAN"))
+    assert automatic(content) == [1.0] * 40 + [0.0] * 20
+
+
+@pytest.mark.parametrize("number", ["", "-254"])
+@pytest.mark.parametrize("word", ["####", "I/O Timeout"])
+def test_signs_beside_a_measurement_say_why_there_is_none_too(read: Read, number: str, word: str) -> None:
+    content = read(table("tag;time;value;svalue", "", PV=lambda k: f"{number};{word}" if k == 7 else numbers(k)))
+    assert content.rejects.counts == {"not_a_number": 1}
