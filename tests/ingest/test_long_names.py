@@ -155,8 +155,15 @@ def test_tags_that_tell_no_signal_stand_beside_a_process_value_too(read: Read) -
 
 
 @pytest.mark.parametrize("name", ["Signal", "Point"])
-def test_numbers_below_names_of_one_loop_are_no_tags(read: Read, name: str) -> None:
-    rows = "".join(f"{stamp},{k % 3}.5,{k % 7}.5,{k}.5,{k % 5}.5\n" for k, stamp in enumerate(TIMES))
+@pytest.mark.parametrize("called", ["{}.5", "batch {}"])
+def test_what_stands_below_names_of_one_loop_is_no_tag(read: Read, name: str, called: str) -> None:
+    rows = "".join(f"{at},{called.format(k % 3)},{k % 7}.5,{k}.5,{k % 5}.5\n" for k, at in enumerate(TIMES))
     content = read(f"U1.Time,U1.{name},U1.Value,U1.PV,U1.OP\n{rows}")
     assert content.loops["U1"].pv is not None
     assert content.loops["U1"].op is not None
+
+
+def test_numbers_below_names_with_a_value_among_them_are_no_tags(read: Read) -> None:
+    rows = "".join(f"{stamp},{k % 7}.5,{k}.25\n" for k, stamp in enumerate(TIMES))
+    content = read(f"U1.Time,U1.Value,U1.Point\n{rows}")
+    assert sorted(content.loops) == ["U1.Point", "U1.Value"]

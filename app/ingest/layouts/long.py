@@ -6,6 +6,7 @@ from app.ingest.columns.of_words import column_that_parts_tags, refuse_to_mix
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
+from app.ingest.tags.grouping import place
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
@@ -13,14 +14,16 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
         names = _without_table(written)
         if len(names) >= 3:
             plan = long_from(head, "long", names, index + 1, options)
-            if plan is not None and (names == written or _has_words(head, plan)):
+            if plan is not None and (names == written or _is_table(head, plan, written)):
                 refuse_to_mix(names, column_that_parts_tags(plan, head))
                 return plan
     return None
 
 
-def _has_words(head: Head, plan: LongPlan) -> bool:
-    """Whether its tags are words: a loop may have signals called so, and stand before their names as a table does."""
+def _is_table(head: Head, plan: LongPlan, names: tuple[str, ...]) -> bool:
+    """Whether a table stands before all names, and no loop: that has signals, or numbers where the table has tags."""
+    if any(place(name, "").signal != "OTHER" for name in names):
+        return False
     return not mostly_numbers(head.column(plan.tag, plan.first_row), head.decimal_mark)
 
 
