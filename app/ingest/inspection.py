@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from app.ingest.align import EVEN, LONG
 from app.ingest.exports.reading import read_export
 from app.ingest.model import FileSummary, FloatArray, IngestOptions, LoopSamples, Rejects
 from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
-
-_HOLE, _MOST = 1.5, 0.8  # steps so many times as long as the usual one leave rows out, where most are shorter
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def _report(samples: LoopSamples) -> LoopReport:
 
 
 def _absent(steps: FloatArray, interval: float | None) -> int:
-    """How many rows are left out in steps (n,), s."""
-    if not interval or np.mean(steps <= _HOLE * interval) < _MOST:
+    """How many rows are left out in steps (n,), s: none of a loop that is stored when it changes."""
+    if not interval or np.mean(steps <= EVEN * interval) < LONG:
         return 0
-    return int(np.sum(np.rint(steps[steps > _HOLE * interval] / interval) - 1.0))
+    return int(np.sum(np.rint(steps[steps > EVEN * interval] / interval) - 1.0))

@@ -185,3 +185,8 @@ def test_rows_at_times_of_their_own_leave_none_out(tmp_path: Path) -> None:
     seconds = np.cumsum(np.random.default_rng(3).exponential(20.0, 300)).round(1)
     report = _inspected(tmp_path, seconds.tolist())
     assert (report.even, report.absent, report.missing_of_span) == (False, 0, 0.0)
+
+
+def test_rows_that_are_stored_when_they_change_leave_none_out(tmp_path: Path) -> None:
+    seconds = [float(k + 60 * (k // 6)) for k in range(300)]
+    assert _inspected(tmp_path, seconds).missing_of_span == 0.0
