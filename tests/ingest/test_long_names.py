@@ -167,3 +167,10 @@ def test_numbers_below_names_with_a_value_among_them_are_no_tags(read: Read) -> 
     rows = "".join(f"{stamp},{k % 7}.5,{k}.25\n" for k, stamp in enumerate(TIMES))
     content = read(f"U1.Time,U1.Value,U1.Point\n{rows}")
     assert sorted(content.loops) == ["U1.Point", "U1.Value"]
+
+
+def test_such_tags_one_after_the_other(read: Read) -> None:
+    clocks = [f"08:{k // 60:02d}:{k % 60:02d}" for k in range(2000)]
+    rows = [f"{name};14.03.2024 {at};{k},5;192" for name in ("Feed", "Valve") for k, at in enumerate(clocks)]
+    content = read("Name;TimeStamp;ProcessValue;Quality\n" + "\n".join(rows))
+    assert [content.loops[name].samples for name in ("Feed", "Valve")] == [2000, 2000]

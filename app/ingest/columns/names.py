@@ -9,6 +9,7 @@ import numpy as np
 
 from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, joined_stamp
 from app.ingest.columns.headings import below_names, is_data
+from app.ingest.columns.of_words import are_sorted_by
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
@@ -437,12 +438,11 @@ def long_from(
     if found is None:
         return None
     time, form = found
-    if known[values[0]] == _OF_WINCC and not _are_tags(head, tags[0], time, first_row):
-        return None
     quality = quality_of(head, known, first_row, {*time, tags[0], values[0]}, holds_quality_words)
     zero = None if quality is None else _zero_is_good(known[quality], known)
     width = named_width(head, names, first_row)
-    return LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+    plan = LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+    return None if known[values[0]] == _OF_WINCC and not _has_tags(plan, head, options) else plan
 
 
 def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
@@ -451,10 +451,14 @@ def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
     return signals if [known[index] for index in signals] == [_OF_WINCC] else []
 
 
-def _are_tags(head: Head, column: int, time: tuple[int, ...], first_row: int) -> bool:
-    """Whether words beside a process value are names of signals, or several stand at a time: one may be a batch."""
-    rows = {(joined_stamp([name_at(row, at) for at in time]), name_at(row, column)) for row in head.rows[first_row:]}
-    return mostly_signals(head.column(column, first_row)) or len({stamp for stamp, _ in rows}) < MOST * len(rows)
+def _has_tags(plan: LongPlan, head: Head, options: IngestOptions) -> bool:
+    """Whether words beside a process value are names of signals, or several stand at a time or have rows one after the
+    other: they may be of batches."""
+    rows = [row for row in head.rows[plan.first_row :] if any(row)]
+    stamps = [joined_stamp([name_at(row, at) for at in plan.time]) for row in rows]
+    words = [name_at(row, plan.tag) for row in rows]
+    at_a_time = len(set(stamps)) < MOST * len(set(zip(stamps, words, strict=True)))
+    return at_a_time or mostly_signals(words) or are_sorted_by(words, stamps, plan, options, head.sampled)
 
 
 def quality_of(

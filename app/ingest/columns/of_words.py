@@ -10,7 +10,7 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.columns.clocks import MOST, joined_stamp
-from app.ingest.columns.plans import LongPlan, WidePlan
+from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import NO_TIME, IngestOptions
 from app.ingest.numbers.units import as_number
@@ -82,7 +82,7 @@ def column_that_sorts(plan: WidePlan, head: Head, options: IngestOptions) -> int
 
 
 def are_sorted_by(
-    words: Sequence[str], stamps: Sequence[str], plan: WidePlan, options: IngestOptions, sampled: bool = False
+    words: Sequence[str], stamps: Sequence[str], plan: Plan, options: IngestOptions, sampled: bool = False
 ) -> bool:
     """The same of the words and stamps of rows. sampled: the last ones are some of many."""
     time_ns = TimeReader(plan.form, options).read(pl.Series(stamps, dtype=pl.String)).tolist()
