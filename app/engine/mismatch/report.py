@@ -23,7 +23,7 @@ CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
-PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s"}
+PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
 
 
 def effect_of(effect: Believed, final: Fit) -> Effect:
@@ -156,7 +156,7 @@ def location_of(effects: tuple[Effect, ...]) -> Location:
 def export(found: Fit, sensors: tuple[Part, ...]) -> ExplainedModel:
     """The explained model, enough to simulate again."""
     p, record = found.plant, found.record.as_sampled
-    fields = ("K", "tau", "theta", "b", "x0", "tau2", "leak", "tau3", "zero")
+    fields = ("K", "tau", "theta", "b", "x0", "tau2", "leak", "tau3", "zero", "damping")
     parts = tuple(
         PartModel(part.block.name, part.block.code, tuple(part.values.tolist())) for part in (*found.parts, *sensors)
     )

@@ -27,7 +27,6 @@ from app.engine.mismatch.physics import (
     library,
     moments,
     oscillation,
-    resonance,
     two_tanks,
     valve_slew_limit,
 )
@@ -229,6 +228,7 @@ def test_noise_is_coloured_as_it_was_whitened() -> None:
 KERNELS = (
     (plant_module, "_process"),
     (plant_module, "_processes"),
+    (plant_module, "_swinging"),
     (friction, "_place"),
     (friction, "_speed"),
     (friction, "_sprung"),
@@ -241,7 +241,6 @@ KERNELS = (
     (noise_module, "_scaled_innovations"),
     (moments, "_ramp"),
     (oscillation, "_add_harmonics"),
-    (resonance, "_swing"),
     (corners, "_rounded"),
 )
 

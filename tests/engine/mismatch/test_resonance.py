@@ -39,7 +39,7 @@ def late(u: FloatArray) -> FloatArray:
 def test_the_simulation_is_that_of_the_differential_equation() -> None:
     u = np.random.default_rng(0).normal(size=N)
     context = Context(experiment(TS, u, u), Plant(K=1.0, tau=30.0, theta=0.0))
-    simulated = swinging(u, context.plant, np.array([14.0, 0.3]), context)
+    simulated = run_process(u, swinging(context.plant, np.array([14.0, 0.3]), context), TS)
     np.testing.assert_allclose(simulated, second_order(u, 14.0, 0.3), atol=1e-9)
 
 

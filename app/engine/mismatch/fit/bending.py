@@ -29,24 +29,32 @@ class Bent:
 
 def as_refitted(rest: FloatArray, given: Plant, found: Plant, ts: float) -> FloatArray:
     """The rest (N,) of a trace of the given plant, as the plant found would have it: multiplied by one gain over the
-    other, passed through one lag over the other, and later by what its dead time is longer.
+    other, passed through one lag, or one swing, over the other, and later by what its dead time is longer.
     """
     bent = found.K / given.K * rest
-    lags = [(given.tau2, found.tau2), (given.tau3, found.tau3)]
-    if given.leak > 0.0:
-        lags.append((given.tau, found.tau))
-    for was, now in lags:
-        if was > 0.0 and now > 0.0 and was != now:
-            bent = lag_over_lag(bent, float(np.exp(-ts / was)), float(np.exp(-ts / now)))
+    for was, now in zip(memories(given, ts), memories(found, ts), strict=True):
+        if not np.array_equal(was, now):
+            bent = one_over_other(bent, was, now)
     return delay(bent, found.theta - given.theta, ts)
 
 
-def lag_over_lag(signal: FloatArray, was: float, now: float) -> FloatArray:
-    """A signal (N,) that comes of a lag as one with another memory of an interval would have made it, from rest."""
-    share = (1.0 - now) / (1.0 - was)
-    out: FloatArray = scipy.signal.lfilter(
-        [share, -share * was], [1.0, -now], signal, zi=[(now - share * was) * signal[0]]
-    )[0]
+def memories(plant: Plant, ts: float) -> list[FloatArray]:
+    """The polynomials (2,) or (3,) in the delay by an interval of each lag, and of the swing, of a plant."""
+    roots = [-1.0 / tau for tau in (plant.tau2, plant.tau3) if tau > 0.0]
+    lags = [np.array([1.0, -np.exp(ts * root)]) for root in roots]
+    if plant.leak <= 0.0:
+        return lags
+    if plant.damping <= 0.0:
+        return [*lags, np.array([1.0, -np.exp(-ts / plant.tau)])]
+    poles = np.roots([plant.tau**2, 2.0 * plant.damping * plant.tau, 1.0])
+    return [*lags, np.real(np.poly(np.exp(ts * poles)))]
+
+
+def one_over_other(signal: FloatArray, was: FloatArray, now: FloatArray) -> FloatArray:
+    """A signal (N,) that comes of one memory as another would have made it, from rest."""
+    share = np.sum(now) / np.sum(was) * was
+    begun = scipy.signal.lfilter_zi(share, now) * signal[0]
+    out: FloatArray = scipy.signal.lfilter(share, now, signal, zi=begun)[0]
     return out
 
 

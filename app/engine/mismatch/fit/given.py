@@ -17,6 +17,8 @@ from app.engine.recording import BoolArray, FloatArray
 
 ALIKE = 1e-3
 TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
+PERIODS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0, 20.0, 35.0, 60.0, 100.0, 200.0)
+LEAST_DAMPING, FIRST_DAMPING = 0.02, 0.35
 DESCENTS, APART = 2, 0.9
 LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step within it
 
@@ -43,6 +45,11 @@ class Structure:
 
     second_order: bool
     integrating: bool
+    swinging: bool = False
+
+    @property
+    def has_two_lags(self) -> bool:
+        return self.second_order and not self.swinging
 
 
 STRUCTURES = (
@@ -51,6 +58,7 @@ STRUCTURES = (
     Structure(True, True),
     Structure(True, False),
 )
+OF_TRACES = (*STRUCTURES, Structure(True, False, swinging=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +79,13 @@ class Target:
 
 
 def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
-    """The simplest linear model that makes the simulated trace (N,) from OP; the rest of the trace is kept beside
-    it.
+    """The simplest linear model that makes the simulated trace (N,) from OP, complex poles where two real lags leave
+    twice as much; the rest of the trace is kept beside it.
     """
     best, target = None, Target(trace, np.ones(record.samples, dtype=np.bool_))
-    for structure in STRUCTURES:
+    for structure in OF_TRACES:
         found = fit_structure(record, target, structure)
-        told = not structure.second_order or found.given.plant.tau2 > LEAST_LAG * record.sampling_interval_s
+        told = not structure.has_two_lags or found.given.plant.tau2 > LEAST_LAG * record.sampling_interval_s
         if best is None or (told and found.left < 0.5 * best.left):
             best = found
         if best.left < ALIKE:
@@ -116,11 +124,14 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
 
 def starts(record: Experiment, target: Target, structure: Structure) -> list[FloatArray]:
     """The best points of a grid of time constants and dead times, none beside another: dead time in intervals, logs of
-    the time constants.
+    the time constants, or of time and damping.
     """
     ts = record.sampling_interval_s
-    taus = TIMES if not structure.integrating or structure.second_order else TIMES[:1]
-    points = [np.array([theta, np.log(tau * ts), np.log(0.3 * tau * ts)]) for tau in taus for theta in DEAD_TIMES]
+    points = [
+        np.array([theta, np.log(tau * ts), np.log(FIRST_DAMPING if structure.swinging else 0.3 * tau * ts)])
+        for tau in times_of(structure)
+        for theta in DEAD_TIMES
+    ]
     errors = [float(np.sum(project(record, target, structure, z)[0] ** 2)) for z in points]
     kept: list[FloatArray] = []
     for k in np.argsort(errors, kind="stable"):
@@ -132,15 +143,27 @@ def starts(record: Experiment, target: Target, structure: Structure) -> list[Flo
     return kept
 
 
+def times_of(structure: Structure) -> tuple[float, ...]:
+    """The time constants to begin with, intervals; those of what swings lie closer, for it must swing as often."""
+    if structure.swinging:
+        return PERIODS
+    return TIMES if not structure.integrating or structure.second_order else TIMES[:1]
+
+
 def plant_of(record: Experiment, structure: Structure, z: FloatArray, K: float, b: float, x0: float) -> Plant:
+    theta_s = float(abs(z[0])) * record.sampling_interval_s
     first = 1.0 if structure.integrating else float(np.exp(z[1]))
+    if structure.swinging:
+        return Plant(K, first, theta_s, b, x0, damping=float(np.exp(z[2])))
     second = float(np.exp(z[2])) if structure.second_order else 0.0
     leak = 0.0 if structure.integrating else 1.0
-    return Plant(K, first, float(abs(z[0])) * record.sampling_interval_s, b, x0, second, leak)
+    return Plant(K, first, theta_s, b, x0, second, leak)
 
 
 def project(record: Experiment, target: Target, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residual (M,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags z."""
+    """Residual (M,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags, or time and
+    damping, z.
+    """
     ts, u = record.sampling_interval_s, record.op_deviation
     zero = np.zeros_like(u)
     units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -159,6 +182,8 @@ def descend_trace(record: Experiment, target: Target, structure: Structure, star
     ts, size = record.sampling_interval_s, max(float(np.std(target.moves)), 1e-300)
     low = [0.0, np.log(0.05 * ts), np.log(0.05 * ts)]
     high = [0.2 * record.samples, np.log(record.duration_s), np.log(record.duration_s)]
+    if structure.swinging:
+        low[2], high[2] = np.log(LEAST_DAMPING), 0.0
     z = scipy.optimize.least_squares(
         lambda z: project(record, target, structure, z)[0] / size,
         np.clip(start, low, high),

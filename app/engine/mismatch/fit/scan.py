@@ -131,7 +131,7 @@ def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
     Beside what makes a loop far from linear the linear refit has gone astray, and so have scans along its slopes.
     """
     given = fit.given.plant
-    plant = fit.plant.changed(K=given.K, tau=given.tau, tau2=given.tau2, tau3=given.tau3, theta=given.theta)
+    plant = given.changed(b=fit.plant.b, x0=fit.plant.x0)
     found = []
     for values in block.starts(Context(fit.record, plant), fit.residual):
         error = fit.record.pv_deviation - simulate(fit.record, plant, (*fit.parts, Part(block, values)))

@@ -76,6 +76,8 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     for name, lag in (("tau2", g.tau2), ("tau3", g.tau3)):
         if lag > 0.0:
             free.append(Free(name, lag, 0.0, given.deviation, -wide, wide, log=True))
+    if g.damping > 0.0:
+        free.append(Free("damping", g.damping, 0.0, given.deviation, -wide, wide, log=True))
     trusted = given.deviation if given.late_deviation is None else given.late_deviation
     late = np.hypot(trusted * g.theta, 0.15 * ts) / ts
     free.append(Free("theta", ts, g.theta / ts, late, 0.0, max(3.0 * g.theta / ts, 3.0 + g.theta / ts), step=0.05))
@@ -153,7 +155,7 @@ class Task:
         return values
 
     def row_of(self, values: FloatArray) -> FloatArray:
-        """The plant of values (P,) as the kernel reads it (12,)."""
+        """The plant of values (P,) as the kernel reads it (13,)."""
         row = self.given_row.copy()
         row[self.linear_at] = values[: self.linear_count]
         return row

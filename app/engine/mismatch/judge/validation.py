@@ -156,7 +156,7 @@ def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s:
     positive = ("sampling_interval_s", "op_span", "pv_span", "duration_s")
     above = [name for name in positive if others.get(name, 1.0) <= 0.0]
     above += ["tau"] if plant["tau"] <= 0.0 else []
-    below = [name for name in ("theta", "tau2", "tau3", "leak") if plant.get(name, 0.0) < 0.0]
+    below = [name for name in ("theta", "tau2", "tau3", "leak", "damping") if plant.get(name, 0.0) < 0.0]
     late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
     return [
         *([f"K must be other than 0, and at most {LARGEST:g}"] if not may_be_gain(plant["K"]) else []),

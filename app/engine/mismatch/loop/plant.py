@@ -9,11 +9,14 @@ from app.engine.recording import FloatArray
 
 NO_LIMIT = 1e30
 VESSEL_STEPS = 2
+SWING_STEPS = 4
+HALVED, TAYLOR_TERMS = 2, 14  # a matrix of 1/4 at most, whose 14th power over 14! is less than a rounding error
 
 
 @dataclass(frozen=True)
 class Plant:
-    """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero.
+    """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero. Where it swings (damping > 0) there is no
+    lag tau2: tau^2 x'' + 2 damping tau x' = K v' + b - leak f(x), from rest; below 1 its poles are complex.
 
     v' and x are deviations from the record's means. Where x integrates (leak = 0) the lag tau2 lies before it: between
     valve and vessel, so that a level stops sharply.
@@ -23,7 +26,7 @@ class Plant:
     leak: 1 for a self-regulating process, 0 for an integrator.
     high, low: where x overflows, unit of PV as deviation. zero: time constant of (1 - zero s), s.
     head: distance of the empty level below the mean for the outflow law f(x) = 2 head (sqrt(1 + x / head) - 1), unit of
-    PV; 0 for f(x) = x.
+    PV; 0 for f(x) = x. damping: ratio, tau being one over the natural frequency; 0: it does not swing.
     """
 
     K: float
@@ -38,6 +41,7 @@ class Plant:
     low: float = -NO_LIMIT
     head: float = 0.0
     zero: float = 0.0
+    damping: float = 0.0
 
     def row(self) -> FloatArray:
         """The plant as the kernel reads it."""
@@ -169,7 +173,7 @@ def _bounded_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
 @njit(cache=True, nogil=True)
 def _vessel_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     """x (N,) with the outflow law, in steps within each sample."""
-    K, tau, _, b, x, _, leak, _, high, low, head, _ = p
+    K, tau, _, b, x, _, leak, _, high, low, head = p[:11]
     y = np.empty(len(u))
     x = min(max(x, low), high)
     y[0] = x
@@ -196,7 +200,7 @@ def _behind_actuator(u: FloatArray, tau: float, ts: float) -> FloatArray:
 @njit(cache=True, nogil=True)
 def _slopes(x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
     """dx/dt (N,) of the first state."""
-    K, tau, _, b, _, _, leak, _, _, _, head, _ = p
+    K, tau, _, b, _, _, leak, _, _, _, head = p[:11]
     rate = np.empty(len(x))
     for t in range(len(x)):
         rate[t] = (K * u[max(t - 1, 0)] + b - leak * _outflow(x[t], head)) / tau
@@ -204,9 +208,53 @@ def _slopes(x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
+def _exponential(a: FloatArray) -> FloatArray:
+    """exp(a) of a matrix (3, 3): a Taylor series of what is small after halving, squared again.
+
+    Source: Moler, Van Loan 2003, doi 10.1137/S00361445024180, method 3.
+    """
+    halved = max(int(np.ceil(np.log2(np.max(np.abs(a)) + 1e-300))) + HALVED, 0)
+    term, whole = np.eye(3), np.eye(3)
+    for k in range(1, TAYLOR_TERMS):
+        term = term @ a / (k * 2.0**halved)
+        whole += term
+    for _ in range(halved):
+        whole = whole @ whole
+    return whole
+
+
+@njit(cache=True, nogil=True)
+def _swinging(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
+    """x and tau dx/dt (2, N) of what swings, from rest, its drive held over each sample: exact for the linear law; in
+    steps within each sample, what the law of outflow is off a straight line held over each, otherwise.
+    """
+    K, tau, _, b, x, _, leak, _, high, low, head, _, damping = p
+    steps = 1 if head <= 0.0 and high > 1e29 and low < -1e29 else SWING_STEPS
+    system = np.array([[0.0, 1.0, 0.0], [-leak, -2.0 * damping, 1.0], [0.0, 0.0, 0.0]])
+    move = _exponential(system * (ts / (steps * tau)))
+    out = np.empty((2, len(u)))
+    x, speed = min(max(x, low), high), 0.0
+    out[0, 0], out[1, 0] = x, speed
+    for t in range(1, len(u)):
+        drive = K * u[t - 1] + b
+        for _ in range(steps):
+            pull = drive - leak * (_outflow(x, head) - x)
+            there = move[0, 0] * x + move[0, 1] * speed + move[0, 2] * pull
+            speed = move[1, 0] * x + move[1, 1] * speed + move[1, 2] * pull
+            x = min(max(there, low), high)
+            if x != there:
+                speed = 0.0
+        out[0, t], out[1, t] = x, speed
+    return out
+
+
+@njit(cache=True, nogil=True)
 def _process(v: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     tau2, tau3, high, low, head, zero = p[5], p[7], p[8], p[9], p[10], p[11]
     u = _delay(v, p[2] / ts)
+    if p[12] > 0.0:
+        swing = _swinging(u, p, ts)
+        return _lag(swing[0] - zero / p[1] * swing[1], tau3, ts)
     integrating = p[6] == 0.0
     if integrating and tau2 > 1e-9:
         u = _behind_actuator(u, tau2, ts)
@@ -237,7 +285,7 @@ def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> Floa
 
 
 def plant_of(row: FloatArray) -> Plant:
-    """The plant that a kernel reads as this row (12,); past the constructor as well."""
+    """The plant that a kernel reads as this row (13,); past the constructor as well."""
     plant = object.__new__(Plant)
     vars(plant).update(zip(NUMBERS, row.tolist(), strict=True))
     return plant
@@ -262,7 +310,7 @@ def _processes(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, mos
 
 
 def run_rows(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most: float) -> FloatArray:
-    """What each of some plants (L, 12), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
+    """What each of some plants (L, 13), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
     return _processes(np.ascontiguousarray(v), rows, ts, rest, most)
 
 

@@ -2,7 +2,8 @@
 and is slowed while it moves.
 
 On an integrator, PV is the place of a driven mass: tau2 v' = K u + b - (1 + c) v - F sgn(v), x' = v. With two lags it
-is a mass on a spring: tau tau2 x'' + (1 + c) (tau + tau2) x' + x = K u + b - F sgn(x'). With one lag PV is the speed
+is a mass on a spring: tau tau2 x'' + (1 + c) (tau + tau2) x' + x = K u + b - F sgn(x'); so it is where the process
+swings, with tau^2 and 2 damping tau for tau tau2 and tau + tau2. With one lag PV is the speed
 itself: tau v' = K u + b - (1 + c) v - F sgn(v), resting at PV = 0. F in the unit of the drive K u. At rest |drive| <= F
 holds the mass. What is too light to swing before a further lag, which PV is behind: tau x' = K u + b - x - F sgn(x').
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, doi 10.1016/0005-1098(94)90209-7; the switch at rest is
@@ -79,8 +80,8 @@ def _speed(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
 
 
 def has_one_lag(plant: Plant) -> bool:
-    """Whether PV of a plant is a speed: it neither integrates nor has a second lag."""
-    return plant.leak > 0.0 and plant.tau2 <= 0.0
+    """Whether PV of a plant is a speed: it neither integrates nor swings nor has a second lag."""
+    return plant.leak > 0.0 and plant.tau2 <= 0.0 and plant.damping == 0.0
 
 
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
@@ -101,6 +102,9 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
         drive = np.array([plant.K, plant.b, -context.record.pv_mid])
         return _speed(u, drive, np.array([plant.x0, dry, more, plant.tau]), ts)
     drive = np.array([plant.K, plant.b, plant.leak])
+    if plant.damping > 0.0:
+        slowed = more * 2.0 * plant.damping * plant.tau
+        return _place(u, drive, np.array([plant.x0, dry, slowed, plant.tau**2]), ts)
     if plant.leak == 0.0:
         return _place(u, drive, np.array([plant.x0, dry, more, max(plant.tau2, LIGHT * ts)]), ts)
     second = max(plant.tau2, LIGHT * ts)
@@ -175,7 +179,7 @@ def at_rest(signal: FloatArray, _: FloatArray, context: Context) -> BoolArray:
 
 
 def two_lags(context: Context) -> bool:
-    return context.plant.leak > 0.0 and not one_lag(context)
+    return context.plant.leak > 0.0 and context.plant.tau2 > 0.0
 
 
 def one_lag(context: Context) -> bool:

@@ -6,32 +6,14 @@ Source: Seborg, Edgar, Mellichamp, Process Dynamics and Control, ISBN 978-1-119-
 """
 
 import numpy as np
-from numba import njit
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
-from app.engine.mismatch.loop.plant import Plant, delay, lag
+from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.process_dynamics import ALWAYS, settles
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
 LEAST_DAMPING, RESONANT = 0.02, 0.7071
-
-
-@njit(cache=True, nogil=True)
-def _swing(drive: FloatArray, start: float, natural: float, damping: float, ts: float) -> FloatArray:
-    """x (N,) from rest at `start`, its drive held over each sample: exact."""
-    out = np.empty(len(drive))
-    decay, turn = damping / natural, np.sqrt(1.0 - damping * damping) / natural
-    shrunk, c, s = np.exp(-decay * ts), np.cos(turn * ts), np.sin(turn * ts)
-    x, speed = start, 0.0
-    out[0] = x
-    for t in range(1, len(drive)):
-        away = x - drive[t - 1]
-        push = (speed + decay * away) / turn
-        x = drive[t - 1] + shrunk * (away * c + push * s)
-        speed = shrunk * ((push * turn - decay * away) * c - (away * turn + decay * push) * s)
-        out[t] = x
-    return out
 
 
 def poles(context: Context) -> tuple[Parameter, ...]:
@@ -47,12 +29,14 @@ def pairs_of_poles(context: Context, _: FloatArray) -> FloatArray:
     return grid(np.geomspace(max(0.1 * slow, 0.5 * ts), 1.5 * slow, 9), np.array([0.12, 0.3, 0.6]))
 
 
-def swinging(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
-    """PV (N,) of a valve position v (N,), both as deviations."""
-    ts = context.record.sampling_interval_s
-    drive = plant.K * delay(v, plant.theta, ts) + plant.b
-    x = _swing(drive, plant.x0, float(values[0]), float(values[1]), ts)
-    return lag(x, float(np.hypot(plant.tau2, plant.tau3)), ts)
+def swinging(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    tau, damping = values.tolist()
+    return plant.changed(tau=tau, damping=damping, tau2=0.0, tau3=float(np.hypot(plant.tau2, plant.tau3)))
+
+
+def settles_without_swinging(context: Context) -> bool:
+    """A given simulation that swings has its own poles fitted: they are not missing."""
+    return settles(context) and context.plant.damping == 0.0
 
 
 def has_a_resonance(values: FloatArray, _: Context) -> bool:
@@ -67,9 +51,9 @@ BLOCKS = (
         ALWAYS,
         poles,
         pairs_of_poles,
-        replaces=swinging,
+        alter=swinging,
         penalty=18.0,
         sensible=has_a_resonance,
-        suits=settles,
+        suits=settles_without_swinging,
     ),
 )
