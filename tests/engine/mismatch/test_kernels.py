@@ -228,7 +228,6 @@ def test_noise_is_coloured_as_it_was_whitened() -> None:
 KERNELS = (
     (plant_module, "_process"),
     (plant_module, "_processes"),
-    (plant_module, "_swinging"),
     (friction, "_place"),
     (friction, "_speed"),
     (friction, "_sprung"),
