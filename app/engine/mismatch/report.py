@@ -156,7 +156,7 @@ def location_of(effects: tuple[Effect, ...]) -> Location:
 def export(found: Fit, sensors: tuple[Part, ...]) -> ExplainedModel:
     """The explained model, enough to simulate again."""
     p, record = found.plant, found.record.as_sampled
-    fields = ("K", "tau", "theta", "b", "x0", "tau2", "leak", "tau3", "zero", "damping")
+    fields = ("K", "tau", "theta", "b", "x0", "tau2", "leak", "tau3", "zero", "damping", "speed0")
     parts = tuple(
         PartModel(part.block.name, part.block.code, tuple(part.values.tolist())) for part in (*found.parts, *sensors)
     )

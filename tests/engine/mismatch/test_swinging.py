@@ -33,7 +33,7 @@ def by_matrices(u: FloatArray, plant: Plant) -> FloatArray:
     a = np.array([[0.0, 1.0], [-plant.leak / plant.tau**2, -2.0 * plant.damping / plant.tau]])
     b = np.array([[0.0], [plant.K / plant.tau**2]])
     a, b, *_ = cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), TS)
-    state, out = np.array([plant.x0, 0.0]), np.zeros((N, 2))
+    state, out = np.array([plant.x0, plant.speed0 / plant.tau]), np.zeros((N, 2))
     out[0] = state
     for t in range(1, N):
         state = a @ state + b[:, 0] * u[t - 1]
@@ -42,7 +42,9 @@ def by_matrices(u: FloatArray, plant: Plant) -> FloatArray:
 
 
 @pytest.mark.parametrize("damping", [0.05, 0.3, 0.99, 1.0, 1.7])
-@pytest.mark.parametrize("changed", [{}, {"leak": 0.0}, {"leak": 0.1}, {"zero": 5.0}, {"tau": 1.0, "x0": 0.7}])
+@pytest.mark.parametrize(
+    "changed", [{}, {"leak": 0.0}, {"leak": 0.1}, {"zero": 5.0}, {"tau": 1.0, "x0": 0.7}, {"x0": 0.4, "speed0": -0.9}]
+)
 def test_what_swings_is_exact_with_real_poles_and_complex_ones(damping: float, changed: dict[str, float]) -> None:
     plant, u = SWINGING.changed(theta=0.0, damping=damping, **changed), moves()
     expected = by_matrices(u, plant)
@@ -85,6 +87,25 @@ def test_complex_poles_are_found_behind_a_trace(tau: float, damping: float) -> N
     found = behind.given.plant
     assert (found.K, found.tau, found.damping, found.theta) == pytest.approx((1.4, tau, damping, 6.0), rel=0.01)
     assert not np.any(behind.rest)
+
+
+def test_complex_poles_are_found_behind_a_trace_that_begins_in_motion() -> None:
+    u, plant = moves(), SWINGING.changed(damping=0.1, x0=3.0, speed0=-8.0)
+    behind = behind_trace(experiment(TS, 40.0 + u, u), 50.0 + run_process(u, plant, TS))
+    found = behind.given.plant
+    assert (found.K, found.tau, found.damping, found.theta) == pytest.approx((1.4, 14.0, 0.1, 6.0), rel=0.01)
+    assert not np.any(behind.rest)
+
+
+@pytest.mark.parametrize("damping", [0.05, 0.1])
+def test_a_swing_that_was_there_when_the_record_began_is_no_load(damping: float) -> None:
+    """The simulation begins settled, as one that somebody starts does."""
+    plant = SWINGING.changed(damping=damping)
+    pv = run_process(moves(), plant.changed(x0=3.0, speed0=-8.0), TS)
+    said = asked(pv + open_loop.noise(N), plant.changed(K=1.45, tau=14.6))
+    assert said.effects == ()
+    assert said.fit.refitted.rmse < 1.1 * np.std(open_loop.noise(N))
+    np.testing.assert_allclose(simulate_again(said.model, 40.0 + moves()), said.traces.explained, atol=1e-9)
 
 
 REAL = (Plant(1.4, 30.0, 6.0), Plant(1.4, 30.0, 6.0, tau2=12.0), Plant(0.02, 1.0, 6.0, leak=0.0))

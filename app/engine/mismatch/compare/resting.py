@@ -43,11 +43,13 @@ def rest_along(prepared: Prepared, second: Experiment, trace: FloatArray | None)
     if not there.any():
         return None
     u = alike(prepared.record, second).op_deviation
-    left = np.interp(moved, at, trace) - behind.level - run_process(u, behind.plant.changed(x0=0.0), ts)
-    begun = run_process(np.zeros_like(u), behind.plant.changed(K=0.0, b=0.0, x0=1.0), ts)
-    energy = float(begun[there] @ begun[there])
-    start = float(begun[there] @ left[there]) / energy if energy > 0.0 else 0.0
-    rest = np.where(there, prepared.share * (left - start * begun), 0.0)
+    settled = behind.plant.changed(x0=0.0, speed0=0.0)
+    left = np.interp(moved, at, trace) - behind.level - run_process(u, settled, ts)
+    still = settled.changed(K=0.0, b=0.0)
+    columns = [run_process(np.zeros_like(u), still.changed(**{state: 1.0}), ts) for state in settled.states]
+    begun = np.stack(columns, axis=1)
+    starts = np.linalg.lstsq(begun[there], left[there], rcond=None)[0]
+    rest = np.where(there, prepared.share * (left - begun @ starts), 0.0)
     return rest if prepared.bent is None else prepared.bent.along(rest, ts)
 
 

@@ -110,7 +110,7 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     rest = trace - target.level - run_process(record.op_deviation, best, ts)
     beside = float(np.std(rest[target.seen]))
     left = float(beside / max(min(float(np.std(y)), float(np.std(record.pv))), 1e-300))
-    given = Given(best.changed(b=0.0, x0=0.0), second_order=structure.second_order, integrating=structure.integrating)
+    given = Given(best.changed(b=0.0, x0=0.0, speed0=0.0), second_order=structure.second_order, integrating=structure.integrating)
     linear = left <= ALIKE or rounded_off(trace, rest)
     return TraceModel(
         given,
@@ -150,23 +150,25 @@ def times_of(structure: Structure) -> tuple[float, ...]:
     return TIMES if not structure.integrating or structure.second_order else TIMES[:1]
 
 
-def plant_of(record: Experiment, structure: Structure, z: FloatArray, K: float, b: float, x0: float) -> Plant:
+def plant_of(
+    record: Experiment, structure: Structure, z: FloatArray, K: float, b: float, x0: float, speed0: float = 0.0
+) -> Plant:
     theta_s = float(abs(z[0])) * record.sampling_interval_s
     first = 1.0 if structure.integrating else float(np.exp(z[1]))
     if structure.swinging:
-        return Plant(K, first, theta_s, b, x0, damping=float(np.exp(z[2])))
+        return Plant(K, first, theta_s, b, x0, damping=float(np.exp(z[2])), speed0=speed0)
     second = float(np.exp(z[2])) if structure.second_order else 0.0
     leak = 0.0 if structure.integrating else 1.0
     return Plant(K, first, theta_s, b, x0, second, leak)
 
 
 def project(record: Experiment, target: Target, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residual (M,) and the linear numbers (gain, offset, start) of the best plant with dead time and lags, or time and
-    damping, z.
+    """Residual (M,) and the linear numbers (gain, offset, start, its speed where it swings) of the best plant with dead
+    time and lags, or time and damping, z.
     """
     ts, u = record.sampling_interval_s, record.op_deviation
     zero = np.zeros_like(u)
-    units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    units = np.eye(4 if structure.swinging else 3).tolist()
     plants = [plant_of(record, structure, z, *unit) for unit in units]
     columns = [run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(plants)]
     basis = np.stack(columns, axis=1)[target.seen]
@@ -192,8 +194,7 @@ def descend_trace(record: Experiment, target: Target, structure: Structure, star
         diff_step=1e-4,
         x_scale=[1.0, 0.3, 0.3],
     ).x
-    K, b, x0 = project(record, target, structure, z)[1].tolist()
-    return plant_of(record, structure, z, K, b, x0)
+    return plant_of(record, structure, z, *project(record, target, structure, z)[1].tolist())
 
 
 def identify(record: Experiment, integrating: bool | None = None) -> Fit:

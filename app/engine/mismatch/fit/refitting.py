@@ -100,7 +100,7 @@ def freed(found: Fit, part: Part) -> Given:
     """The given model with the parameters that a fit found, trusted no more than their factors were: they come from the
     very samples that they are fitted to again. A dead time that is not shorter stays as given: a longer one has a name.
     """
-    plant = altered_plant(Context(found.record, found.plant), (part,)).changed(b=0.0, x0=0.0)
+    plant = altered_plant(Context(found.record, found.plant), (part,)).changed(b=0.0, x0=0.0, speed0=0.0)
     late = DEVIATION if part.values[2] < 1.0 / OFF_BY else found.given.deviation
     return replace(found.given, plant=plant, deviation=DEVIATION, late_deviation=late)
 

@@ -131,7 +131,7 @@ def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
     Beside what makes a loop far from linear the linear refit has gone astray, and so have scans along its slopes.
     """
     given = fit.given.plant
-    plant = given.changed(b=fit.plant.b, x0=fit.plant.x0)
+    plant = given.changed(b=fit.plant.b, x0=fit.plant.x0, speed0=fit.plant.speed0)
     found = []
     for values in block.starts(Context(fit.record, plant), fit.residual):
         error = fit.record.pv_deviation - simulate(fit.record, plant, (*fit.parts, Part(block, values)))

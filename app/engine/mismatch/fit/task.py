@@ -15,7 +15,7 @@ from app.engine.recording import BoolArray, FloatArray
 GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
 FREED_DEVIATION = 0.4
-START_DEVIATION = 0.05
+START_DEVIATION, SPEED_DEVIATION = 0.05, 0.3  # of PV's span
 BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 
 
@@ -85,6 +85,8 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     free.append(Free("b", drift, 0.0, 10.0, -50.0, 50.0))
     first = record.pv_first / span
     free.append(Free("x0", span, first, start_deviation(record, g), first - 2.0, first + 2.0))
+    if g.damping > 0.0:
+        free.append(Free("speed0", span, 0.0, SPEED_DEVIATION, -3.0, 3.0))
     return tuple(free)
 
 
@@ -155,7 +157,7 @@ class Task:
         return values
 
     def row_of(self, values: FloatArray) -> FloatArray:
-        """The plant of values (P,) as the kernel reads it (13,)."""
+        """The plant of values (P,) as the kernel reads it (14,)."""
         row = self.given_row.copy()
         row[self.linear_at] = values[: self.linear_count]
         return row

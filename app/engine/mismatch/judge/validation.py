@@ -86,18 +86,20 @@ def started(record: Experiment, begun: BoolArray, plant: Plant, parts: tuple[Par
     """The free run (N,), as deviation, whose initial states fit the samples `begun` (N,) best: looked for as shares of
     their scales, what they leave as one of PV's span, because steps and tolerances of the search have no unit.
     """
-    context, span = Context(record, plant), record.pv_span
+    context, span, states = Context(record, plant), record.pv_span, plant.states
     offered = [(k, j, p) for k, part in enumerate(parts) for j, p in enumerate(part.block.parameters(context))]
     begins = [(k, j, parameter.scale) for k, j, parameter in offered if parameter.begins]
 
     def run(shares: FloatArray) -> FloatArray:
         moved = [part.values.copy() for part in parts]
-        for (k, j, scale), share in zip(begins, shares[1:], strict=True):
+        for (k, j, scale), share in zip(begins, shares[len(states) :], strict=True):
             moved[k][j] = share * scale
         told = tuple(Part(part.block, values) for part, values in zip(parts, moved, strict=True))
-        return simulate(record, plant.changed(x0=float(shares[0]) * span), told)
+        stands = dict(zip(states, (span * shares[: len(states)]).tolist(), strict=True))
+        return simulate(record, plant.changed(**stands), told)
 
-    start = np.array([np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]) / span, *np.zeros(len(begins))])
+    start = np.zeros(len(states) + len(begins))
+    start[0] = np.mean(record.pv_deviation[begun][:FIRST_SAMPLES]) / span
     found = scipy.optimize.least_squares(lambda shares: (run(shares) - record.pv_deviation)[begun] / span, start)
     return run(found.x)
 

@@ -14,11 +14,10 @@ LEAST_LEFT = 100
 def answers_the_record(record: Experiment, plant: Plant) -> BoolArray:
     """(N,) True where PV is compared and what OP did before the record has passed through dead time and further lags.
 
-    The first lag's state is free in every fit; behind it the model takes OP for constant before the record. Where it
-    was not, an inverse response or a step would be named for it. What swings is taken for at rest, and was not.
+    The states of the first lag, or of what swings, are free in every fit; behind them the model takes OP for constant
+    before the record. Where it was not, an inverse response or a step would be named for it.
     """
-    further = plant.tau / plant.damping if plant.damping > 0.0 else plant.tau2
-    passed = (plant.theta + FURTHER_LAGS * further) / record.sampling_interval_s
+    passed = (plant.theta + FURTHER_LAGS * plant.tau2) / record.sampling_interval_s
     most = min(record.samples // MOST_SHARE, max(int(record.usable.sum()) - LEAST_LEFT, 0))
     usable = record.usable.copy()
     usable[: min(int(np.ceil(passed)), most)] = False

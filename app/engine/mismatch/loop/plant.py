@@ -16,13 +16,14 @@ HALVED, TAYLOR_TERMS = 2, 14  # a matrix of 1/4 at most, whose 14th power over 1
 @dataclass(frozen=True)
 class Plant:
     """tau x' = K v' + b - leak f(x), then a lag tau2, a lag tau3, a zero. Where it swings (damping > 0) there is no
-    lag tau2: tau^2 x'' + 2 damping tau x' = K v' + b - leak f(x), from rest; below 1 its poles are complex.
+    lag tau2: tau^2 x'' + 2 damping tau x' = K v' + b - leak f(x); below 1 its poles are complex.
 
     v' and x are deviations from the record's means. Where x integrates (leak = 0) the lag tau2 lies before it: between
     valve and vessel, so that a level stops sharply.
 
     K: unit of PV per unit of OP (per second where `leak` is 0: an integrator, with tau = 1). tau, tau2, tau3, theta: s.
-    b: unit of PV; the offset that the deviations leave. x0: start of x, unit of PV.
+    b: unit of PV; the offset that the deviations leave. x0: start of x, unit of PV; speed0: that of tau x' where it
+    swings, unit of PV.
     leak: 1 for a self-regulating process, 0 for an integrator.
     high, low: where x overflows, unit of PV as deviation. zero: time constant of (1 - zero s), s.
     head: distance of the empty level below the mean for the outflow law f(x) = 2 head (sqrt(1 + x / head) - 1), unit of
@@ -42,6 +43,12 @@ class Plant:
     head: float = 0.0
     zero: float = 0.0
     damping: float = 0.0
+    speed0: float = 0.0
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """What of it is fitted for where it stands when a record begins; the others are settled."""
+        return ("x0", "speed0") if self.damping > 0.0 else ("x0",)
 
     def row(self) -> FloatArray:
         """The plant as the kernel reads it."""
@@ -225,15 +232,15 @@ def _exponential(a: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _swinging(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
-    """x and tau dx/dt (2, N) of what swings, from rest, its drive held over each sample: exact for the linear law; in
-    steps within each sample, what the law of outflow is off a straight line held over each, otherwise.
+    """x and tau dx/dt (2, N) of what swings, its drive held over each sample: exact for the linear law; in steps within
+    each sample, what the law of outflow is off a straight line held over each, otherwise.
     """
-    K, tau, _, b, x, _, leak, _, high, low, head, _, damping = p
+    K, tau, _, b, x, _, leak, _, high, low, head, _, damping, speed = p
     steps = 1 if head <= 0.0 and high > 1e29 and low < -1e29 else SWING_STEPS
     system = np.array([[0.0, 1.0, 0.0], [-leak, -2.0 * damping, 1.0], [0.0, 0.0, 0.0]])
     move = _exponential(system * (ts / (steps * tau)))
     out = np.empty((2, len(u)))
-    x, speed = min(max(x, low), high), 0.0
+    x = min(max(x, low), high)
     out[0, 0], out[1, 0] = x, speed
     for t in range(1, len(u)):
         drive = K * u[t - 1] + b
@@ -285,7 +292,7 @@ def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> Floa
 
 
 def plant_of(row: FloatArray) -> Plant:
-    """The plant that a kernel reads as this row (13,); past the constructor as well."""
+    """The plant that a kernel reads as this row (14,); past the constructor as well."""
     plant = object.__new__(Plant)
     vars(plant).update(zip(NUMBERS, row.tolist(), strict=True))
     return plant
@@ -310,7 +317,7 @@ def _processes(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, mos
 
 
 def run_rows(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most: float) -> FloatArray:
-    """What each of some plants (L, 13), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
+    """What each of some plants (L, 14), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
     return _processes(np.ascontiguousarray(v), rows, ts, rest, most)
 
 

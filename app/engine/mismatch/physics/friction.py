@@ -45,11 +45,11 @@ def _speed_after(speed: float, force: float, dry: float, damping: float, stay: f
 
 @njit(cache=True, nogil=True)
 def _place(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> FloatArray:
-    """x (N,) of the mass; drive: K, b, spring (0 or 1); numbers: start, dry, damping, mass."""
+    """x (N,) of the mass; drive: K, b, spring (0 or 1); numbers: start, its speed, dry, damping, mass."""
     K, b, spring = drive
-    x, dry, damping, mass = numbers
+    x, speed, dry, damping, mass = numbers
     y = np.empty(len(u))
-    speed, h = 0.0, ts / STEPS
+    h = ts / STEPS
     stay = np.exp(-damping * h / mass)
     y[0] = x
     for t in range(1, len(u)):
@@ -104,11 +104,11 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
     drive = np.array([plant.K, plant.b, plant.leak])
     if plant.damping > 0.0:
         slowed = more * 2.0 * plant.damping * plant.tau
-        return _place(u, drive, np.array([plant.x0, dry, slowed, plant.tau**2]), ts)
+        return _place(u, drive, np.array([plant.x0, plant.speed0 / plant.tau, dry, slowed, plant.tau**2]), ts)
     if plant.leak == 0.0:
-        return _place(u, drive, np.array([plant.x0, dry, more, max(plant.tau2, LIGHT * ts)]), ts)
+        return _place(u, drive, np.array([plant.x0, 0.0, dry, more, max(plant.tau2, LIGHT * ts)]), ts)
     second = max(plant.tau2, LIGHT * ts)
-    return _place(u, drive, np.array([plant.x0, dry, more * (plant.tau + second), plant.tau * second]), ts)
+    return _place(u, drive, np.array([plant.x0, 0.0, dry, more * (plant.tau + second), plant.tau * second]), ts)
 
 
 @njit(cache=True, nogil=True)
