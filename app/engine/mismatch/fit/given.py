@@ -110,7 +110,9 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     rest = trace - target.level - run_process(record.op_deviation, best, ts)
     beside = float(np.std(rest[target.seen]))
     left = float(beside / max(min(float(np.std(y)), float(np.std(record.pv))), 1e-300))
-    given = Given(best.changed(b=0.0, x0=0.0, speed0=0.0), second_order=structure.second_order, integrating=structure.integrating)
+    given = Given(
+        best.changed(b=0.0, x0=0.0, speed0=0.0), second_order=structure.second_order, integrating=structure.integrating
+    )
     linear = left <= ALIKE or rounded_off(trace, rest)
     return TraceModel(
         given,

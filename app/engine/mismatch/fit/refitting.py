@@ -17,23 +17,27 @@ from app.engine.recording import FloatArray
 
 CODE = "simulation.parameters"
 GAINS = (0.01, 0.03, 0.1, 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.5, 10.0, 30.0, 100.0)
-TIMES, SHARES = (0.3, 0.55, 1.0, 1.8, 3.3), (0.3, 1.0)
+TIMES, SHARES, DAMPINGS = (0.3, 0.55, 1.0, 1.8, 3.3), (0.3, 1.0), (0.4, 1.0, 2.5)
 OFF_BY, DEVIATION = 1.15, 0.5  # of the logarithm: half or twice is usual where a simulation is off, a tenth is not
 
 
-def parameters(_: Context) -> tuple[Parameter, ...]:
+def parameters(context: Context) -> tuple[Parameter, ...]:
     """Factors of what was given. A longer dead time is an effect with a name (process.dead_time); a shorter is none."""
-    return (
+    always = (
         Parameter("gain", "of given", 0.005, 200.0, 1.0, log=True, deviation=DEVIATION),
         Parameter("time", "of given", 0.1, 10.0, 1.0, log=True, deviation=DEVIATION),
         Parameter("late", "of given", 0.0, 1.0, 1.0),
     )
+    if context.plant.damping <= 0.0:
+        return always
+    return (*always, Parameter("damping", "of given", 0.1, 10.0, 1.0, log=True, deviation=DEVIATION))
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
     times = TIMES if has_time(context.plant) else (1.0,)
     shares = SHARES if context.plant.theta > 0.0 else (1.0,)
-    return grid(np.array(GAINS), np.array(times), np.array(shares))
+    dampings = (np.array(DAMPINGS),) if context.plant.damping > 0.0 else ()
+    return grid(np.array(GAINS), np.array(times), np.array(shares), *dampings)
 
 
 def has_time(plant: Plant) -> bool:
@@ -41,17 +45,18 @@ def has_time(plant: Plant) -> bool:
 
 
 def alter(plant: Plant, values: FloatArray, _: Context) -> Plant:
-    gain, time, late = values
+    gain, time, late, *swing = values
     tau = plant.tau * time if plant.leak > 0.0 else plant.tau
     tau2, tau3 = plant.tau2 * time, plant.tau3 * time
-    return plant.changed(K=plant.K * gain, tau=tau, tau2=tau2, tau3=tau3, theta=plant.theta * late)
+    damping = plant.damping * float(np.prod(swing))
+    return plant.changed(K=plant.K * gain, tau=tau, tau2=tau2, tau3=tau3, theta=plant.theta * late, damping=damping)
 
 
 def further_off(values: FloatArray, context: Context) -> bool:
     """What the refit within its trust does is not asked again."""
-    gain, time, late = values
+    gain, time, late, *swing = values
     earlier_s = (1.0 - late) * context.plant.theta
-    within = 1.0 / OFF_BY < gain < OFF_BY and 1.0 / OFF_BY < time < OFF_BY
+    within = all(1.0 / OFF_BY < factor < OFF_BY for factor in (gain, time, *swing))
     return not within or earlier_s > max((OFF_BY - 1.0) * context.plant.theta, context.record.sampling_interval_s)
 
 
@@ -108,8 +113,9 @@ def freed(found: Fit, part: Part) -> Given:
 def off_in_words(given: Given, found: Given, asked: str = "") -> Reason:
     """Which of the given simulation's parameters the record shows otherwise, by how much, and what is asked of it."""
     before, after = given.plant, found.plant
-    times = tuple((name, getattr(before, name), getattr(after, name)) for name in ("tau", "tau2", "tau3", "theta"))
-    changes = [("K", before.K, after.K), *(change for change in times if change[1] > 0.0)]
+    names = ("tau", "tau2", "tau3", "theta", "damping")
+    others = tuple((name, getattr(before, name), getattr(after, name)) for name in names)
+    changes = [("K", before.K, after.K), *(change for change in others if change[1] > 0.0)]
     if before.leak == 0.0:
         changes = [change for change in changes if change[0] != "tau"]
     said = ", ".join(f"{name} {was:.4g} -> {now:.4g}" for name, was, now in changes)
