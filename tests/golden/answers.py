@@ -17,7 +17,7 @@ import numpy as np
 
 import app.engine as engine
 from app.engine.audit import audit
-from app.engine.mismatch import LinearSimulation, explain
+from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.compare.even_grid import comparison_of
 from app.engine.recording import Recording
 
@@ -90,6 +90,22 @@ def irregular() -> Recording:
     return loop(time_s=INTERVAL_S * (k + 0.4 * (k % 7 == 0)), pv=pv, op=whole.op)
 
 
+def swings(clipped: float) -> Comparison:
+    """What overshoots behind an OP that steps each 40 samples, beside its simulation: OP is not passed on by more than
+    `clipped`.
+    """
+    op = [50.0 + 40.0 * drawn for drawn in noise(SAMPLES) for _ in range(40)][:SAMPLES]
+    sides = {"pv": [min(max(u, 50.0 - clipped), 50.0 + clipped) for u in op], "trace": op}
+    made = {}
+    for name, moved in sides.items():
+        answer = [50.0, 50.0]
+        for t in range(2, SAMPLES):
+            answer.append(1.78 * answer[-1] - 0.84 * answer[-2] + 0.06 * moved[t - 1])
+        made[name] = np.array(answer)
+    pv = made["pv"] + 0.05 * np.array(noise(SAMPLES))
+    return Comparison("made up", INTERVAL_S, np.array(op), pv, trace=made["trace"])
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks": lambda: loop(S=6.0, J=2.0),
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
@@ -125,8 +141,8 @@ def audited(recording: Recording) -> Answer:
     }
 
 
-def explained(recording: Recording, simulation: LinearSimulation | None = None) -> Answer:
-    found = explain(replace(comparison_of(recording), simulation=simulation))
+def explained(compared: Comparison) -> Answer:
+    found = explain(compared)
     return {
         "verdict": found.verdict,
         "effects": " ".join(effect.code for effect in found.effects),
@@ -150,7 +166,13 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
     for name, made in RECORDINGS.items():
         yield f"audit: {name}", lambda made=made: audited(made())
     for name, (recording, simulation) in EXPLAINED.items():
-        yield f"explain: {name}", lambda made=RECORDINGS[recording], given=simulation: explained(made(), given)
+        made = RECORDINGS[recording]
+        yield (
+            f"explain: {name}",
+            lambda made=made, given=simulation: explained(replace(comparison_of(made()), simulation=given)),
+        )
+    yield "explain: clipped, beside its simulation that swings", lambda: explained(swings(6.0))
+    yield "explain: passed on, beside its simulation that swings", lambda: explained(swings(60.0))
 
 
 QUESTIONS = dict(asked())
