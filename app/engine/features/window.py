@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
@@ -81,12 +80,11 @@ def cycle_samples(record: UniformRecord, oscillation: Oscillation) -> float:
     return per_cycle
 
 
-@njit(cache=True, nogil=True)
 def _fast_share(x: FloatArray, half: int) -> float:
     """Share of the variance of x (N,), less its straight line, that is not in its moving average."""
     x = without_line(x)
-    total = deviation(x) ** 2
-    return deviation(x - moving_average(x, half)) ** 2 / total if total > 0.0 else 1.0
+    total = float(deviation(x)) ** 2
+    return float(deviation(x - moving_average(x, half))) ** 2 / total if total > 0.0 else 1.0
 
 
 def window_of(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> ShapeWindow | None:
