@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray, IntArray
-from app.engine.signals.sampled import cycle_ranges, deviation, dot, mean, median, without_drift
+from app.engine.signals.sampled import deviation, dot, mean, median, piece_ranges, without_drift
 from app.engine.valve import he_stem
 from app.engine.valve.abreast import SAMPLES_ABREAST, he_stems_by_sample
 
@@ -110,7 +110,7 @@ def process_grid(per_cycle: int) -> tuple[FloatArray, IntArray]:
 
 def cycle_range(op: FloatArray, per_cycle: int) -> float:
     """Median range of op (n,) over its cycles; over all where there is not one whole cycle."""
-    ranges = cycle_ranges(op, per_cycle)
+    ranges = piece_ranges(op, per_cycle)
     usual = float(median(ranges)) if len(ranges) else 0.0
     return usual or float(np.ptp(op))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from app.engine.causality.stem_search import PARTS, STRIDES, Asked, asked_of, moving_part
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.sampled import cycle_ranges, unlike
+from app.engine.signals.sampled import piece_ranges, unlike
 from app.engine.signals.turning import relays, stems, usual_range
 
 SHARES, JUMPS = (0.4, 0.55, 0.7, 0.85, 1.0), (0.1, 0.6)
@@ -102,7 +102,7 @@ def turned_stems(pv: FloatArray) -> FloatArray:
 
 def in_a_cycle(op: FloatArray, period: float) -> float:
     """How far OP mostly moves within so many samples."""
-    return float(np.median(cycle_ranges(op, min(round(period), len(op)))))
+    return float(np.median(piece_ranges(op, min(round(period), len(op)))))
 
 
 def _on(asked: Asked, moved: FloatArray, period: float) -> OwnCycle:

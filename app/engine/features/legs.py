@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
 from app.engine.recording import FloatArray, IntArray
-from app.engine.signals.sampled import burstiness, deviation, quantiles, slope
+from app.engine.signals.sampled import burstiness, deviation, peak_to_peak, quantiles, slope
 
 _FEWEST_LEGS = 4
 _BINS = 8
@@ -63,8 +63,7 @@ def _ranges(x: FloatArray, ends: IntArray) -> FloatArray:
     """Ranges of x (n,) between each of the indices `ends` and the next, both included."""
     ranges = np.empty(max(len(ends) - 1, 0))
     for k in range(len(ranges)):
-        leg = x[ends[k] : ends[k + 1] + 1]
-        ranges[k] = leg.max() - leg.min()
+        ranges[k] = peak_to_peak(x[ends[k] : ends[k + 1] + 1])
     return ranges
 
 

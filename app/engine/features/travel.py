@@ -17,6 +17,7 @@ from app.engine.signals.sampled import (
     deviation,
     median,
     peak_to_peak,
+    piece_ranges,
     quantile,
 )
 
@@ -131,13 +132,10 @@ def _standing(pv: FloatArray, op: FloatArray, per_cycle: float) -> BoolArray:
 @njit(cache=True, nogil=True)
 def _pieces(pv: FloatArray, op: FloatArray, size: int) -> tuple[FloatArray, FloatArray]:
     """Net OP travel and PV range, (n // size,) each, of the pieces of `size` samples."""
-    count = len(pv) // size
-    travels, ranges = np.empty(count), np.empty(count)
-    for k in range(count):
-        piece = slice(k * size, (k + 1) * size)
-        travels[k] = abs(op[piece][-1] - op[piece][0])
-        ranges[k] = peak_to_peak(pv[piece])
-    return travels, ranges
+    travels = np.empty(len(op) // size)
+    for k in range(len(travels)):
+        travels[k] = abs(op[(k + 1) * size - 1] - op[k * size])
+    return travels, piece_ranges(pv, size)
 
 
 @njit(cache=True, nogil=True)
@@ -245,7 +243,7 @@ def _still_travel(pv: FloatArray, op: FloatArray, band: float) -> float:
 def _quickest_quarter(pv: FloatArray) -> float:
     n = len(pv)
     step = max(1, n // 4)
-    whole = pv.max() - pv.min()
+    whole = peak_to_peak(pv)
     if whole <= ROUNDING or n <= step:
         return 1.0
     most = 0.0

@@ -11,7 +11,7 @@ from app.engine.quantification.kernel import residuals
 from app.engine.quantification.size import Interval, StictionSize
 from app.engine.quantification.weighing import Weights, weigh
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.sampled import cycle_ranges
+from app.engine.signals.sampled import piece_ranges
 
 LEVELS_PCT = (50.0, 80.0, 95.0)
 _LIVELY = 0.8
@@ -61,7 +61,7 @@ def quantify(
 
 def lively_range(op: FloatArray, per_cycle: int) -> float:
     """The range that op (n,) covers in four of five cycles at most; over all where there are no two cycles."""
-    ranges = cycle_ranges(op, per_cycle)
+    ranges = piece_ranges(op, per_cycle)
     lively = float(np.quantile(ranges, _LIVELY)) if len(ranges) > 1 else 0.0
     return lively or float(np.ptp(op))
 

@@ -190,11 +190,11 @@ def at_ends(x: FloatArray, low: float, high: float, band: float) -> tuple[BoolAr
 
 
 @njit(cache=True, nogil=True)
-def cycle_ranges(x: FloatArray, per_cycle: int) -> FloatArray:
-    """(N // per_cycle,) what x (N,) goes over in each whole cycle."""
-    ranges = np.empty(len(x) // per_cycle)
+def piece_ranges(x: FloatArray, size: int) -> FloatArray:
+    """(N // size,) what x (N,) goes over in each piece of `size` samples, a cycle or a part of one."""
+    ranges = np.empty(len(x) // size)
     for k in range(len(ranges)):
-        ranges[k] = peak_to_peak(x[k * per_cycle : (k + 1) * per_cycle])
+        ranges[k] = peak_to_peak(x[k * size : (k + 1) * size])
     return ranges
 
 
