@@ -40,12 +40,11 @@ def as_refitted(rest: FloatArray, given: Plant, found: Plant, ts: float) -> Floa
 
 def memories(plant: Plant, ts: float) -> list[FloatArray]:
     """The polynomials (2,) or (3,) in the delay by an interval of each lag, and of the swing, of a plant."""
-    roots = [-1.0 / tau for tau in (plant.tau2, plant.tau3) if tau > 0.0]
-    lags = [np.array([1.0, -np.exp(ts * root)]) for root in roots]
-    if plant.leak <= 0.0:
+    swings = plant.leak > 0.0 and plant.damping > 0.0
+    first = plant.tau if plant.leak > 0.0 and not swings else 0.0
+    lags = [np.array([1.0, -np.exp(-ts / tau)]) for tau in (plant.tau2, plant.tau3, first) if tau > 0.0]
+    if not swings:
         return lags
-    if plant.damping <= 0.0:
-        return [*lags, np.array([1.0, -np.exp(-ts / plant.tau)])]
     poles = np.roots([plant.tau**2, 2.0 * plant.damping * plant.tau, 1.0])
     return [*lags, np.real(np.poly(np.exp(ts * poles)))]
 
