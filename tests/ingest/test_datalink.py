@@ -168,6 +168,17 @@ def test_names_without_numbers_below_a_title_or_descriptions(read: Read) -> None
     assert [(loop.loop, loop.pv, loop.op) for loop in loops] == [("Feed", "Feed.PV", "Feed.OP")]
 
 
+TWO_PAIRS = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
+
+
+def assert_both_are_read(read: Read, names: str) -> None:
+    content = read("\n".join((names, *TWO_PAIRS)))
+    loop = content.loops["FIC101"]
+    assert loop.pv is not None
+    assert loop.op is not None
+    assert (loop.pv[8], loop.op[8]) == (8.5, 1.5)
+
+
 @pytest.mark.parametrize(
     "names",
     [
@@ -177,18 +188,11 @@ def test_names_without_numbers_below_a_title_or_descriptions(read: Read) -> None
     ],
 )
 def test_tags_stand_before_the_words_of_time_and_value(read: Read, names: str) -> None:
-    stamps = [f"31.01.2024 06:00:{k:02d}" for k in range(40)]
-    rows = [f"{at};{k % 9},5;{at};{k % 7},5" for k, at in enumerate(stamps)]
-    content = read("\n".join((names, *rows)))
-    loop = content.loops["FIC101"]
-    assert loop.pv is not None
-    assert loop.op is not None
-    assert (loop.pv[8], loop.op[8]) == (8.5, 1.5)
+    assert_both_are_read(read, names)
 
 
 def test_a_time_of_another_name_leaves_the_tag_beside_it(read: Read) -> None:
-    rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
-    content = read("\n".join(("Time;FIC101.PV;Time;FIC101.OP", *rows)))
+    content = read("\n".join(("Time;FIC101.PV;Time;FIC101.OP", *TWO_PAIRS)))
     assert content.loops["FIC101"].op is not None
 
 
@@ -201,17 +205,11 @@ def test_a_time_of_another_name_leaves_the_tag_beside_it(read: Read) -> None:
     ],
 )
 def test_a_signal_beside_a_time_of_its_loop_keeps_its_name(read: Read, names: str) -> None:
-    rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
-    content = read("\n".join((names, *rows)))
-    loop = content.loops["FIC101"]
-    assert loop.pv is not None
-    assert loop.op is not None
-    assert (loop.pv[8], loop.op[8]) == (8.5, 1.5)
+    assert_both_are_read(read, names)
 
 
 def test_a_unit_behind_the_value_stays_in_its_name(read: Read) -> None:
-    rows = [f"31.01.2024 06:00:{k:02d};{k % 9},5;31.01.2024 06:00:{k:02d};{k % 7},5" for k in range(40)]
-    content = read("\n".join(("FIC1.PV Time;FIC1.PV (t/h);FIC1.OP Time;FIC1.OP (%)", *rows)))
+    content = read("\n".join(("FIC1.PV Time;FIC1.PV (t/h);FIC1.OP Time;FIC1.OP (%)", *TWO_PAIRS)))
     assert [(loop.loop, loop.pv, loop.op) for loop in content.summary.loops] == [
         ("FIC1", "FIC1.PV (t/h)", "FIC1.OP (%)")
     ]
