@@ -54,7 +54,8 @@ class ExplanationIn(BaseModel):
     model: dict[str, Any] | None = Field(
         None,
         description="A model to simulate: gain (PV per OP; per second where integrating), time_constants_s, "
-        "dead_time_s, integrating, controller (gain in OP per PV, integral_time_s, derivative_time_s, "
+        "dead_time_s, damping (the first time constant is then one over the natural frequency in rad/s), "
+        "integrating, controller (gain in OP per PV, integral_time_s, derivative_time_s, "
         "type ideal or series).",
         examples=[
             {

@@ -37,8 +37,8 @@ def explain(
         typer.Option(
             "--sim-model",
             help='The simulation as JSON, or a file: {"gain": 1.2, "time_constants_s": [30], "dead_time_s": 4}; '
-            'perhaps "integrating": true, "controller": {"gain": 0.5, "integral_time_s": 40}. Or a model that explain '
-            "wrote.",
+            'perhaps "integrating": true, "damping": 0.4 (the time constant is then one over the natural frequency), '
+            '"controller": {"gain": 0.5, "integral_time_s": 40}. Or a model that explain wrote.',
         ),
     ] = None,
     validate: Annotated[Path | None, typer.Option("--validate", help="A second recording, unseen in the fit.")] = None,

@@ -35,6 +35,12 @@ def test_a_model_may_bring_its_controller() -> None:
     assert simulation_from_json('{"gain": 1.5, "controller": null}').controller is None
 
 
+@pytest.mark.parametrize("name", ["damping", "damping_ratio", "zeta"])
+def test_a_model_may_swing(name: str) -> None:
+    assert simulation_from_json(f'{{"gain": 1.5, "tau": 30, "{name}": 0.4}}').damping == 0.4
+    assert simulation_from_json(f'{{"gain": 1.5, "tau": 30, "{name}": null}}').damping is None
+
+
 @pytest.mark.parametrize(
     ("told", "words"),
     [
@@ -45,6 +51,7 @@ def test_a_model_may_bring_its_controller() -> None:
         ('{"gain": 1.5, "controller": "pid"}', "not an object"),
         ('{"gain": 1.5, "controller": {}}', "its controller has no gain"),
         ('{"gain": 1.5, "time_constants_s": [[3]]}', "a time constant is"),
+        ('{"gain": 1.5, "tau": 30, "damping": "0.4"}', "the damping of the model is"),
         ("{}", "the model has no gain"),
     ],
 )

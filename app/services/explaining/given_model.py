@@ -13,6 +13,7 @@ MODEL = {
     "gain": ("K", "Kp"),
     "time_constants_s": ("time_constants", "time_constant_s", "time_constant", "taus", "tau", "tau_s"),
     "dead_time_s": ("dead_time", "theta", "theta_s", "delay_s", "delay"),
+    "damping": ("damping_ratio", "zeta"),
     "integrating": ("integrator",),
     "controller": (),
     "name": (),
@@ -34,8 +35,9 @@ SERIES = {"series", "serial", "interacting"}
 
 def simulation_from_json(text: str) -> LinearSimulation:
     """A model as JSON: {"gain": 1.2, "time_constants_s": [30, 5], "dead_time_s": 4, "integrating": false, "controller":
-    {"gain": 0.5, "integral_time_s": 40, "derivative_time_s": 0}}, or a file with it; only its gain is needed. Its
-    figures are checked where it is compared. A controller is of the ideal form unless its type or form says series.
+    {"gain": 0.5, "integral_time_s": 40, "derivative_time_s": 0}}, or a file with it; only its gain is needed. With a
+    "damping" the first time constant is one over the natural angular frequency. Its figures are checked where it is
+    compared. A controller is of the ideal form unless its type or form says series.
 
     Raises DataError("model_invalid") where it is no such JSON.
     """
@@ -64,6 +66,7 @@ def linear_model(found: object) -> LinearSimulation:
             number(told, "dead_time_s", "the model", 0.0),
             bool(integrating),
             None if told.get("controller") is None else controller_from(told["controller"]),
+            None if told.get("damping") is None else number(told, "damping", "the model"),
         )
     except (ValueError, OverflowError) as error:
         raise not_understood(error) from error

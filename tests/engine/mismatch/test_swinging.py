@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
-from app.engine.mismatch import Comparison, Explanation, explain, simulate_again
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, simulate_again
+from app.engine.mismatch.compare.comparison import given_of
 from app.engine.mismatch.fit.bending import as_refitted
 from app.engine.mismatch.fit.given import behind_trace
 from app.engine.mismatch.loop.experiment import experiment
@@ -26,6 +27,27 @@ def moves() -> FloatArray:
 def asked(pv: FloatArray, given: Plant = GIVEN) -> Explanation:
     u = moves()
     return explain(Comparison("swing", TS, 40.0 + u, 50.0 + pv, trace=50.0 + run_process(u, given, TS)))
+
+
+@pytest.mark.parametrize("behind_s", [(), (4.0,)])
+@pytest.mark.parametrize("damping", [0.3, 1.0, 1.7])
+def test_a_model_with_a_damping_runs_as_its_equation_does(damping: float, behind_s: tuple[float, ...]) -> None:
+    u, model = moves(), LinearSimulation(1.4, (14.0, *behind_s), 6.0, damping=damping)
+    run = run_process(u, given_of(model, experiment(TS, 40.0 + u, u)).plant, TS)
+    expected = run_process(u, SWINGING.changed(damping=damping, tau3=sum(behind_s)), TS)
+    # A lag behind a lag is straight from sample to sample, and this is three of them.
+    np.testing.assert_allclose(run, expected, atol=1e-3 * np.ptp(expected) if behind_s else 1e-9)
+
+
+def test_a_model_that_swings_is_told_as_its_trace_is() -> None:
+    u, pv = moves(), run_process(moves(), SWINGING, TS) + open_loop.noise(N)
+    model = LinearSimulation(GIVEN.K, (GIVEN.tau,), GIVEN.theta, damping=GIVEN.damping)
+    said, by_trace = explain(Comparison("swing", TS, 40.0 + u, 50.0 + pv, simulation=model)), asked(pv)
+    assert said.effects == ()
+    assert said.fit.given.rmse > 2.0 * said.fit.refitted.rmse
+    assert said.fit.refitted.rmse == pytest.approx(by_trace.fit.refitted.rmse, rel=0.02)
+    found = {estimate.name: estimate.value for estimate in said.refit}
+    assert found["damping"] == pytest.approx(0.3, rel=0.05)
 
 
 def by_matrices(u: FloatArray, plant: Plant) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.thinning import centred_all, centred_means, held_means
+from app.engine.mismatch.fit.given import LEAST_DAMPING
 from app.engine.mismatch.fit.task import Given
 from app.engine.mismatch.loop.experiment import LARGEST, Experiment, experiment, may_be_gain
 from app.engine.mismatch.loop.law import Controller
@@ -23,12 +24,16 @@ QUICK_SAMPLES, MOST_QUICK_SAMPLES, MOST_QUICK_AS_SAMPLED = 1500, 3000, 20_000
 INTERVALS_A_MEMORY = 3.0
 LEAST_TIME_CONSTANT = 0.05
 MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no other than an integrator
+MOST_DAMPING = 10.0  # more is two lags of which one is as good as none
 
 
 @dataclass(frozen=True)
 class LinearSimulation:
     """An engineer's model: gain (PV per OP, per second where integrating), time constants and dead time in s; and the
     controller, where the simulation has one of its own.
+
+    damping: of gain / (tau^2 s^2 + 2 damping tau s + 1), where tau, one over the natural angular frequency, is the
+    first of the time constants; what follows is a lag behind that. None: all of them are lags.
     """
 
     gain: float
@@ -36,6 +41,7 @@ class LinearSimulation:
     dead_time_s: float = 0.0
     integrating: bool = False
     controller: Controller | None = None
+    damping: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,16 +179,30 @@ def check_model(simulation: LinearSimulation, duration_s: float) -> None:
         )
     elif not 0.0 <= late < duration_s:
         fault = f"its dead time is {late:g} s; from 0 to less than the recording's {duration_s:g} s are needed"
-    elif simulation.controller is not None:
-        fault = controller_fault(simulation.controller)
     else:
-        return
+        fault = damping_fault(simulation) or controller_fault(simulation.controller)
     if fault:
         raise DataError("model_invalid", f"the model cannot be simulated: {fault}")
 
 
-def controller_fault(controller: Controller) -> str:
-    """Why a controller cannot be simulated; empty where it can."""
+def damping_fault(simulation: LinearSimulation) -> str:
+    """Why a model cannot be simulated with its damping; empty where it can, or has none."""
+    damping, taus = simulation.damping, simulation.time_constants_s
+    if damping is None:
+        return ""
+    if not LEAST_DAMPING <= damping <= MOST_DAMPING:
+        return f"its damping is {damping:g}; from {LEAST_DAMPING:g} to {MOST_DAMPING:g} are needed"
+    if simulation.integrating:
+        return "it integrates, and has a damping; the lag before what integrates is a time constant"
+    if not taus or taus[0] == 0.0:
+        return "it has a damping; the time constant that belongs to it, one over the natural frequency, is needed first"
+    return ""
+
+
+def controller_fault(controller: Controller | None) -> str:
+    """Why a controller cannot be simulated; empty where it can, or there is none."""
+    if controller is None:
+        return ""
     integral, derivative = controller.integral_time_s, controller.derivative_time_s
     if not 1.0 / STRONGEST <= abs(controller.gain) <= STRONGEST:
         return f"the gain of its controller is {controller.gain:g}; a finite number other than 0 is needed"
@@ -343,11 +363,22 @@ def at_interval(comparison: Comparison, factor: int) -> Comparison:
 
 def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
     """The given model, checked, as a plant."""
-    taus = sorted((t for t in simulation.time_constants_s if t > 0.0), reverse=True)
+    gain, late = simulation.gain, simulation.dead_time_s
+    if simulation.damping is not None and simulation.damping < 1.0:
+        tau, behind = (*simulation.time_constants_s, 0.0)[:2]
+        return Given(Plant(gain, tau, late, tau3=behind, damping=simulation.damping), second_order=True)
+    taus = lags_of(simulation)
     if simulation.integrating:
         tau2, tau3 = (*taus, 0.0, 0.0)[:2]
-        plant = Plant(simulation.gain, 1.0, simulation.dead_time_s, tau2=tau2, leak=0.0, tau3=tau3)
-        return Given(plant, integrating=True, second_order=bool(taus))
-    first = taus[0] if taus else LEAST_TIME_CONSTANT * record.sampling_interval_s
-    plant = Plant(simulation.gain, first, simulation.dead_time_s, tau2=taus[1] if len(taus) > 1 else 0.0)
-    return Given(plant, second_order=len(taus) > 1)
+        return Given(Plant(gain, 1.0, late, tau2=tau2, leak=0.0, tau3=tau3), integrating=True, second_order=bool(taus))
+    tau, tau2, tau3 = (*(taus or [LEAST_TIME_CONSTANT * record.sampling_interval_s]), 0.0, 0.0)[:3]
+    return Given(Plant(gain, tau, late, tau2=tau2, tau3=tau3), second_order=len(taus) > 1)
+
+
+def lags_of(simulation: LinearSimulation) -> list[float]:
+    """Time constants (s) of the real lags of a model that does not swing, the longest first."""
+    taus, damping = list(simulation.time_constants_s), simulation.damping
+    if damping is not None:
+        longer = damping + np.sqrt(damping**2 - 1.0)
+        taus[:1] = [taus[0] * longer, taus[0] / longer]
+    return sorted((float(t) for t in taus if t > 0.0), reverse=True)
