@@ -12,11 +12,11 @@ from app.engine.mismatch import Comparison, Explanation, explain
 from app.engine.mismatch.compete.competition import Contender, contenders, survey
 from app.engine.mismatch.compete.looking_ahead import looked_ahead
 from app.engine.mismatch.compete.naming import believed
-from app.engine.mismatch.compete.pairing import Candidate, Couple, alone_as, couples, joint_scores, reordered
+from app.engine.mismatch.compete.pairing import Candidate, Couple, alone_as, couples, joint_scores, placed, reordered
 from app.engine.mismatch.compete.pairs import Pair, Places, paying_alone
 from app.engine.mismatch.compete.searching import Begun, foremost, searched
 from app.engine.mismatch.compete.selection import Selection, in_place_of
-from app.engine.mismatch.compete.worth import gain_under, hidden_gain, pays_beside, worth
+from app.engine.mismatch.compete.worth import gain_under, hidden_gain, makes_sense, pays_beside, worth
 from app.engine.mismatch.fit.fitting import Fit, finish, fit, fit_linear
 from app.engine.mismatch.fit.noise import NoiseModel
 from app.engine.mismatch.fit.scan import Start, ground
@@ -203,15 +203,26 @@ def blind() -> Callable[[int, tuple[str, str]], Explanation]:
         (4_100_043, ("valve.deadband", "disturbance.oscillation")),
         (4_100_025, ("process.extra_lag", "disturbance.ramp")),
         (20_100_001, ("process.friction", "disturbance.oscillation")),
+        (230_200_052, ("disturbance.oscillation", "process.gain_drift")),
     ],
 )
 def test_both_are_named(
     blind: Callable[[int, tuple[str, str]], Explanation], seed: int, effects: tuple[str, str]
 ) -> None:
     """A deadband whose likelihood an oscillation's noise hid; a lag and a ramp of which neither leads to the other
-    alone; a friction that hardly pays alone, and beside which an oscillation explains twice as much.
+    alone; a friction that hardly pays alone, and beside which an oscillation explains twice as much; a gain that
+    drifts, found beside an oscillation without harmonics, which was found beside a gain that steps.
     """
     assert {effect.code for effect in blind(seed, effects).effects} == set(effects)
+
+
+@pytest.mark.parametrize(("lasts", "sensible"), [(1.0, False), (12.0, True)])
+def test_what_stands_beside_a_second_still_is_what_its_code_says(both: Fit, lasts: float, sensible: bool) -> None:
+    """A pulse that has become a spike, which is none, beside a deadband that is worth much."""
+    pulse = next(block for block in additive.BLOCKS if block.name == "sensor.step/pulse")
+    beside = finish(*placed(both, (Part(pulse, np.array([600.0, 600.0 + lasts * TS, 0.1])),)), both.noise)
+    second = finish(*placed(beside, (*beside.parts, backlash())), both.noise)
+    assert makes_sense(Contender(DEADBAND, second, second.likelihood - beside.likelihood, beside)) is sensible
 
 
 def test_a_drift_is_where_it_was_put(both: Fit) -> None:

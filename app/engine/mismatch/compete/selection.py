@@ -38,6 +38,7 @@ from app.engine.mismatch.physics.generic import CODE as UNNAMED
 LEADERS = 3
 CARRIED = 3
 MOST_HIDDEN = 2
+ROUNDS = 2
 LEAST_MARGIN = -2.9  # a probability of 0.05
 # One limit of PV is one effect, whichever of these it is called.
 LIMITS = {"process.overflow", "sensor.saturation"}
@@ -80,8 +81,8 @@ def select(
     pairs += found_together(base, surveyed, first, pays)
     if not pairs:
         return single
-    # Beside either of a pair the other may turn out to have another name.
-    for beginning in (first_beside, second_beside):
+    # Beside either of a pair the other may turn out to have another name, and beside that other the first again.
+    for beginning in (first_beside, second_beside) * ROUNDS:
         other = beginning(chosen(pairs), base)
         if other.block.name not in beside:
             places = beside[other.block.name] = seconds(other, names, offered)

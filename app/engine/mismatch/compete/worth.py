@@ -39,13 +39,13 @@ def worth(contender: Contender) -> float:
 
 
 def makes_sense(contender: Contender) -> bool:
-    """Whether the fitted values still are what the code says, and the free run is no worse: noise must not take its
-    place.
+    """Whether the fitted values still are what the codes say, those of what it stands beside as well, and the free run
+    is no worse: noise must not take its place.
     """
-    part = contender.fit.parts[-1]
-    if not part.makes_sense(Context(contender.fit.record, contender.fit.plant)):
+    fit, context = contender.fit, Context(contender.fit.record, contender.fit.plant)
+    if not all(part.makes_sense(context) for part in fit.parts):
         return False
-    return no_worse(contender.fit, contender.over) and not limits_always(contender.fit, part)
+    return no_worse(fit, contender.over) and not limits_always(fit, fit.parts[-1])
 
 
 def no_worse(fit: Fit, over: Fit) -> bool:
