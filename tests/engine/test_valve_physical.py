@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.engine.valve import CLASSIC, PACKED, simulate_physical, two_parameter_he
+from app.engine.valve import CLASSIC, PACKED, physical, simulate_physical, two_parameter_he
 from app.engine.valve.physical import physical_step
 from app.errors import DataError
 
@@ -48,6 +48,23 @@ def test_finer_substeps_change_little(valve):
     state = np.zeros(2)
     x = np.array([physical_step(u, state, fine, 0.5) for u in SLOW])
     assert np.max(np.abs(simulate_physical(SLOW, 0.5, valve) - x)) < 0.03
+
+
+@pytest.mark.parametrize("valve", [CLASSIC, PACKED])
+def test_a_quick_stem_moves_as_if_the_root_had_been_searched(valve, monkeypatch):
+    """A band a thousandth of F_s wide and a Stribeck velocity of a tenth are where the search has most to do."""
+
+    def stem(parameters) -> list[float]:
+        state = np.zeros(2)
+        return [physical_step.py_func(u, state, parameters, 0.02) for u in SLOW[:60]]
+
+    monkeypatch.setattr(physical, "_velocity_after", physical._velocity_after.py_func)
+    narrow, slow = valve.parameters(), valve.parameters()
+    narrow[4], slow[5] = 1.001 * narrow[3], 0.1 * slow[5]
+    given = [valve.parameters(), narrow, slow]
+    quick = [stem(parameters) for parameters in given]
+    monkeypatch.setattr(physical, "FAST", np.inf)
+    assert [stem(parameters) for parameters in given] == quick
 
 
 def test_stuck_below_the_static_friction_and_free_above_it():

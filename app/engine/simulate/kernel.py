@@ -85,6 +85,8 @@ def run(
     line = np.zeros(plant.delay_steps + 2)
     kind, state, parameters = valve
     pv = transmitter.rest
+    # Counted on instead of divided: each remainder took as long as moving the plant.
+    newest, row, until_recorded = 0, 0, first
     for k in range(steps):
         true = transmitter.rest + driven[2, k]
         for i in range(x.size):
@@ -93,10 +95,11 @@ def run(
             pv = limited(true + driven[3, k], transmitter)
         op = limited(control(driven[0, k] - transmitter.rest, pv - transmitter.rest, z, z_room, law, output), output)
         v = move(kind, state, parameters, op)
-        line[k % line.size] = v - output.rest + driven[1, k]
-        now, before = line[(k - plant.delay_steps) % line.size], line[(k - plant.delay_steps - 1) % line.size]
-        advance(x, x_room, plant, now, before)
-        if k >= first and (k - first) % every == 0:
-            row = (k - first) // every
+        line[newest] = v - output.rest + driven[1, k]
+        newest = newest + 1 if newest + 1 < line.size else 0  # from now on the oldest, of a delay and one step before
+        advance(x, x_room, plant, line[newest + 1 if newest + 1 < line.size else 0], line[newest])
+        if until_recorded == 0:
             recorded[0, row], recorded[1, row], recorded[2, row], recorded[3, row] = pv, op, v, true
+            row, until_recorded = row + 1, every
+        until_recorded -= 1
     return recorded

@@ -13,6 +13,8 @@ SUBSTEPS_PER_TIME_CONSTANT = 25
 """Backward Euler is stable at any step; this many steps in the stem's slow time constant keep its error below 2 %."""
 
 LARGEST_ROOT_ITERATIONS = 50
+FAST, LEAST_EXCESS = 8.0, 1e-9
+"""Of v_s, and of F_s - F_c: beyond both, exp(-(v/v_s)^2) is too small for the search of a root to begin."""
 
 
 @dataclass(frozen=True)
@@ -78,34 +80,37 @@ def physical_step(u: float, state: FloatArray, parameters: FloatArray, sampling_
     u and the result in per cent of travel; `state` (2,) is [position, velocity in per cent of travel a second] and is
     updated in place; parameters: (7,) of `PhysicalValve.parameters`.
     """
+    m, k, F_v = parameters[0], parameters[1], parameters[2]
+    F_c, F_s, v_s = parameters[3], parameters[4], parameters[5]
     count = int(np.ceil(sampling_interval / parameters[6]))
     h = sampling_interval / count
+    a = m / h + k * h + F_v
+    position, velocity = state[0], state[1]
     for _ in range(count):
-        velocity = _velocity_after(u, state, parameters, h)
-        state[1] = velocity
+        velocity = _velocity_after(m * velocity / h + k * (u - position), velocity, a, F_c, F_s, v_s)
         if velocity == 0.0:
             break
-        state[0] += h * velocity
-    return state[0]
+        position += h * velocity
+    state[0], state[1] = position, velocity
+    return position
 
 
 @njit(cache=True, nogil=True)
-def _velocity_after(u: float, state: FloatArray, parameters: FloatArray, h: float) -> float:
+def _velocity_after(r: float, before: float, a: float, F_c: float, F_s: float, v_s: float) -> float:
     """Backward Euler in velocity and position: solves a v + F(v) = r, with the stem stuck where no moving root is.
 
     F(v) = sign(v) (F_c + (F_s - F_c) exp(-(v/v_s)^2)) falls with speed, so there may be several roots. A stem at rest
     moves only when r exceeds F_s; from above, v <- (r - F(v))/a falls monotonically to the largest root, which is the
-    one after the slip.
+    one after the slip. before: the velocity a step ago.
     """
-    m, k, F_v, F_c, F_s, v_s = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4], parameters[5]
-    r = m * state[1] / h + k * (u - state[0])
     side = 1.0 if r > 0.0 else -1.0
     r = abs(r)
-    at_rest = state[1] * side <= 0.0
+    at_rest = before * side <= 0.0
     if r <= F_c or (at_rest and r <= F_s):
         return 0.0
-    a = m / h + k * h + F_v
     v = (r - F_c) / a
+    if v > FAST * v_s and r - F_c > LEAST_EXCESS * (F_s - F_c):
+        return side * v
     for _ in range(LARGEST_ROOT_ITERATIONS):
         following = (r - F_c - (F_s - F_c) * np.exp(-((v / v_s) ** 2))) / a
         if following <= 0.0:
