@@ -9,7 +9,6 @@ import warnings
 
 import numpy as np
 import pytest
-from statsmodels.tsa.statespace.sarimax import SARIMAX
 
 from app.engine.armax import Order, SearchSpace, refine, search_orders
 from app.engine.recording import UniformRecord
@@ -49,6 +48,8 @@ def statsmodels_fit_s(pv, v, order, first):
     """Seconds for one exact maximum-likelihood fit of the order: a regression on the lags with MA(nc) errors."""
     lags = [pv[first - i : len(pv) - i] for i in range(1, order.na + 1)]
     lags += [v[first - j : len(v) - j] for j in range(1, order.nb + 1)]
+    from statsmodels.tsa.statespace.sarimax import SARIMAX  # half a second, which each test process would take
+
     model = SARIMAX(pv[first:], exog=np.column_stack(lags), order=(0, 0, order.nc), concentrate_scale=True)
     start = time.thread_time()
     with warnings.catch_warnings():

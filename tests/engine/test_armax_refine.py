@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
-from statsmodels.tsa.statespace.sarimax import SARIMAX
 
 from app.engine.armax import Order, SearchSpace, estimate_order, refine, search_orders
 from app.engine.armax.predict import SLOWEST_ROOT, is_stable, prediction_errors
@@ -106,6 +105,8 @@ def exact_aic(y, v, order, first):
     """
     lags = [y[first - i : len(y) - i] for i in range(1, order.na + 1)]
     lags += [v[first - j : len(v) - j] for j in range(1, order.nb + 1)]
+    from statsmodels.tsa.statespace.sarimax import SARIMAX  # half a second, which each test process would take
+
     fit = SARIMAX(y[first:], exog=np.column_stack(lags), order=(0, 0, order.nc), concentrate_scale=True).fit(
         disp=0, maxiter=200, warn_convergence=False
     )
