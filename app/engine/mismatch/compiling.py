@@ -1,5 +1,6 @@
 """Short made-up records that run every kernel of a comparison once, so that the first real one compiles nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +14,15 @@ from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.refitting import offered_beside
 from app.engine.mismatch.fit.stems import shown_stems
 from app.engine.mismatch.location import locate
+from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.physics import library
 from app.engine.recording import FloatArray
 
 SAMPLES, INTERVAL_S = 240, 1.0
 GAIN, INTEGRAL = 0.4, 0.08
+STARTS = 4  # of each block in a scan, or some more
+Starts = Callable[[Context, FloatArray], FloatArray]
 STRUCTURES = (
     LinearSimulation(1.0, (8.0,), 2.0),
     LinearSimulation(1.0, (8.0, 3.0), 2.0),
@@ -43,8 +47,21 @@ def compile_kernels() -> None:
 
 
 def scan_all(base: Fit) -> None:
-    """Each block along a record: what else `locate` does is compiled by then."""
-    glance(base, (*library(base.record), *offered_beside(base)))
+    """Each block along a record: what else `locate` does is compiled by then. A few starts of each, because a kernel is
+    the same all over a grid, and each start of a worker pays for this.
+    """
+    blocks = (*library(base.record), *offered_beside(base))
+    glance(base, tuple(replace(block, starts=some_of(block.starts)) for block in blocks))
+
+
+def some_of(starts: Starts) -> Starts:
+    """Some starts all over a grid."""
+
+    def thinned(context: Context, residual: FloatArray) -> FloatArray:
+        grid = starts(context, residual)
+        return grid[:: max(len(grid) // STARTS, 1)]
+
+    return thinned
 
 
 def held_from(pv: FloatArray, kept: np.ndarray) -> FloatArray:
