@@ -150,6 +150,14 @@ def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(11, "bad_time")]
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("last", ["", "never,1,2\n", "   \n"])
+def test_thousands_of_blank_lines_at_the_end_are_no_rows(read: Read, end: str, last: str) -> None:
+    content = read((HEADER + GOOD + last + "\n" * 20_000).replace("\n", end))
+    assert content.loops["A"].samples == content.summary.rows_read - len(last.splitlines()) == 4
+    assert [reject.line for reject in content.rejects.listed] == ([6] if "never" in last else [])
+
+
 @pytest.mark.parametrize("block_columns", [2, 200])
 def test_values_without_a_time_are_told(read: Read, monkeypatch: pytest.MonkeyPatch, block_columns: int) -> None:
     monkeypatch.setattr("app.ingest.tables.frames.BLOCK_COLUMNS", block_columns)

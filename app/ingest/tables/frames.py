@@ -25,6 +25,7 @@ from app.ingest.tables.scanning import Scan, Scanner
 
 LEAST_BYTES = 4 << 20  # of a chunk; for less it takes longer to load what is compiled
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
+BLANK_TAIL = 1 << 14  # bytes of blank lines at the end of a chunk from which on they are not read
 MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
 NO_ROW = (b"", b"*", b"#", b"[")  # how a line begins that holds nothing or a comment
@@ -148,6 +149,15 @@ class Numbers:
         return Numbers(self.values[:, at], self.missing[:, at])
 
 
+def _without_blank_tail(lines: Lines) -> Lines:
+    """Without thousands of blank lines at the end: as rows of nulls, millions of them took seconds and gigabytes."""
+    data = lines.data
+    if not (data[-BLANK_TAIL:].isspace() and data.endswith(b"\n")):
+        return lines
+    end = data.find(b"\n", len(data.rstrip(b"\r\n"))) + 1
+    return lines if len(data) - end < BLANK_TAIL else Lines(data[:end], lines.first, data.count(b"\n", 0, end))
+
+
 UNREADABLE = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
 """What polars raises at bytes that it cannot read: its own errors, and a panic where its core did not expect them."""
 
@@ -223,6 +233,7 @@ class FrameReader:
                 lines = Lines(lines.data[end:], lines.first + 1, lines.count - 1)
                 to_skip -= 1
             self._compiled = self._compiled or len(lines.data) >= LEAST_BYTES
+            lines = _without_blank_tail(lines)
             if lines.data and not lines.data.isspace():
                 yield lines
 
