@@ -21,9 +21,9 @@ from sqlalchemy import (
     select,
 )
 
+from app.json_texts import read_json, short_json
 from app.storage.bulk import among, among_many
 from app.storage.database import in_driver
-from app.storage.json_texts import read_json, short_json
 from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, of_cause, priority, unanswered
 from app.storage.notes import has_open_order

@@ -13,6 +13,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from app.cli.main import cli
+from tests.cli.calling import WIDE
 
 COMMANDS = (
     "demo",
@@ -53,6 +54,15 @@ def cpu_of(command: tuple[str, ...]) -> float:
     before = cpu_time_s()
     assert subprocess.run(command, capture_output=True, timeout=120).returncode == 0
     return cpu_time_s() - before
+
+
+def test_an_audit_of_files_loads_no_data_base(tmp_path):
+    """It would be a tenth of its time."""
+    (tmp_path / "export.csv").write_text(WIDE)
+    command = [sys.executable, "-X", "importtime", "-m", "app", "audit", tmp_path / "export.csv"]
+    loaded = subprocess.run(command, capture_output=True, text=True, timeout=120).stderr.split()
+    assert "app.services.auditing.file_audit" in loaded
+    assert "sqlalchemy" not in loaded
 
 
 def test_help_lists_every_command_and_the_exit_codes():

@@ -8,8 +8,8 @@ import numpy as np
 
 from app.engine.plant_wide.excerpts import LENGTH, Excerpts
 from app.engine.recording import FloatArray, Steps
+from app.json_texts import short_json
 from app.services.moments import FIRST_DATED
-from app.storage.json_texts import short_json
 
 if TYPE_CHECKING:  # an audit of files stores nothing
     from app.storage.verdicts import ExcerptsRow

@@ -10,6 +10,7 @@ from typing import Any
 from app.engine.audit import Audit
 from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.recording import Recording
+from app.json_texts import check_finite, short_json, stored_json
 from app.services.audit_json import excerpts, swings
 from app.services.audit_json.dating import dated, instant
 from app.services.audit_json.detail import detail
@@ -20,7 +21,6 @@ from app.services.recency import of_old_record
 from app.services.telling.next_steps import Ask, as_table, next_step
 from app.services.telling.repair_sides import of_before
 from app.services.telling.stored_evidence import MEASURED
-from app.storage.json_texts import check_finite, short_json, stored_json
 from app.storage.tables import verdicts
 from app.storage.verdict_writing import NewVerdict
 from app.storage.verdicts import pack_detail

@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.json_texts import stored_json
 from app.services.audit_json.excerpts import by_tag
 from app.services.audit_json.line import flat_health, flat_reasons
 from app.services.audit_json.rows import as_row, fixed_part
@@ -18,7 +19,6 @@ from app.services.backend import DATABASE_AWAY, Backend
 from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts
-from app.storage.json_texts import stored_json
 from app.storage.unanswered import unanswered, unanswered_before
 from app.storage.verdict_writing import Reworded, reword
 from app.storage.verdicts import pack_detail

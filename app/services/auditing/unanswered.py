@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from app.engine.judgement import ANSWERS_NO_MORE
 from app.engine.plant_wide.stood_together import Stand, stood_together
@@ -12,7 +12,9 @@ from app.services.moments import EPOCH, PlantClock, iso_utc, seconds_of
 from app.services.telling.reasons import SINCE, TOGETHER_SINCE, extra_in
 from app.services.telling.standing_wording import with_others
 from app.services.telling.wording import codes_in, codes_of
-from app.storage.unanswered import SaidBefore, UnansweredRow
+
+if TYPE_CHECKING:  # an audit of files stores nothing
+    from app.storage.unanswered import SaidBefore, UnansweredRow
 
 INTERVALS_APART = 3.0
 """Sampling intervals that may lie between two records that touch."""
@@ -28,12 +30,12 @@ class Standing:
     chance_probability: float | None = None
 
 
-def unknown_since(rows: Iterable[UnansweredRow]) -> list[int]:
+def unknown_since(rows: "Iterable[UnansweredRow]") -> list[int]:
     """Of `storage.unanswered.unanswered` the loops, by id, whose PV stood when the record began."""
     return [row.loop_id for row in rows if _since(row) is None]
 
 
-def of_plant(rows: Sequence[UnansweredRow], before: Iterable[SaidBefore] = ()) -> dict[str, Standing]:
+def of_plant(rows: "Sequence[UnansweredRow]", before: "Iterable[SaidBefore]" = ()) -> dict[str, Standing]:
     """By tag. rows: `storage.unanswered.unanswered`, before: `unanswered_before` of those that are `unknown_since`.
     Where PV stood when the record began, it has stood since an earlier verdict said, if no time is without a record of
     it."""
@@ -56,7 +58,7 @@ def of_plant(rows: Sequence[UnansweredRow], before: Iterable[SaidBefore] = ()) -
     return {tag: Standing({SINCE: since}) for tag, since in carried.items()} | _together(stands, carried)
 
 
-def _carried(row: UnansweredRow, earlier: Iterable[SaidBefore]) -> str | None:
+def _carried(row: "UnansweredRow", earlier: "Iterable[SaidBefore]") -> str | None:
     """earlier: the newest first. In all their records PV stood up to the end."""
     start_ns, apart_ns = row.input_start_ns, INTERVALS_APART * NS_PER_S * (row.sampling_interval_s or 0.0)
     for one in earlier:
@@ -68,7 +70,7 @@ def _carried(row: UnansweredRow, earlier: Iterable[SaidBefore]) -> str | None:
     return None
 
 
-def _since(row: UnansweredRow | SaidBefore) -> str | None:
+def _since(row: "UnansweredRow | SaidBefore") -> str | None:
     since: str | None = extra_in(row.extra_json).get(SINCE)
     return since
 

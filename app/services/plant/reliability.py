@@ -7,6 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from app.errors import RequestError
+from app.json_texts import read_json
 from app.services.audit_json.rows import FORM, OLD, as_row, compact, sampled
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of, refused
@@ -16,7 +17,6 @@ from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.services.stating.shelving import Shelf, shelf
 from app.storage import verdicts
-from app.storage.json_texts import read_json
 from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled, ToldRow
 
 MOST_ROWS = 20_000

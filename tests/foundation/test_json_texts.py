@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.storage.json_texts import read_json, short_json, stored_json
+from app.json_texts import read_json, short_json, stored_json
 
 
 def test_numbers_of_numpy_are_numbers_and_what_is_not_known_is_null():
