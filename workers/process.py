@@ -92,7 +92,7 @@ def _compile_aside() -> None:
     """Fills the cache of compiled kernels from processes that then end: compiling takes memory that is never given
     back, and every worker process would carry it. Two of them compile about half each."""
     with kernel_cache.one_at_a_time():
-        for half in (_aside(warming.identifications), _aside(warming.verdicts, reading.warm_up, compile_kernels)):
+        for half in (_aside(warming.identifications, compile_kernels), _aside(warming.verdicts, reading.warm_up)):
             os.waitpid(half, 0)
 
 
