@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.clocks import date_and_clock, joined_times
+from app.ingest.columns.clocks import date_and_clock, stamps_of
 from app.ingest.columns.names import may_be_times, stamps_in, time_columns, time_columns_in, times_assumed
 from app.ingest.columns.plans import name_of
 from app.ingest.files.head import HEAD_ROWS, Head, split_line
@@ -90,7 +90,7 @@ class NamedTable:
             return None
         numbered = self._frame.rename({name: name_of(index) for index, name in enumerate(self.names)})
         at = tuple(self.names.index(name) for name in self.time_columns)
-        return joined_times(numbered, at).alias(self.time_columns[0])
+        return stamps_of(numbered, at).alias(self.time_columns[0])
 
     def times_s(self) -> FloatArray | None:
         """(n,) s since 1970 or, where numbers tell no instants, since a start of their own; None where no column holds

@@ -71,16 +71,16 @@ def _are_dates(fields: list[str], options: IngestOptions) -> bool:
     return form is not None and form.is_date
 
 
-def joined_stamp(parts: Sequence[str]) -> str:
-    """The text of a row's date and clock."""
-    if len(parts) == 1:
-        return parts[0]
-    date, *clock = parts
+def stamp_of(row: Sequence[str], time: Sequence[int]) -> str:
+    """The text of a row's time, of date and clock together; what lies behind the row's end is empty."""
+    date, *clock = (row[at] if at < len(row) else "" for at in time)
+    if not clock:
+        return date
     return " ".join((re.sub(_CLOCK_OF_NO_CLOCK, "", date), *(re.sub(_DAY_OF_NO_DATE, "", part) for part in clock)))
 
 
-def joined_times(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
-    """The same of whole columns; one alone as it is."""
+def stamps_of(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
+    """The same of all rows of a frame; one column alone as it is."""
     if len(time) == 1:
         return frame[name_of(time[0])]
     date, *clock = (frame[name_of(index)].cast(pl.String).str.strip_chars() for index in time)

@@ -1,7 +1,7 @@
 """Rows whose times are dates without a clock: many of one day have no times."""
 
 from app.errors import DataError
-from app.ingest.columns.clocks import are_midnights, joined_stamp
+from app.ingest.columns.clocks import are_midnights, stamp_of
 from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import LongPlan, Plan
 from app.ingest.files.head import Head
@@ -16,7 +16,7 @@ def refuse_dates_alone(plan: Plan, head: Head) -> None:
     time, keys = (plan.time, plan.keys) if isinstance(plan, LongPlan) else (plan.groups[0].time, ())
     different = dict.fromkeys(head.rows[plan.first_row :])  # the same row may be sent over and over
     rows = [row for row in different if len(row) > max(time) and row[time[0]]]
-    stamps = [joined_stamp([row[at] for at in time]) for row in rows]
+    stamps = [stamp_of(row, time) for row in rows]
     if plan.form.kind != "text" or not (plan.form.is_date or _are_of_days(stamps)):
         return
     days = {(stamp, *(name_at(row, key) for key in keys)) for stamp, row in zip(stamps, rows, strict=True)}

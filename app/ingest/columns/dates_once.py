@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.columns.clocks import joined_times
+from app.ingest.columns.clocks import stamps_of
 from app.ingest.columns.plans import name_of
 from app.ingest.model import NO_TIME, TimeArray
 
@@ -24,7 +24,7 @@ class DatesOnce:
 
     def read(self, frame: pl.DataFrame, read: Callable[[pl.Series], TimeArray]) -> tuple[pl.Series, TimeArray]:
         """What stands in the rows for their times, and the times: (n,) ns, NO_TIME where a row has none."""
-        texts = joined_times(frame, self._time)
+        texts = stamps_of(frame, self._time)
         if len(self._time) == 1 or not frame.height:
             return texts, read(texts)
         date, clock = (frame[name_of(at)] for at in (self._time[0], self._time[-1]))
@@ -32,7 +32,7 @@ class DatesOnce:
         if without.any():
             date = date.cast(pl.String).fill_null(strategy="forward").fill_null(self._date)
             whole = frame.with_columns(date.alias(name_of(self._time[0])))
-            time_ns = self._going_on(read(joined_times(whole, self._time)), without)
+            time_ns = self._going_on(read(stamps_of(whole, self._time)), without)
         else:
             time_ns = read(texts)
         self._see(date, time_ns, without)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import polars as pl
 
-from app.ingest.columns.clocks import joined_stamp
+from app.ingest.columns.clocks import stamp_of
 from app.ingest.columns.names import ONE_WAY, name_at, plain
 from app.ingest.columns.plans import Fraction, LongPlan, Plan, TimedColumns, WidePlan, name_of
 from app.ingest.files.head import Head
@@ -89,7 +89,7 @@ def _sample(head: Head, plan: Plan, time: tuple[int, ...], column: int, options:
     keys = plan.keys if isinstance(plan, LongPlan) else ()
     different = dict.fromkeys(head.rows[plan.first_row :])  # the same row may be sent again
     rows = [row for row in different if len(row) > max(*time, *keys, 0)]
-    stamps = pl.Series([joined_stamp([row[at] for at in time]) for row in rows], dtype=pl.String)
+    stamps = pl.Series([stamp_of(row, time) for row in rows], dtype=pl.String)
     time_ns = TimeReader(plan.form, options).read(stamps)
     timed = np.flatnonzero(time_ns != NO_TIME)
     fields = pl.Series([name_at(rows[at], column) for at in timed], dtype=pl.String)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, joined_stamp
+from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, stamp_of
 from app.ingest.columns.headings import below_names, is_data
 from app.ingest.columns.of_words import are_sorted_by
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
@@ -309,7 +309,7 @@ def form_of(
         return find_form(head.column(time[0], first_row), name, options)
     rows = [row for row in head.rows[first_row:] if len(row) > max(time)]
     return find_form(
-        [joined_stamp([row[index] for index in time]) for row in rows if all(row[index] for index in time)],
+        [stamp_of(row, time) for row in rows if all(row[index] for index in time)],
         name,
         options,
     )
@@ -455,7 +455,7 @@ def _has_tags(plan: LongPlan, head: Head, options: IngestOptions) -> bool:
     """Whether words beside a process value are names of signals, or several stand at a time or have rows one after the
     other: they may be of batches."""
     rows = [row for row in head.rows[plan.first_row :] if any(row)]
-    stamps = [joined_stamp([name_at(row, at) for at in plan.time]) for row in rows]
+    stamps = [stamp_of(row, plan.time) for row in rows]
     words = [name_at(row, plan.tag) for row in rows]
     at_a_time = len(set(stamps)) < MOST * len(set(zip(stamps, words, strict=True)))
     return at_a_time or mostly_signals(words) or are_sorted_by(words, stamps, plan, options, head.sampled)

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import polars as pl
 
-from app.ingest.columns.clocks import MOST, joined_stamp
+from app.ingest.columns.clocks import MOST, stamp_of
 from app.ingest.columns.names import ONE_WAY, TAG_NAMES, plain
 from app.ingest.columns.of_words import lie_among, states_among, take_turns, times_by_word
 from app.ingest.files.head import Head, is_number
@@ -74,7 +74,7 @@ class Rows:
         time, form = times
         of_all = (*time, word) if word is not None else time
         self._rows = [row for row in head.rows[first_row:] if len(row) > max(of_all) and any(row[at] for at in time)]
-        stamps = [joined_stamp([row[index] for index in time]) for row in self._rows]
+        stamps = [stamp_of(row, time) for row in self._rows]
         self._time_ns = TimeReader(form, options).read(pl.Series(stamps, dtype=pl.String))
         self._keys = [(stamp, "" if word is None else row[word]) for stamp, row in zip(stamps, self._rows, strict=True)]
 

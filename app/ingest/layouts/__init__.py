@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from app.errors import DataError
-from app.ingest.columns.clocks import joined_stamp
+from app.ingest.columns.clocks import stamp_of
 from app.ingest.columns.dates_alone import refuse_dates_alone
 from app.ingest.columns.fractions import with_fraction
 from app.ingest.columns.further_down import tells_more
@@ -92,7 +92,7 @@ def recognise_again(plan: Plan, head: Head, options: IngestOptions, every: Every
 def _part_none(plan: WidePlan, column: int, options: IngestOptions, every: Every) -> bool:
     """Whether the words of a column, which some rows show to part them, do not by all rows."""
     rows = every((column, *plan.groups[0].time))
-    stamps = [joined_stamp(stamp) for _, *stamp in rows]
+    stamps = [stamp_of(stamp, range(len(stamp))) for _, *stamp in rows]
     return bool(rows) and not are_sorted_by([word for word, *_ in rows], stamps, plan, options)
 
 
