@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from app.ingest import IngestOptions, read_export
-from app.ingest.columns.names import plain
+from app.ingest.columns.plain_names import plain
 from app.ingest.files.ahead import ahead
 from app.ingest.files.opening import TextFile
 from app.ingest.rejecting import RejectLog

@@ -1,8 +1,9 @@
 """What rows from further down a file may tell that its first ones do not: one may be of a single tag or loop alone."""
 
-from app.ingest.columns.names import mostly_signals, plain
+from app.ingest.columns.names import mostly_signals
 from app.ingest.columns.of_loops import OF_ANYTHING
 from app.ingest.columns.of_words import word_columns
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, Plan
 from app.ingest.files.head import Head
 

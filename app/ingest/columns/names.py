@@ -10,14 +10,14 @@ import numpy as np
 from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, stamp_of
 from app.ingest.columns.headings import below_names, is_data
 from app.ingest.columns.of_words import are_sorted_by
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.numbers.units import as_number
-from app.ingest.remembering import remembered
-from app.ingest.tags.grouping import SIMULATED, place, spelled_out, without_unit
+from app.ingest.tags.grouping import SIMULATED, place, without_unit
 from app.ingest.tags.quality import holds_quality_words, tell_good_from_bad
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
 from app.ingest.times.stamps import TimeForm, find_form
@@ -117,12 +117,6 @@ _ROWS_OR_VALUES = frozenset(("no", "nr"))
 NO_ROWS = -1
 _MAY_BE_STAMP = re.compile(r"\d\D+\d+\D+\d|\d{8}|年|^\d{5}([.,]|$)")
 ONE_WAY = 0.98  # of the steps of times that no name tells, at least
-
-
-@remembered(1 << 17)
-def plain(name: str) -> str:
-    """Letters and digits of a name, in small letters without accents; empty where it has none outside of brackets."""
-    return re.sub(r"[\W_]", "", re.sub(r"[\[(][^\[(\])]*[\])]", "", spelled_out(name.lower())))
 
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:

@@ -7,8 +7,9 @@ from itertools import pairwise
 import polars as pl
 
 from app.ingest.columns.clocks import MOST, stamp_of
-from app.ingest.columns.names import ONE_WAY, TAG_NAMES, plain
+from app.ingest.columns.names import ONE_WAY, TAG_NAMES
 from app.ingest.columns.of_words import lie_among, states_among, take_turns, times_by_word
+from app.ingest.columns.plain_names import plain
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import NO_TIME, IngestOptions
 from app.ingest.times.stamps import TimeForm, TimeReader

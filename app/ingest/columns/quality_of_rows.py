@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from app.ingest.columns.names import SKIPPED_NAMES, counts_rows, name_at, numbers_of, plain
+from app.ingest.columns.names import SKIPPED_NAMES, counts_rows, name_at, numbers_of
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import Head
 from app.ingest.tags.quality import are_flags, tell_quality_for_sure

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.ingest.columns.names import mostly_numbers, plain
+from app.ingest.columns.names import mostly_numbers
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import FloatArray

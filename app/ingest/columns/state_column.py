@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from app.ingest.columns.names import name_at, plain
+from app.ingest.columns.names import name_at
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.numbers.no_data import NO_WORD

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from app.ingest.columns.names import plain
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
 from app.ingest.files.head import Head
 from app.ingest.numbers.units import is_unit

@@ -1,14 +1,8 @@
 """Long under names that are not known: a column of stamps, one of words that repeat and are tags of signals, one of
 numbers."""
 
-from app.ingest.columns.names import (
-    VALUE_NAMES,
-    mostly_numbers,
-    names_no_measurement,
-    plain,
-    quality_of,
-    times_of_rows,
-)
+from app.ingest.columns.names import VALUE_NAMES, mostly_numbers, names_no_measurement, quality_of, times_of_rows
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
-from app.ingest.columns.names import QUALITY_NAMES, first_row_below, name_at, plain, time_columns, wide_from
+from app.ingest.columns.names import QUALITY_NAMES, first_row_below, name_at, time_columns, wide_from
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import WidePlan
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions, Signal
