@@ -73,7 +73,7 @@ class NamedTable:
         named = time_columns_in(self._head, names, 0, self._options)
         named = named or stamps_in(self._head, names, 0, self._options, of_rows=True)
         found = named or ((0,) if self._first_holds_times() else ())
-        return tuple(names[index] for index in found and date_and_clock(self._head, found, 0, self._options))
+        return tuple(names[index] for index in found and date_and_clock(self._head, found, names, 0, self._options))
 
     @property
     def times_assumed(self) -> tuple[str, ...]:

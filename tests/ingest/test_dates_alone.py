@@ -24,7 +24,8 @@ REFUSED = [
     ("Date,PV,OP", lambda k: day(0)),
     ("Date,PV,OP", lambda k: day(k // 20)),
     ("Time,PV,OP", lambda k: f"{day(k // 50)} 00:00:00"),
-    ("Date,Hour,Min,Sec,PV,OP", lambda k: f"{day(0)},6,{k // 60},{k % 60}"),
+    ("Date,Hour,PV,OP", lambda k: f"{day(0)},6"),
+    ("Date,Shift,Min,Sec,PV,OP", lambda k: f"{day(0)},6,{k // 60},{k % 60}"),
     ("Date,Seconds,PV,OP", lambda k: f"{day(0)},{21600 + k}"),
 ]
 
@@ -54,7 +55,11 @@ def test_many_tags_of_a_day_have_times(read: Read) -> None:
 
 
 def test_a_clock_or_seconds_beside_the_date_tell_the_times(read: Read) -> None:
-    for heading, text in (("Date,Clock,PV,OP", "{day},06:{k:02d}:00"), ("time_s,Date,PV,OP", "{k},{day}")):
+    for heading, text in (
+        ("Date,Clock,PV,OP", "{day},06:{k:02d}:00"),
+        ("time_s,Date,PV,OP", "{k},{day}"),
+        ("Date,Hour,Min,Sec,PV,OP", "{day},6,0,{k}"),
+    ):
         content = read(wide(heading, lambda k, text=text: text.format(k=k, day=day(0)), rows=50), name="F1.csv")
         assert content.loops["F1"].samples == 50
         assert len(np.unique(np.diff(content.loops["F1"].time_ns))) == 1

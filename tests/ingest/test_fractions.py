@@ -61,6 +61,33 @@ def test_microseconds_by_their_name(read: Read) -> None:
     assert steps(content.loops["FIC1"]) == [HALF_S]
 
 
+@pytest.mark.parametrize("name", ["Time_ms", "Time (ms)", "time_msec", "Timestamp [ms]", "TimeMs"])
+def test_milliseconds_under_the_name_of_times(read: Read, name: str) -> None:
+    content = read(wide(f"Time,{name},FIC1.PV,FIC1.OP", half_seconds))
+    assert steps(content.loops["FIC1"]) == [HALF_S]
+    assert content.summary.notes == (f"the parts of a second in '{name}' were joined to the times",)
+    rows = [f"2024-01-31 {seconds(k)},{half_seconds(k)},{tag},{k % 9}.5" for k in range(ROWS) for tag in SIGNALS]
+    content = read(long(rows, f"Time,{name},Tag,Value"))
+    assert steps(content.loops["FIC101"]) == [HALF_S]
+    assert not content.rejects.counts
+
+
+@pytest.mark.parametrize("name", ["Time_ms", "Millitm"])
+def test_a_few_rows_without_milliseconds_are_refused(read: Read, name: str) -> None:
+    content = read(wide(f"Time,{name},FIC1.PV,FIC1.OP", lambda k: "" if k == 20 else half_seconds(k)))
+    assert dict(content.rejects.counts) == {"bad_time": 1}
+    assert content.loops["FIC1"].samples == ROWS - 1
+    start = np.datetime64("2024-01-31T06:00:00", "ns").astype(np.int64)
+    assert content.loops["FIC1"].time_ns[-1] - start == (ROWS - 1) * HALF_S
+
+
+def test_a_count_under_the_name_of_times_stays_one(read: Read) -> None:
+    content = read(wide("Time,Time_ms,FIC1.PV,FIC1.OP", lambda k: str(500 * k)))
+    assert notes_of(content, "Time_ms") == [
+        "columns of further times were not read, neither as times nor as values: Time_ms"
+    ]
+
+
 def test_date_clock_and_milliseconds_in_three_columns(read: Read) -> None:
     rows = [f"31/01/2024;{seconds(k)};{half_seconds(k)};{k % 9};{k % 7}" for k in range(ROWS)]
     content = read("Date;Time;Milliseconds;FIC101_PV;FIC101_OP\n" + "\n".join(rows))

@@ -9,8 +9,8 @@ from types import MappingProxyType
 import numpy as np
 import polars as pl
 
-from app.ingest.columns.clocks import stamp_of
-from app.ingest.columns.names import ONE_WAY, name_at
+from app.ingest.columns.clocks import MOST, stamp_of
+from app.ingest.columns.names import ONE_WAY, name_at, unit_of_times
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import Fraction, LongPlan, Plan, TimedColumns, WidePlan, name_of
 from app.ingest.files.head import Head
@@ -26,6 +26,7 @@ _MILLISECONDS = (
 )
 _MICROSECONDS = ("usec", "usecs", "micros", "microsec", "microsecs", "microsecond", "microseconds")
 _NAMED = MappingProxyType(dict.fromkeys(_MILLISECONDS, _NS_PER_MS) | dict.fromkeys(_MICROSECONDS, _NS_PER_US))
+_OF_TIMES = MappingProxyType({1e-3: _NS_PER_MS, 1e-6: _NS_PER_US})
 _UNIT_ALONE = "ms"
 """The name of parts of a second or of anything that is measured in them."""
 _GOES_BACK = 0.5  # of the steps from a second to a later one, at least, where parts begin again
@@ -58,16 +59,17 @@ def with_fraction(plan: Plan, head: Head, options: IngestOptions) -> Plan:
     if isinstance(plan, WidePlan) and len(plan.groups) > 1:
         return plan
     time = plan.groups[0].time if isinstance(plan, WidePlan) else plan.time
+    further = {column.index for column in plan.further_times} if isinstance(plan, WidePlan) else ()
     for index, name in _candidates(plan, head):
-        unit_ns = _NAMED.get(plain(name), _NS_PER_MS)
-        named, beside = plain(name) in _NAMED, index in (max(time) + 1, min(time) - 1)
+        unit_ns = _unit_told(name) or _NS_PER_MS
+        named, beside = _unit_told(name) is not None, index in (max(time) + 1, min(time) - 1)
         if not named and not beside:
             continue
         why_not = _why_not(_sample(head, plan, time, index, options), plan.form, unit_ns, named, beside)
         if why_not is None:
             note = f"the parts of a second in {name.strip()[:80]!r} were joined to the times"
             return _joined(plan, Fraction(index, unit_ns), note)
-        if why_not:
+        if why_not and index not in further:
             note = f"the column {name.strip()[:80]!r} was not joined to the times: {why_not}"
             return replace(plan, notes=(*plan.notes, note))
     return plan
@@ -78,12 +80,19 @@ def _candidates(plan: Plan, head: Head) -> Iterator[tuple[int, str]]:
     if isinstance(plan, WidePlan):
         values = plan.groups[0].values
         names = {value.index: value.tag for value in values if len(values) > 1}
+        names |= {column.index: column.tag for column in plan.further_times}
     else:
         row = head.row(plan.first_row - 1) if plan.first_row else ()
         others = {other.index for other in plan.others}
         names = {index: name_at(row, index) for index in range(plan.width) if index not in plan.read - others}
-    yield from ((index, name) for index, name in names.items() if plain(name) in _NAMED)
+    yield from ((index, name) for index, name in names.items() if _unit_told(name) is not None)
     yield from ((index, name) for index, name in names.items() if plain(name) == _UNIT_ALONE)
+
+
+def _unit_told(name: str) -> int | None:
+    """In ns, by a name that is one of parts of a second, or that of times in such a unit, as Time_ms."""
+    seconds = unit_of_times(name)
+    return _NAMED.get(plain(name)) or (_OF_TIMES.get(seconds) if seconds else None)
 
 
 def _sample(head: Head, plan: Plan, time: tuple[int, ...], column: int, options: IngestOptions) -> _Sample:
@@ -93,8 +102,10 @@ def _sample(head: Head, plan: Plan, time: tuple[int, ...], column: int, options:
     stamps = pl.Series([stamp_of(row, time) for row in rows], dtype=pl.String)
     time_ns = TimeReader(plan.form, options).read(stamps)
     timed = np.flatnonzero(time_ns != NO_TIME)
-    fields = pl.Series([name_at(rows[at], column) for at in timed], dtype=pl.String)
-    return _Sample(time_ns[timed], to_numbers(fields), [tuple(rows[at][key] for key in keys) for at in timed])
+    given = [at for at in timed if name_at(rows[at], column)]
+    filled = given if len(given) >= MOST * len(timed) else timed  # a row without them has no time
+    fields = pl.Series([name_at(rows[at], column) for at in filled], dtype=pl.String)
+    return _Sample(time_ns[filled], to_numbers(fields), [tuple(rows[at][key] for key in keys) for at in filled])
 
 
 def _why_not(sample: _Sample, form: TimeForm, unit_ns: int, named: bool, beside: bool) -> str | None:
@@ -143,7 +154,9 @@ def _joined(plan: Plan, fraction: Fraction, note: str) -> Plan:
         return replace(plan, form=form, fraction=fraction, others=others, notes=notes)
     group = plan.groups[0]
     values = tuple(value for value in group.values if value.index != fraction.index)
-    return replace(plan, groups=(TimedColumns(group.time, form, values, fraction),), notes=notes)
+    further = tuple(column for column in plan.further_times if column.index != fraction.index)
+    groups = (TimedColumns(group.time, form, values, fraction),)
+    return replace(plan, groups=groups, notes=notes, further_times=further)
 
 
 def with_parts(

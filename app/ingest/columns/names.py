@@ -13,6 +13,7 @@ from app.ingest.columns.of_words import are_sorted_by
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
+from app.ingest.columns.stamp_parts import parts_of_stamps
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
@@ -26,38 +27,12 @@ from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
 from app.nanoseconds import NS_PER_S
 
 TIME_NAMES = frozenset(
-    [
-        "time",
-        "datetime",
-        "date",
-        "timestamp",
-        "dateandtime",
-        "tstamp",
-        "ts",
-        "zeit",
-        "datum",
-        "zeitstempel",
-        "t",
-        "localtime",
-        "timeutc",
-        "utc",
-        "utctime",
-        "sampletime",
-        "datatime",
-        "times",
-        "datetimes",
-        "seconds",
-        "timesec",
-        "timeseconds",
-        "sourcetime",
-        "sourcetimestamp",
-        "servertime",
-        "servertimestamp",
-        "eventtime",
-        "timestring",
-        "iptrendtime",
-        "horodatage",
-    ]
+    (
+        *("time", "datetime", "date", "timestamp", "dateandtime", "tstamp", "ts", "zeit"),
+        *("datum", "zeitstempel", "t", "localtime", "timeutc", "utc", "utctime", "sampletime"),
+        *("datatime", "times", "datetimes", "seconds", "timesec", "timeseconds", "sourcetime", "sourcetimestamp"),
+        *("servertime", "servertimestamp", "eventtime", "timestring", "iptrendtime", "horodatage"),
+    )
 )
 SHORT_TIME_NAMES = frozenset(("t", "ts"))
 """Names of times where no other is: a temperature and a sampling interval are called so too."""
@@ -115,6 +90,7 @@ _ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "r
 _OF_WINCC = "processvalue"
 _ROWS_OR_VALUES = frozenset(("no", "nr"))
 NO_ROWS = -1
+_DATE_AND_CLOCK = 2  # columns
 _MAY_BE_STAMP = re.compile(r"\d\D+\d+\D+\d|\d{8}|年|^\d{5}([.,]|$)")
 ONE_WAY = 0.98  # of the steps of times that no name tells, at least
 
@@ -146,9 +122,13 @@ def _named_as_times(names: Mapping[int, str], with_unit: Collection[int] = ()) -
 
 
 def _is_time_with_unit(name: str) -> bool:
-    """As `time_ms` is; but T_h is a temperature."""
+    return unit_of_times(name) is not None
+
+
+def unit_of_times(name: str) -> float | None:
+    """In s, as `time_ms` has one; but T_h is a temperature."""
     told = told_unit(name)
-    return told is not None and plain(told.bare) in TIME_NAMES - SHORT_TIME_NAMES
+    return told.seconds if told is not None and plain(told.bare) in TIME_NAMES - SHORT_TIME_NAMES else None
 
 
 def _is_time(name: str) -> bool:
@@ -157,8 +137,12 @@ def _is_time(name: str) -> bool:
 
 def time_columns_in(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> tuple[int, ...]:
     """The columns of times by their names and by what they hold from a row on: of several with such names, one of dates
-    and clocks that is filled and moves goes before one of counts."""
+    and clocks that is filled and moves goes before one of counts, and those of all parts of a stamp before one of
+    them, such as Seconds."""
     named = time_columns(names)
+    parts = parts_of_stamps(head, names, first_row) if named else ()
+    if set(named) < set(parts):
+        return parts
     others = [(index,) for index, name in enumerate(names) if _is_full_time(name) and (index,) != named]
     if not others or _are_instants(form_of(head, named, first_row, options)):
         return named
@@ -170,8 +154,9 @@ def stamps_in(
     head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions, of_rows: bool = False
 ) -> tuple[int, ...]:
     """The first column, or date and clock, that holds stamps from a row on, whatever it is called; one of dates alone
-    where there is no other. of_rows: a row is an instant, and beside a first column of seconds from a start those that
-    do not tell the rows apart are of something else, as of the export or the batch."""
+    where there is no other, or else those of their parts by name. of_rows: a row is an instant, and beside a first
+    column of seconds from a start those that do not tell the rows apart are of something else, as of the export or the
+    batch."""
     dates: tuple[int, ...] = ()
     without_clocks = False
     beside_seconds = of_rows and _first_are_seconds(head, names, first_row, options)
@@ -181,14 +166,14 @@ def stamps_in(
             continue
         are_dates = form.is_date or are_midnights(head.column(index, first_row))
         single = are_dates and without_clocks  # clocks are looked for in all columns, and there is none
-        time = (index,) if single else date_and_clock(head, (index,), first_row, options)
+        time = (index,) if single else date_and_clock(head, (index,), names, first_row, options)
         without_clocks = without_clocks or (are_dates and len(time) == 1)
         if max(time) >= len(names) or (beside_seconds and not _tell_rows(head, names, time, first_row, are_dates)):
             continue
         if len(time) > 1 or not are_dates:
             return time
         dates = dates or time
-    return dates
+    return dates or parts_of_stamps(head, names, first_row)
 
 
 def _first_are_seconds(head: Head, names: tuple[str, ...], first_row: int, options: IngestOptions) -> bool:
@@ -298,15 +283,16 @@ def times_assumed(name: str, form: TimeForm) -> str:
 def form_of(
     head: Head, time: tuple[int, ...], first_row: int, options: IngestOptions, name: str = ""
 ) -> TimeForm | None:
-    """The form of one time column, or of date and time columns joined by a blank."""
+    """The form of one time column, or of those of date and clock, or of their parts, joined."""
     if len(time) == 1:
         return find_form(head.column(time[0], first_row), name, options)
-    rows = [row for row in head.rows[first_row:] if len(row) > max(time)]
-    return find_form(
-        [stamp_of(row, time) for row in rows if all(row[index] for index in time)],
-        name,
-        options,
-    )
+    rows = [row for row in head.rows[first_row:] if len(row) > max(time) and all(row[index] for index in time)]
+    stamps = [stamp_of(row, time) for row in rows]
+    form = find_form(stamps, name, options)
+    if form is None or (len(time) == _DATE_AND_CLOCK and not form.is_of_hours):
+        return form
+    note = f"the times were joined from their parts in {len(time)} columns, {stamps[0]!r} the first of them"
+    return replace(form, notes=(note, *form.notes))
 
 
 def first_row_of_times(head: Head, column: int, options: IngestOptions, name: str = "", start: int = 0) -> int:
@@ -342,7 +328,7 @@ def wide_from(
 ) -> WidePlan | None:
     """A wide plan from the names, the rows in which they stand, and the first row with a time."""
     time = time or time_columns(names) or stamps_in(head, names, first_row, options, of_rows=True) or (0,)
-    time = date_and_clock(head, time, first_row, options)
+    time = date_and_clock(head, time, names, first_row, options)
     form = form_of(head, time, first_row, options, name_at(names, time[0]))
     if form is None:
         return None
@@ -356,16 +342,15 @@ def wide_from(
         and place(names[index], "").signal == "OTHER"
     ]
     values = tuple(ValueColumn(index, names[index]) for index in named if index not in stamps)
+    further = tuple(ValueColumn(index, names[index]) for index in stamps)
     if not values:
         return None
-    shown = ", ".join(names[index][:80] for index in stamps[:5])
-    notes = (f"columns of further times were not read, neither as times nor as values: {shown}",) if stamps else ()
     below = below_names(head, names_at, first_row, [value.index for value in values])
     width = named_width(head, names, below.first_row, time)
     judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
     groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
     written = head.row(names_at[0]) if len(names_at) == 1 else ()
-    return WidePlan(layout, below.first_row, width, groups, notes=notes, heading=below.heading, names=written)
+    return WidePlan(layout, below.first_row, width, groups, heading=below.heading, names=written, further_times=further)
 
 
 def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:
@@ -412,7 +397,7 @@ def times_of_rows(
     time = time_columns_in(head, names, first_row, options) or stamps_in(head, names, first_row, options)
     if not time:
         return None
-    time = date_and_clock(head, time, first_row, options)
+    time = date_and_clock(head, time, names, first_row, options)
     form = form_of(head, time, first_row, options, name_at(names, time[0]))
     return None if form is None else (time, form)
 

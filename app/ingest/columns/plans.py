@@ -44,7 +44,7 @@ class WidePlan:
     """A row holds one instant (of each group of columns). `first_row` is the index of the first row of data, `width`
     its fields, `heading` the rows between names and data that are neither. times_assumed: what was taken for times
     where no column is named so. `ends`: after how many fields, fewer than `width`, a row may end as well. `names`: the
-    row of names, where there is one alone."""
+    row of names, where there is one alone. `further_times`: columns of times that are none of the rows'."""
 
     layout: str
     first_row: int
@@ -56,6 +56,7 @@ class WidePlan:
     times_assumed: str = ""
     ends: frozenset[int] = frozenset()
     names: tuple[str, ...] = ()
+    further_times: tuple[ValueColumn, ...] = ()
 
     @property
     def form(self) -> TimeForm:

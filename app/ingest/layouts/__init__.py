@@ -69,7 +69,14 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     if isinstance(plan, LongPlan):
         plan = with_flags(with_unit_column(with_state_column(plan, head), head), head)
         plan = with_columns_left(plan, head)
-    return replace(_with_units(plan, head), notes=(*plan.notes, *heading_notes(head, plan.heading)))
+    notes = (*_notes_of_further_times(plan), *plan.notes, *heading_notes(head, plan.heading))
+    return replace(_with_units(plan, head), notes=notes)
+
+
+def _notes_of_further_times(plan: Plan) -> tuple[str, ...]:
+    further = plan.further_times if isinstance(plan, WidePlan) else ()
+    shown = ", ".join(column.tag[:80] for column in further[:5])
+    return (f"columns of further times were not read, neither as times nor as values: {shown}",) if further else ()
 
 
 def recognise_again(plan: Plan, head: Head, options: IngestOptions, every: Every) -> Plan:

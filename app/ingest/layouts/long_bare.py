@@ -63,7 +63,7 @@ def _times(full: Head, columns: list[list[str]], options: IngestOptions) -> tupl
     first = next((index for index, form in forms if form is not None and form.kind != "relative"), None)
     if first is None:
         return None
-    time = date_and_clock(full, (first,), 0, options)
+    time = date_and_clock(full, (first,), (), 0, options)
     form = form_of(full, time, 0, options)
     return None if form is None else (time, form)
 

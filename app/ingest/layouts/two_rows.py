@@ -48,7 +48,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         first_row = first_row_below(head, at, time[0], options, name_at(names, time[0]))
         if first_row <= at:
             continue
-        time = date_and_clock(head, time, first_row, options)
+        time = date_and_clock(head, time, (), first_row, options)
         best = max(_readings(head, at, first_row, time), key=lambda names: names.like_tags, default=None)
         if best is not None:
             return _plan(head, best, first_row, time, options)

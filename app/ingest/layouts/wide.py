@@ -38,7 +38,7 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
         written, names = names, _with_name_of_times(head, names, index)
         time = time_columns_in(head, names, index + 1, options)
         time = time or stamps_in(head, names, index + 1, options, of_rows=True) or (0,)
-        time = date_and_clock(head, time, index + 1, options)
+        time = date_and_clock(head, time, names, index + 1, options)
         name = name_at(names, time[0])
         if time_columns(names):
             first_row = first_row_below(head, index, time[0], options, name)

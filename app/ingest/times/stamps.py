@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Literal, cast
 from zoneinfo import ZoneInfo
 
@@ -14,8 +13,10 @@ from app.errors import DataError
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.remembering import remembered
 from app.ingest.times.counted_times import NUMBER, WALL_SCALES, find_count
-from app.ingest.times.date_order import AMBIGUOUS, DAY_FIRST, MONTH_FIRST, YEAR_FIRST, Reading, choose, in_other_order
+from app.ingest.times.date_order import AMBIGUOUS, Reading, choose, in_other_order
+from app.ingest.times.formats import formats, of_shape
 from app.ingest.times.half_clock import HalfClock
+from app.ingest.times.midnights import DAY_NS, MIDNIGHT, without_begins
 from app.ingest.times.spelled_times import respelled, tells_utc
 from app.ingest.times.told_zones import told_utc_offset_ns, told_zone, zone_in_letters
 from app.ingest.times.wall_clock import WallClock
@@ -26,28 +27,11 @@ _FIRST_NS, _END_NS = (np.datetime64(f"{year}", "ns").astype(np.int64) for year i
 SAMPLE = 400
 LEAST_SHARE = 0.5  # of a sample of a column of times that is readable
 DAMAGED_SHARE = 0.02  # of a sample, that may tell an order of day, month and year by damage alone
-LONGEST_KEPT, LONGEST_PROBE = 1 << 16, 64
-"""Characters of a sample with its name, and of a probe with its separator, whose form is kept: comments would stay in
-memory by the MB."""
+LONGEST_KEPT = 1 << 16
+"""Characters of a sample with its name whose form is kept: comments would stay in memory by the MB."""
 
 Kind = Literal["text", "relative", "epoch", "epoch_pair", "serial"]
 
-_ISO = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
-_OTHER = ("%d.%m.%Y", "%d.%m.%y", "%d-%b-%y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y", "%d/%b/%y", "%b %d %Y", "%b %d, %Y")
-_TIMES = (
-    " %H:%M:%S",
-    " %H:%M:%S%.f",
-    " %H:%M",
-    " %I:%M:%S %p",
-    " %I:%M %p",
-    " %I:%M:%S%.f %p",
-    " %H.%M.%S",
-    "%H%M%S",
-    "%H%M%S%.f",
-    " %H%M%S",
-    " %H%M%S%.f",
-    "",
-)
 _PAIR = re.compile(r"\d{9,11}:\d{1,9}")
 _DIGIT = re.compile(r"\d")
 _DECIMAL_COMMA = r"(:\d{2}),(\d)"
@@ -56,8 +40,6 @@ _MAY_BE_STAMP = re.compile(r"\d\D+\d|\d{6}")
 cheap test before the dear ones."""
 _BEHIND_SECONDS = "|".join(rf"(?<=:\d{{2}}[.,]\d{{{digits}}})" for digits in range(1, 10))
 _ZONE = re.compile(rf"(Z|(?:(?<=:\d{{2}})|{_BEHIND_SECONDS})[+-]\d{{2}}|[+-]\d{{2}}:?\d{{2}})$")
-_PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
-_PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
 
 
 @dataclass(frozen=True)
@@ -97,6 +79,11 @@ class TimeForm:
     def is_date(self) -> bool:
         """Without a clock."""
         return self.kind == "text" and "%H" not in self.format and "%I" not in self.format
+
+    @property
+    def is_of_hours(self) -> bool:
+        """With a clock of hours alone."""
+        return self.kind == "text" and self.format.endswith("%H")
 
     @property
     def shown(self) -> str:
@@ -222,7 +209,7 @@ def _text_form(sample: Sequence[str], options: IngestOptions, american: bool | N
     for candidate in _candidates(sample, zoned, _american(sample) if american is None else american):
         times = parse_text(series, candidate, zoned)
         share = float(np.mean(times != NO_TIME))
-        if share >= LEAST_SHARE:
+        if share >= (LEAST_SHARE if not candidate.endswith("%H") else 1.0 - DAMAGED_SHARE):
             fits.append((share, Reading(candidate, times, times != NO_TIME)))
     if not fits:
         return None
@@ -240,39 +227,13 @@ def _candidates(sample: Sequence[str], zoned: bool, american: bool) -> list[str]
     shaped = [text for text in probes if _MAY_BE_STAMP.search(text)]
     found: list[str] = []
     for separator in sorted({_separator(text) for text in shaped}):
-        fitting = {form for text in shaped for form in _of_shape(_DIGIT.sub("0", text), separator)}
-        found += [form for form in _formats(separator, american) if form in fitting and form not in found]
+        fitting = {form for text in shaped for form in of_shape(_DIGIT.sub("0", text), separator)}
+        found += [form for form in formats(separator, american) if form in fitting and form not in found]
     return found
 
 
 def _separator(text: str) -> str:
     return "T" if re.search(r"\dT\d", text) else " "
-
-
-@lru_cache
-def _formats(separator: str, american: bool) -> tuple[str, ...]:
-    """All that are known, in the order of preference."""
-    dates = [*_ISO, *_OTHER, *DAY_FIRST]
-    at = len(dates) if not american else len(_ISO) + len(_OTHER)
-    dates = [*dates[:at], *MONTH_FIRST, *dates[at:], *YEAR_FIRST]
-    return tuple(
-        date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time
-        for date in dates
-        for time in _TIMES
-    )
-
-
-@remembered(1024, LONGEST_PROBE)
-def _of_shape(probe: str, separator: str) -> tuple[str, ...]:
-    """Formats that a text, all of whose digits are one, can be of: which digits they are tells no shape."""
-    return tuple(form for form in _formats(separator, american=False) if _shape(form).fullmatch(probe))
-
-
-@lru_cache(maxsize=1024)
-def _shape(form: str) -> re.Pattern[str]:
-    """What a format can look like: a cheap test before the exact one."""
-    parts = re.split(r"(%\.f|%[a-zA-Z])", form)
-    return re.compile("".join(_PARTS.get(part, re.escape(part)) for part in parts), re.IGNORECASE)
 
 
 def _american(sample: Sequence[str]) -> bool:
@@ -302,12 +263,26 @@ def _resolution(text: str) -> int:
         return 1
     if "%S" in text:
         return NS_PER_S
-    return 60 * NS_PER_S if "%M" in text else 86400 * NS_PER_S
+    return (60 if "%M" in text else 3600 if "%H" in text else 86400) * NS_PER_S
 
 
 def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
     """(n,) ns since 1970, as written or, with an offset, in UTC; NO_TIME where the text does not fit or the year is
-    absurd."""
+    absurd. 24:00 is the midnight that ends its day."""
+    times = _parsed(texts, form, zoned)
+    if "%H" in form and (times == NO_TIME).any():
+        left = np.flatnonzero(times == NO_TIME)
+        ends = left[texts[left].str.contains(MIDNIGHT).fill_null(False).to_numpy()]
+        begins = _parsed(texts[ends].str.replace(MIDNIGHT, "${1}00${2}"), form, zoned)
+        times[ends] = np.where(begins == NO_TIME, NO_TIME, begins + DAY_NS)
+    return times
+
+
+def _parsed(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
+    if form.endswith("%H"):  # polars reads no hours alone
+        if zoned:
+            return np.full(len(texts), NO_TIME)
+        texts, form = texts + ":00", form + ":%M"
     if zoned:
         parsed = texts.str.to_datetime(form + "%#z", strict=False, time_unit="us").dt.replace_time_zone(None)
     elif "%H" not in form and "%I" not in form:
@@ -398,7 +373,7 @@ class TimeReader:
             times = times.copy()
             times[missing] = self._odd(texts[missing])
             self._look_for_other_order(texts[missing].filter(pl.Series(times[missing] == NO_TIME)))
-        return times
+        return without_begins(texts, times)
 
     def _look_for_other_order(self, texts: pl.Series) -> None:
         other = in_other_order(self.form.format)

@@ -1,0 +1,97 @@
+"""Parts of a stamp in columns of their own: Year, Month, Day, Hour, Minute and Second, or Hour beside a date. They are
+known by their names and by what they hold."""
+
+from collections.abc import Sequence
+from itertools import chain, pairwise
+
+from app.ingest.columns.plain_names import plain
+from app.ingest.files.head import Head, is_number
+from app.ingest.numbers.units import as_number
+
+_MOST = 0.8  # of the rows
+_ONE_WAY = 0.9  # of the steps of hours within a day
+_YEARS = frozenset(("year", "yr", "jahr", "annee", "ano", "anno", "jaar", "年"))
+_MONTHS = frozenset(("month", "monat", "mois", "mes", "mese", "maand", "月"))
+_DAYS = frozenset(("day", "dayofmonth", "tag", "jour", "dia", "giorno", "dag", "日"))
+_HOURS = frozenset(("hour", "hours", "hr", "hrs", "hourofday", "stunde", "std", "heure", "hora", "ora", "uur", "小时"))
+_MINUTES = frozenset(("minute", "minuto", "minuut", "分", "分钟"))
+_SECONDS = frozenset(("second", "sekunde", "seconde", "segundo", "secondo", "秒"))
+_ALSO_MINUTES, _ALSO_SECONDS = frozenset(("minutes", "min")), frozenset(("seconds", "sec", "sek"))
+"""Next to hours, or to minutes; elsewhere they may be a span, or the lowest value."""
+_OF_DAY = ((_YEARS, 1990, 2049), (_MONTHS, 1, 12), (_DAYS, 1, 31))
+_BESIDE_MINIMUM = frozenset(("max", "maximum", "mean", "avg", "average"))
+
+
+def parts_of_stamps(head: Head, names: Sequence[str], first_row: int) -> tuple[int, ...]:
+    """The columns of year, month, day and hour with those of minutes and seconds behind it; empty where one lacks."""
+    date = days_beside(head, names, first_row)
+    return (*date, *clock) if date and (clock := _clock(head, names, first_row)) else ()
+
+
+def days_beside(head: Head, names: Sequence[str], first_row: int) -> tuple[int, ...]:
+    """The columns of year, month and day; empty where one lacks."""
+    known = [plain(name) for name in names]
+    columns: list[int] = []
+    for called, low, high in _OF_DAY:
+        named = (at for at, name in enumerate(known) if name in called)
+        found = next((at for at in named if _are_whole(head, at, first_row, low, high)), None)
+        if found is None:
+            return ()
+        columns.append(found)
+    return tuple(columns)
+
+
+def clock_beside(head: Head, names: Sequence[str], date: int, first_row: int) -> tuple[int, ...]:
+    """The columns of the hour, and of minutes and seconds, beside one of dates that several rows share; empty where
+    hours do not go one way within a day, as those that something ran do not."""
+    clock = _clock(head, names, first_row)
+    if not clock:
+        return ()
+    rows = [row for row in head.rows[first_row:] if len(row) > max(date, clock[0])]
+    hours = [(row[date], as_number(row[clock[0]])) for row in rows if row[date] and is_number(row[clock[0]])]
+    steps = [other[1] - one[1] for one, other in pairwise(hours) if one[0] == other[0]]
+    shared = 2 * len({day for day, _ in hours}) <= len(hours)
+    ways = sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)
+    moves = any(steps) or len(clock) > 1
+    return clock if shared and moves and max(ways) >= _ONE_WAY * len(steps) else ()
+
+
+def _clock(head: Head, names: Sequence[str], first_row: int) -> tuple[int, ...]:
+    """The column of hours, with those of minutes and seconds."""
+    known = [plain(name) for name in names]
+    hour = next((at for at, name in enumerate(known) if name in _HOURS), None)
+    if hour is None or not _are_whole(head, hour, first_row, 0, 24):
+        return ()
+    minute = _named(known, _MINUTES, _ALSO_MINUTES, hour)
+    if minute is None or not _are_minutes(head, known, minute, first_row):
+        return (hour,)
+    second = _named(known, _SECONDS, _ALSO_SECONDS, minute)
+    if second is None or not _hold(head, second, first_row, 0, 60):
+        return hour, minute
+    return hour, minute, second
+
+
+def _named(known: Sequence[str], called: frozenset[str], also: frozenset[str], beside: int) -> int | None:
+    """The column that is called so, or else the one next to another that is also called so."""
+    next_to = (at for at in (beside + 1, beside - 1) if 0 <= at < len(known) and known[at] in also)
+    named = (at for at, name in enumerate(known) if name in called)
+    return next(chain(named, next_to), None)
+
+
+def _are_minutes(head: Head, known: Sequence[str], column: int, first_row: int) -> bool:
+    """Min beside Max is the lowest value."""
+    lowest = known[column] == "min" and not _BESIDE_MINIMUM.isdisjoint(known)
+    return not lowest and _are_whole(head, column, first_row, 0, 59)
+
+
+def _are_whole(head: Head, column: int, first_row: int, low: int, high: int) -> bool:
+    numbers = (as_number(text) for text in head.column(column, first_row) if is_number(text, head.decimal_mark))
+    return _hold(head, column, first_row, low, high) and not any(number % 1 for number in numbers)
+
+
+def _hold(head: Head, column: int, first_row: int, low: int, high: int) -> bool:
+    """Whether most rows have a number there that is none beyond these."""
+    fields = head.column(column, first_row)
+    numbers = [as_number(text) for text in fields if is_number(text, head.decimal_mark)]
+    filled = len(numbers) >= _MOST * sum(any(row) for row in head.rows[first_row:])
+    return bool(numbers) and filled and low <= min(numbers) and max(numbers) <= high
