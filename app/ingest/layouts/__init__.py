@@ -25,6 +25,7 @@ from app.ingest.layouts import (
     aveva,
     dcs_tab,
     ignition,
+    labview,
     long,
     long_bare,
     long_by_content,
@@ -44,6 +45,7 @@ Sniff = Callable[[Head, IngestOptions], Plan | None]
 LAYOUTS: tuple[Sniff, ...] = (
     dcs_tab.sniff,
     ignition.sniff,
+    labview.sniff,
     two_rows.sniff,
     trendminer.sniff,
     aveva.sniff,

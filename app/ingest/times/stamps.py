@@ -51,6 +51,7 @@ class TimeForm:
     scale: nanoseconds a unit of a number. origin_ns: of its zero, since 1970. rounding_ns: what its times are
         rounded to.
     utc_offset_ns: of the zone that the column's name tells; None where it tells none.
+    from_clock: numbers count from a start that the file tells by a clock on the wall.
     spelled: `format` is that of the text as `respelled`. decimal_comma: of the text with a point before the decimals of
         its seconds.
     resolution_ns: the smallest step that the text can show.
@@ -65,6 +66,7 @@ class TimeForm:
     zoned: bool = False
     utc_offset_ns: int | None = None
     zone: str = ""
+    from_clock: bool = False
     spelled: bool = False
     decimal_comma: bool = False
     resolution_ns: int = 1
@@ -73,7 +75,8 @@ class TimeForm:
 
     @property
     def zone_in_file(self) -> bool:
-        return self.zoned or self.utc_offset_ns is not None or self.zone != "" or self.kind in ("epoch", "epoch_pair")
+        counted = self.kind in ("epoch", "epoch_pair") and not self.from_clock
+        return self.zoned or self.utc_offset_ns is not None or self.zone != "" or counted
 
     @property
     def is_date(self) -> bool:
@@ -90,7 +93,7 @@ class TimeForm:
         return {
             "text": self.format,
             "relative": "relative, s",
-            "epoch": "epoch",
+            "epoch": "seconds from a start" if self.from_clock else "epoch",
             "epoch_pair": "epoch:ns",
             "serial": "serial days",
         }[self.kind]
