@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sized
+from collections.abc import Callable, Collection, Mapping, Sequence, Sized
 from dataclasses import replace
 
 import numpy as np
@@ -87,6 +87,9 @@ QUALITY_NAMES = (
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 _ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "row", "rowid", "ndx"))
 """Names of the number of a row, in small letters and without blanks: no times, however they rise."""
+_OF_A_LOGGER = re.compile(r"(?i)[^\s_]_ndx\s*$|_numericid\s*$")
+"""Behind the names of tables in Ignition, the number of the row; behind those of tags in KEPServerEX, one of theirs."""
+_OF_SERIES = ("result", "table", "_measurement", "_field")
 _OF_WINCC = "processvalue"
 _ROWS_OR_VALUES = frozenset(("no", "nr"))
 NO_ROWS = -1
@@ -332,8 +335,9 @@ def wide_from(
     form = form_of(head, time, first_row, options, name_at(names, time[0]))
     if form is None:
         return None
+    passed = of_series(names).union(time)
     named = [
-        index for index in range(len(names)) if index not in time and _may_hold_values(head, names, index, first_row)
+        index for index in range(len(names)) if index not in passed and _may_hold_values(head, names, index, first_row)
     ]
     stamps = [
         index
@@ -365,7 +369,8 @@ def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: i
 
 
 def _may_name_values(name: str) -> bool:
-    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES and not _numbers_rows(name)
+    counts = _numbers_rows(name) or _OF_A_LOGGER.search(name) is not None
+    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES and not counts
 
 
 def _may_hold_values(head: Head, names: tuple[str, ...], column: int, first_row: int) -> bool:
@@ -373,6 +378,14 @@ def _may_hold_values(head: Head, names: tuple[str, ...], column: int, first_row:
     if _bare_name(names[column]) in _ROWS_OR_VALUES:
         return not _rises(numbers_of(head, column, first_row))
     return _may_name_values(names[column])
+
+
+def of_series(names: Sequence[str]) -> frozenset[int]:
+    """The columns in which InfluxDB tells of which result, table and measurement a row is."""
+    found = {name.strip().lower(): index for index, name in enumerate(names)}
+    if found.get("table", -1) != found.get("result", len(names)) + 1:
+        return frozenset()
+    return frozenset(found[name] for name in _OF_SERIES if name in found)
 
 
 def names_no_measurement(name: str) -> bool:

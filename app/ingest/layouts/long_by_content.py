@@ -2,6 +2,7 @@
 numbers."""
 
 from app.ingest.columns.names import VALUE_NAMES, mostly_numbers, names_no_measurement, quality_of, times_of_rows
+from app.ingest.columns.of_words import column_that_parts_tags, refuse_to_mix
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.widths import named_width
@@ -22,6 +23,7 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
             continue
         plan = _plan(head, names, at + 1, options)
         if plan is not None:
+            refuse_to_mix(names, column_that_parts_tags(plan, head))
             return plan
     return None
 

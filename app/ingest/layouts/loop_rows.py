@@ -1,7 +1,7 @@
 """A row a loop and an instant, as a data base's table of loops is queried: Loop,Time,PV,OP,SP. Its signals have the
 name of the row's loop before their own."""
 
-from app.ingest.columns.names import mostly_numbers, names_no_measurement, quality_named, times_of_rows
+from app.ingest.columns.names import mostly_numbers, names_no_measurement, of_series, quality_named, times_of_rows
 from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, ValueColumn
@@ -70,8 +70,15 @@ def _others(
 ) -> tuple[ValueColumn, ...]:
     """The further columns of numbers, each under a name of its own."""
     found: dict[str, ValueColumn] = {}
+    series = of_series(names)
     for index, name in enumerate(names):
-        if index in used or names_no_measurement(name) or plain(name) in taken or plain(name) in found:
+        if (
+            index in used
+            or index in series
+            or names_no_measurement(name)
+            or plain(name) in taken
+            or plain(name) in found
+        ):
             continue
         if mostly_numbers(head.column(index, first_row), head.decimal_mark):
             found[plain(name)] = ValueColumn(index, name)

@@ -8,10 +8,11 @@ from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
-from app.ingest.tags.grouping import place
+from app.ingest.tags.grouping import AUDITED, place
 from app.ingest.times.stamps import TimeForm
 
 _LAYOUT = "loop_words"
+_PROPERTIES = frozenset(("property", "propertyname", "attribute", "attributename", "parameter", "parametername"))
 
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
@@ -28,7 +29,7 @@ def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
 def _plan(head: Head, names: tuple[str, ...], first_row: int, value: int, options: IngestOptions) -> LongPlan | None:
     known = [plain(name) for name in names]
     columns = {index: head.column(index, first_row) for index in range(len(names)) if index != value}
-    word = next((index for index, fields in columns.items() if _are_signals(fields)), None)
+    word = next((index for index, fields in columns.items() if _are_words_of_signals(known[index], fields)), None)
     others = [index for index in columns if index != word]
     loops = columns_of_loops(head, names, first_row, others, in_words=word is not None)
     is_influx = "measurement" in known and "field" in known
@@ -74,7 +75,9 @@ def _joined(
     return LongPlan(_LAYOUT, first_row, width, time, form, tag, value, quality, signals=signals, word=word)
 
 
-def _are_signals(fields: list[str]) -> bool:
-    """Whether all fields are names of signals without a loop."""
+def _are_words_of_signals(name: str, fields: list[str]) -> bool:
+    """Whether all fields are names of signals without a loop; under the name of properties, PV and OP among others."""
     places = [place(text, "") for text in set(fields)]
-    return bool(places) and all(at.loop == "" and at.signal != "OTHER" for at in places)
+    signals = [at.signal for at in places if at.loop == "" and at.signal != "OTHER"]
+    among_others = name in _PROPERTIES and AUDITED.issubset(signals)
+    return among_others or 0 < len(signals) == len(places)
