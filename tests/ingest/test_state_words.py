@@ -107,6 +107,40 @@ def test_numbers_that_are_written_otherwise_beside_them_are_no_words(read: Read)
     assert content.rejects.counts == {}
 
 
+def beside(word: str, number: Row) -> str:
+    """PV with a word in every tenth row, and the number that stands beside it."""
+    return table("tag;time;value;TextValue", "", PV=lambda k: f"{number(k)};{word}" if k % 10 == 3 else numbers(k))
+
+
+@pytest.mark.parametrize("word", ["High", "shift change", "Alarm ack"])
+def test_alarms_and_remarks_beside_numbers_that_go_on_leave_them(read: Read, word: str) -> None:
+    content = read(beside(word, lambda k: f"{k % 9}.5"))
+    pv = content.loops["FIC101"].pv
+    assert pv is not None
+    assert pv.tolist() == [k % 9 + 0.5 for k in range(ROWS)]
+    assert content.rejects.counts == {}
+
+
+def test_an_alarm_beside_a_set_point_that_rests_leaves_it(read: Read) -> None:
+    tags = {tag: lambda k: f"{k % 9}.5;{'High' if k % 10 == 3 else ''}" for tag in ("PV", "OP")}
+    content = read(table("tag;time;value;TextValue", "", **tags, SP=lambda k: f"50;{'High' if k % 10 == 3 else ''}"))
+    sp = content.loops["FIC101"].sp
+    assert sp is not None
+    assert sp.tolist() == [50.0] * ROWS
+    assert content.rejects.counts == {}
+
+
+@pytest.mark.parametrize("number", ["", "248", "5.5"])
+def test_a_word_beside_the_same_number_says_why_there_is_none(read: Read, number: str) -> None:
+    content = read(beside("Scan stopped", lambda k: number))
+    assert content.rejects.counts == {"not_a_number": 6}
+
+
+def test_a_word_for_no_data_does_so_beside_numbers_that_go_on(read: Read) -> None:
+    content = read(beside("Scan Off", lambda k: f"{k % 9}.5"))
+    assert content.rejects.counts == {"not_a_number": 6}
+
+
 def test_modes_with_their_number_before_the_word(read: Read) -> None:
     content = read(table(MODE=lambda k: "0;1 AUTO" if k < 40 else "1;0 MAN"))
     assert automatic(content) == [1.0] * 40 + [0.0] * 20

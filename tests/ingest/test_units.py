@@ -295,3 +295,14 @@ def test_what_tells_late_does_not_have_a_tag_read_both_ways(read: Read, delimite
     op = np.delete(content.loops["FIC1"].op, 900)
     assert np.nanmax(op) < 1.9 * np.nanmin(op)
     assert content.rejects.counts["unclear_mark"] > 200
+
+
+@pytest.mark.parametrize("short", ["K", "Mil", "k"])
+@pytest.mark.parametrize("layout", ["wide", "long"])
+def test_shortened_thousands_are_refused_and_told(read: Read, short: str, layout: str) -> None:
+    texts = [f"2.{k} {short}" if k % 2 else "999" for k in range(40)]
+    rows = [f"{stamp};FIC1.OP;{text}" for stamp, text in zip(STAMPS, texts, strict=True)]
+    content = read(wide(texts, ";") if layout == "wide" else "Time;Tag;Value\n" + "\n".join(rows) + "\n")
+    assert dict(content.rejects.counts) == {"not_a_number": 20}
+    (note,) = (note for note in content.summary.notes if "rounded thousands" in note)
+    assert note.endswith(f"send them unformatted: {short} (FIC1.OP)")

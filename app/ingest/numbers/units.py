@@ -29,6 +29,8 @@ _WITH_UNIT = r"^([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)$"
 _FIELD = re.compile(_WITH_UNIT)
 _PLAIN = str.maketrans({"°": "deg", **dict.fromkeys("[]().^")})
 _OF_AN_HOUR = re.compile("/(?:hr|hour)$")
+_SHORT = ("k", "mil", "bil", "tri")
+"""As Grafana writes thousands, millions and what follows them."""
 _NO_UNIT = dict.fromkeys(("null", "none", "na", "n/a"), "")
 _NAMED = _NO_UNIT | {"pct": "%", "percent": "%", "c": "degc", "celsius": "degc", "f": "degf", "fahrenheit": "degf"}
 
@@ -40,11 +42,13 @@ class UnitsOfTags:
     def __init__(self) -> None:
         self.of: dict[str, str] = {}
         self._others: dict[str, str] = {}
+        self._shortened: dict[str, str] = {}
 
     def read(self, texts: pl.Series, tags: pl.Series) -> FloatArray:
         """(n,) numbers of texts that have their tag's unit behind them, NaN elsewhere."""
         parts = texts.str.strip_chars(' "').str.extract_groups(_WITH_UNIT).struct.unnest()
         numbers, units = parts.to_series(0), parts.to_series(1)
+        self._look_for_shortened(units, tags)
         units = units.set(~are_units(units), None)
         given = pl.DataFrame([tags.alias("tag"), units.alias("unit")]).drop_nulls()
         counted = given.group_by("tag", "unit", maintain_order=True).len()
@@ -54,11 +58,21 @@ class UnitsOfTags:
         same = units == tags.replace_strict(self.of, default=None, return_dtype=pl.String)
         return np.where(same.fill_null(False).to_numpy(), to_numbers(numbers), np.nan)
 
+    def _look_for_shortened(self, units: pl.Series, tags: pl.Series) -> None:
+        short = units.str.strip_chars().str.to_lowercase().is_in(_SHORT).fill_null(False)
+        if short.any():
+            found = pl.DataFrame([tags.alias("tag"), units.str.strip_chars().alias("unit")]).filter(short)
+            for tag, unit in found.unique("tag", maintain_order=True).iter_rows():
+                self._shortened.setdefault(tag, unit)
+
     def notes(self) -> list[str]:
         """The units and some of the tags that have them, and those that were refused."""
         told = {
             "numbers have their unit behind them, and were read where it is the one of their tag": self.of,
             "numbers are in another unit than most of their tag, and were refused": self._others,
+            "numbers that may be rounded thousands or millions, or kelvin, were refused, send them unformatted": (
+                self._shortened
+            ),
         }
         return [f"{what}: {_shown(units)}" for what, units in told.items() if units]
 

@@ -358,7 +358,8 @@ class LongTable:
         values, missing = numbers.values[:, 0], numbers.missing[:, 0]
         modes = self._are_modes(codes)
         if self._plan.state is not None:
-            states = states_for_values(cells.rows.frame[name_of(self._plan.state)], codes, modes, missing)
+            words = cells.rows.frame[name_of(self._plan.state)]
+            states = states_for_values(words, codes, modes, missing, values)
             cells = replace(cells, states=states)
             missing |= states.is_not_null().to_numpy()
         if self._may_tell(cells, values, codes, kept & ~modes):
