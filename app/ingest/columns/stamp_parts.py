@@ -42,18 +42,26 @@ def days_beside(head: Head, names: Sequence[str], first_row: int) -> tuple[int, 
 
 
 def clock_beside(head: Head, names: Sequence[str], date: int, first_row: int) -> tuple[int, ...]:
-    """The columns of the hour, and of minutes and seconds, beside one of dates that several rows share; empty where
-    hours do not go one way within a day, as those that something ran do not."""
+    """The columns of the hour, and of minutes and seconds, beside one of dates that several rows share, of each tag or
+    loop; empty where hours do not go one way within a day, as those that something ran do not."""
     clock = _clock(head, names, first_row)
     if not clock:
         return ()
     rows = [row for row in head.rows[first_row:] if len(row) > max(date, clock[0])]
-    hours = [(row[date], as_number(row[clock[0]])) for row in rows if row[date] and is_number(row[clock[0]])]
+    rows = [row for row in rows if row[date] and is_number(row[clock[0]])]
+    words = [at for at in range(len(names)) if at != date and _begins_with_words(head, rows, at)]
+    days = {(row[date], *(row[at] for at in words if at < len(row))) for row in rows}
+    hours = [(row[date], as_number(row[clock[0]])) for row in rows]
     steps = [other[1] - one[1] for one, other in pairwise(hours) if one[0] == other[0]]
-    shared = 2 * len({day for day, _ in hours}) <= len(hours)
+    shared = 2 * len(days) <= len(rows)
     ways = sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)
     moves = any(steps) or len(clock) > 1
     return clock if shared and moves and max(ways) >= _ONE_WAY * len(steps) else ()
+
+
+def _begins_with_words(head: Head, rows: Sequence[Sequence[str]], column: int) -> bool:
+    first = next((row[column] for row in rows if column < len(row) and row[column]), "")
+    return first != "" and not is_number(first, head.decimal_mark)
 
 
 def _clock(head: Head, names: Sequence[str], first_row: int) -> tuple[int, ...]:
