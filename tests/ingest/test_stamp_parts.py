@@ -110,6 +110,24 @@ def test_hours_that_something_ran_are_no_clock(read: Read, name: str) -> None:
     assert content.loops["FIC1"].time_ns.tolist() == expected_ns(86_400, 30)
 
 
+@pytest.mark.parametrize("heading", ["Date,Tag,Value,Hours", "Date,Loop,PV,OP,Hours"])
+@pytest.mark.parametrize("hours", [lambda k: 24 - k % 17 // 16, lambda k: 20 + k % 4], ids=["mostly 24", "a loop"])
+def test_hours_that_several_ran_a_day_are_no_clock(read: Read, heading: str, hours: Callable[[int], int]) -> None:
+    tags = ("FIC1.PV", "FIC1.OP", "FIC2.PV", "FIC2.OP") if "Tag" in heading else ("FIC1", "FIC2", "FIC3", "FIC4")
+    between = "" if "Tag" in heading else ",5.5"
+    rows = [f"2024-05-{k // 4 + 1:02d},{tags[k % 4]},{k % 9}.5{between},{hours(k)}" for k in range(120)]
+    content = read("\n".join((heading, *rows)) + "\n")
+    assert content.loops["FIC1"].time_ns.tolist() == expected_ns(86_400, 30)
+    assert content.loops["FIC2"].time_ns.tolist() == expected_ns(86_400, 30)
+
+
+def test_hours_of_several_tags_are_a_clock(read: Read) -> None:
+    times = [START + timedelta(hours=k) for k in range(ROWS)]
+    rows = [f"{at:%Y-%m-%d},{at.hour},FIC1.{tag},{k % 9}" for k, at in enumerate(times) for tag in ("PV", "OP")]
+    content = read("Date,Hour,Tag,Value\n" + "\n".join(rows))
+    assert content.loops["FIC1"].time_ns.tolist() == expected_ns(HOUR_S)
+
+
 def test_minimum_beside_maximum_is_no_minute(read: Read) -> None:
     content = read(wide("Date,Hour,Min,Max", lambda at: f"{at:%Y-%m-%d},{at.hour},{at.hour},{at.hour + 9}", HOUR_S))
     assert times_of(content.loops["FIC1"]) == expected_ns(HOUR_S)
@@ -177,7 +195,26 @@ def test_24_that_begins_its_day_is_refused(read: Read, newest_first: bool) -> No
 
     names, *rows = wide("Time", stamp, HOUR_S).splitlines()
     content = read("\n".join((names, *(rows[::-1] if newest_first else rows))) + "\n")
-    assert dict(content.rejects.counts) == {"bad_time": 2}, "that of the first row stands beside no other day"
+    assert dict(content.rejects.counts) == {"bad_time": 3}, "that of the first row is as the others are"
+
+
+@pytest.mark.parametrize("by_tag", [False, True])
+def test_24_that_begins_its_day_is_refused_in_a_table_of_a_tag_a_row(read: Read, by_tag: bool) -> None:
+    def stamp(at: datetime) -> str:
+        return f"{at:%Y-%m-%d} {at.hour or 24:02d}:{at:%M:%S}"
+
+    times = [stamp(START + timedelta(hours=k)) for k in range(ROWS)]
+    rows = [(tag, k) for tag in ("PV", "OP") for k in range(ROWS)]
+    rows.sort(key=lambda row: 0 if by_tag else row[1])
+    content = read("Time,Tag,Value\n" + "\n".join(f"{times[k]},FIC1.{tag},{k % 9}" for tag, k in rows))
+    assert dict(content.rejects.counts) == {"bad_time": 6}
+
+
+def test_one_24_out_of_its_order_leaves_the_others(read: Read) -> None:
+    times = [at_24(START + timedelta(hours=k), MIDNIGHTS[0]) for k in range(10 * 24)]
+    times[49], times[72] = times[72], times[49]
+    content = read("Time,FIC1.PV,FIC1.OP\n" + "\n".join(f"{at},{k % 9},{k % 7}" for k, at in enumerate(times)))
+    assert dict(content.rejects.counts) == {}
 
 
 def test_24_with_minutes_is_no_time(read: Read) -> None:
