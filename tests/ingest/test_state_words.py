@@ -141,6 +141,25 @@ def test_a_word_for_no_data_does_so_beside_numbers_that_go_on(read: Read) -> Non
     assert content.rejects.counts == {"not_a_number": 6}
 
 
+@pytest.mark.parametrize(
+    "word",
+    [
+        *("Sensor Failure", "Invalid", "OPC Bad", "Error 5", "Not Available", "Offline", "No signal", "Stale"),
+        *("Out of Service", "Over Range", "Device Fault", "Disconnected", "Substituted", "Manual Entry", "Lost"),
+        *("Störung", "Drahtbruch", "Ausfall", "ungültig", "Fehler", "Kein Signal", "Défaut", "Hors service"),
+        *("Invalide", "Comm Loss", "Wire break"),
+    ],
+)
+def test_a_word_for_a_fault_does_so_beside_numbers_that_go_on(read: Read, word: str) -> None:
+    content = read(beside(word, lambda k: f"{k % 9}.5"))
+    assert content.rejects.counts == {"not_a_number": 6}
+
+
+@pytest.mark.parametrize("word", ["HiHi", "Low alarm", "Terror drill", "Glossy sheet", "Feed changed to tank 7"])
+def test_remarks_in_which_such_a_word_is_a_part_of_another_leave_them(read: Read, word: str) -> None:
+    assert read(beside(word, lambda k: f"{k % 9}.5")).rejects.counts == {}
+
+
 def test_modes_with_their_number_before_the_word(read: Read) -> None:
     content = read(table(MODE=lambda k: "0;1 AUTO" if k < 40 else "1;0 MAN"))
     assert automatic(content) == [1.0] * 40 + [0.0] * 20

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
+from app.ingest.tags.fault_words import tell_faults
 from app.ingest.tags.modes import stand_for_no_data
 
 _FEW = 0.5  # of a tag's rows
@@ -36,9 +37,9 @@ def _stand_beside_moving(
     words: pl.Series, codes: NDArray[np.uint32], numbers: FloatArray, asked: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """(n,) whether the numbers of some tag move beside the word of a row: beside a state stands one of each, that of
-    its code or the last good one. A word for no data says so whatever stands beside it."""
+    its code or the last good one. A word for no data, or for a fault, says so whatever stands beside it."""
     moving = np.zeros(len(words), dtype=bool)
-    at = np.flatnonzero(asked & ~stand_for_no_data(words))
+    at = np.flatnonzero(asked & ~stand_for_no_data(words) & ~tell_faults(words).to_numpy())
     if len(at):
         told = pl.DataFrame({"tag": codes[at], "word": words[at], "number": numbers[at]})
         different = told.group_by("tag", "word").agg(pl.col("number").n_unique())
