@@ -76,6 +76,17 @@ def test_a_signal_called_table_is_kept(read: Read) -> None:
     assert list(content.loops) == ["Table", "FIC1"]
 
 
+@pytest.mark.parametrize("name", ["MELT_NDX", "FIC101_NUMERICID"])
+def test_a_signal_called_like_the_number_of_a_row_is_kept(read: Read, name: str) -> None:
+    content = read(table(f"Time,{name},FIC1.PV,FIC1.OP", lambda k: f"{at(k)},{k % 8}.5,{pv(k)},{op(k)}"))
+    assert list(content.loops) == [name, "FIC1"]
+
+
+def test_signals_called_result_and_table_are_kept(read: Read) -> None:
+    content = read(table("Time,Result,Table,FIC1.PV,FIC1.OP", lambda k: f"{at(k)},{k % 8}.5,{k % 3},{pv(k)},{op(k)}"))
+    assert list(content.loops) == ["Result", "Table", "FIC1"]
+
+
 def of_objects(heading: str, properties: dict[str, Callable[[int], str]]) -> str:
     rows = [
         f"{thing};{name};{at(k)};{value(k)}"

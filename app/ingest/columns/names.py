@@ -335,7 +335,7 @@ def wide_from(
     form = form_of(head, time, first_row, options, name_at(names, time[0]))
     if form is None:
         return None
-    passed = of_series(names).union(time)
+    passed = of_series(head, names, first_row).union(time)
     named = [
         index for index in range(len(names)) if index not in passed and _may_hold_values(head, names, index, first_row)
     ]
@@ -369,28 +369,36 @@ def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: i
 
 
 def _may_name_values(name: str) -> bool:
-    counts = _numbers_rows(name) or _OF_A_LOGGER.search(name) is not None
-    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES and not counts
+    return plain(name) not in SKIPPED_NAMES and plain(name) not in QUALITY_NAMES and not _numbers_rows(name)
 
 
 def _may_hold_values(head: Head, names: tuple[str, ...], column: int, first_row: int) -> bool:
-    """By its name; one that is called NO may be nitric oxide, where it does not rise as the number of a row."""
+    """By its name; one that is called NO may be nitric oxide, where it does not rise as the number of a row, and one
+    with fractions is no number of a row or a tag."""
     if _bare_name(names[column]) in _ROWS_OR_VALUES:
         return not _rises(numbers_of(head, column, first_row))
-    return _may_name_values(names[column])
+    return _may_name_values(names[column]) and not _counts_for_a_logger(head, names[column], column, first_row)
 
 
-def of_series(names: Sequence[str]) -> frozenset[int]:
-    """The columns in which InfluxDB tells of which result, table and measurement a row is."""
+def _counts_for_a_logger(head: Head, name: str, column: int, first_row: int) -> bool:
+    if not _OF_A_LOGGER.search(name):
+        return False
+    numbers = numbers_of(head, column, first_row)
+    return bool(np.all(numbers == np.round(numbers)))
+
+
+def of_series(head: Head, names: Sequence[str], first_row: int) -> frozenset[int]:
+    """The columns in which InfluxDB tells of which result, table and measurement a row is; a result is no number."""
     found = {name.strip().lower(): index for index, name in enumerate(names)}
-    if found.get("table", -1) != found.get("result", len(names)) + 1:
+    result = found.get("result", len(names))
+    if found.get("table", -1) != result + 1 or mostly_numbers(head.column(result, first_row), head.decimal_mark):
         return frozenset()
     return frozenset(found[name] for name in _OF_SERIES if name in found)
 
 
 def names_no_measurement(name: str) -> bool:
     """Whether a column is by its name a mode, a quality or a number of the row: nothing that could move a PV."""
-    return not _may_name_values(name) or place(name, "").signal == "MODE"
+    return not _may_name_values(name) or _OF_A_LOGGER.search(name) is not None or place(name, "").signal == "MODE"
 
 
 def _holds_times(head: Head, column: int, first_row: int, options: IngestOptions) -> bool:

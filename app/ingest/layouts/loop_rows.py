@@ -70,7 +70,7 @@ def _others(
 ) -> tuple[ValueColumn, ...]:
     """The further columns of numbers, each under a name of its own."""
     found: dict[str, ValueColumn] = {}
-    series = of_series(names)
+    series = of_series(head, names, first_row)
     for index, name in enumerate(names):
         if (
             index in used
