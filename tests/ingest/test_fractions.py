@@ -88,6 +88,13 @@ def test_a_count_under_the_name_of_times_stays_one(read: Read) -> None:
     ]
 
 
+def test_a_count_under_the_name_of_times_beside_a_tag_a_row_stays_one(read: Read) -> None:
+    values = [f"2024-01-31 {seconds(k)},{k % 9}.5,{45322e6 + 5.787 * k:.3f}" for k in range(ROWS)]
+    rows = [f"{value},{tag}" for value in values for tag in SIGNALS]
+    content = read(long(rows, "TimeString,VarValue,Time_ms,VarName"))
+    assert notes_of(content, "Time_ms") == ["columns beside tag, time and value were not read: Time_ms"]
+
+
 def test_date_clock_and_milliseconds_in_three_columns(read: Read) -> None:
     rows = [f"31/01/2024;{seconds(k)};{half_seconds(k)};{k % 9};{k % 7}" for k in range(ROWS)]
     content = read("Date;Time;Milliseconds;FIC101_PV;FIC101_OP\n" + "\n".join(rows))

@@ -59,7 +59,6 @@ def with_fraction(plan: Plan, head: Head, options: IngestOptions) -> Plan:
     if isinstance(plan, WidePlan) and len(plan.groups) > 1:
         return plan
     time = plan.groups[0].time if isinstance(plan, WidePlan) else plan.time
-    further = {column.index for column in plan.further_times} if isinstance(plan, WidePlan) else ()
     for index, name in _candidates(plan, head):
         unit_ns = _unit_told(name) or _NS_PER_MS
         named, beside = _unit_told(name) is not None, index in (max(time) + 1, min(time) - 1)
@@ -69,7 +68,7 @@ def with_fraction(plan: Plan, head: Head, options: IngestOptions) -> Plan:
         if why_not is None:
             note = f"the parts of a second in {name.strip()[:80]!r} were joined to the times"
             return _joined(plan, Fraction(index, unit_ns), note)
-        if why_not and index not in further:
+        if why_not and not _is_of_times(name):
             note = f"the column {name.strip()[:80]!r} was not joined to the times: {why_not}"
             return replace(plan, notes=(*plan.notes, note))
     return plan
@@ -91,8 +90,12 @@ def _candidates(plan: Plan, head: Head) -> Iterator[tuple[int, str]]:
 
 def _unit_told(name: str) -> int | None:
     """In ns, by a name that is one of parts of a second, or that of times in such a unit, as Time_ms."""
-    seconds = unit_of_times(name)
-    return _NAMED.get(plain(name)) or (_OF_TIMES.get(seconds) if seconds else None)
+    return _NAMED.get(plain(name)) or _OF_TIMES.get(unit_of_times(name) or 0.0)
+
+
+def _is_of_times(name: str) -> bool:
+    """What has the name of times is no signal, and whatever is left unread is told elsewhere."""
+    return unit_of_times(name) is not None
 
 
 def _sample(head: Head, plan: Plan, time: tuple[int, ...], column: int, options: IngestOptions) -> _Sample:
