@@ -210,6 +210,13 @@ def test_24_that_begins_its_day_is_refused_in_a_table_of_a_tag_a_row(read: Read,
     assert dict(content.rejects.counts) == {"bad_time": 6}
 
 
+def test_24_beside_times_of_its_hour_that_are_none_is_refused(read: Read) -> None:
+    times = [START + timedelta(minutes=30 * k) for k in range(120)]
+    rows = [f"{at:%Y-%m-%d} {at.hour or 24:02d}:{at:%M:%S},{k % 9},{k % 7}" for k, at in enumerate(times)]
+    content = read("Time,FIC1.PV,FIC1.OP\n" + "\n".join(rows))
+    assert dict(content.rejects.counts) == {"bad_time": 6}
+
+
 def test_one_24_out_of_its_order_leaves_the_others(read: Read) -> None:
     times = [at_24(START + timedelta(hours=k), MIDNIGHTS[0]) for k in range(10 * 24)]
     times[49], times[72] = times[72], times[49]

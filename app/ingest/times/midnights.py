@@ -18,7 +18,8 @@ def without_begins(texts: pl.Series, time_ns: TimeArray) -> TimeArray:
     at = at[texts[at].str.contains(MIDNIGHT).fill_null(False).to_numpy()] if len(at) else at
     if not len(at):
         return time_ns
-    doubtful = _may_begin(time_ns)[at]
+    read = np.flatnonzero(time_ns != NO_TIME)
+    doubtful = _may_begin(time_ns[read])[np.searchsorted(read, at)]
     time_ns = time_ns.copy()
     time_ns[at if 2 * np.count_nonzero(doubtful) > len(at) else at[doubtful]] = NO_TIME
     return time_ns
@@ -31,7 +32,6 @@ def _may_begin(time_ns: TimeArray) -> NDArray[np.bool_]:
     each = time_ns[starts]
     days = each // DAY_NS
     beside = np.sort(np.stack((days[:-2] - days[1:-1], days[2:] - days[1:-1])), axis=0)
-    known = (each[:-2] != NO_TIME) & (each[2:] != NO_TIME)
     may = np.zeros(len(each), dtype=bool)
-    may[1:-1] = known & (beside[0] == -2) & (beside[1] == -1)  # -1 is the day that it ends
+    may[1:-1] = (beside[0] == -2) & (beside[1] == -1)  # -1 is the day that it ends
     return np.repeat(may, np.diff(starts, append=len(time_ns)))
