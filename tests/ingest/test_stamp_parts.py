@@ -121,6 +121,20 @@ def test_hours_that_several_ran_a_day_are_no_clock(read: Read, heading: str, hou
     assert content.loops["FIC2"].time_ns.tolist() == expected_ns(86_400, 30)
 
 
+def test_hours_that_something_ran_beside_year_month_and_day_are_no_clock(read: Read) -> None:
+    rows = [f"2024,5,{day},{20 + day % 5},{day},{day % 7}" for day in range(1, 31)]
+    with pytest.raises(DataError):
+        read("Year,Month,Day,Hours,FIC1.PV,FIC1.OP\n" + "\n".join(rows))
+
+
+def test_dates_of_the_year_2000_keep_their_year(read: Read) -> None:
+    start = datetime(2000, 5, 1)
+    times = [start + timedelta(minutes=k) for k in range(ROWS)]
+    rows = [f"{at:%d.%m.%y};{at.hour};{at.minute};{k % 9};{k % 7}" for k, at in enumerate(times)]
+    content = read("Datum;Stunde;Minute;FIC1.PV;FIC1.OP\n" + "\n".join(rows))
+    assert content.loops["FIC1"].time_ns.tolist() == expected_ns(60, start=start)
+
+
 def test_hours_of_several_tags_are_a_clock(read: Read) -> None:
     times = [START + timedelta(hours=k) for k in range(ROWS)]
     rows = [f"{at:%Y-%m-%d},{at.hour},FIC1.{tag},{k % 9}" for k, at in enumerate(times) for tag in ("PV", "OP")]

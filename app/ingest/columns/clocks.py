@@ -22,7 +22,7 @@ _OUR_DATE = re.compile(
 )
 _YEAR = r"^\d{4}$"
 _DAYS_OF_YEAR = 3  # columns: year, month and day
-_NO_DECIMALS = r"[.,]0+$"  # a data base's whole number
+_NO_DECIMALS = r"^(\d+)[.,]0+$"  # a data base's whole number
 _HOUR_OF_NUMBERS = r"^(\d{1,2})\.0$"  # where one of them is missing, whole ones have decimals
 _ONE_DIGIT = r"^(\d)([.,]\d+)?$"
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
@@ -107,7 +107,7 @@ def stamps_of(frame: pl.DataFrame, time: tuple[int, ...]) -> pl.Series:
 def _of_parts(parts: Sequence[str]) -> str:
     """Of a date, or of year, month and day, and the parts of a clock."""
     whole = (re.sub(_CLOCK_OF_NO_CLOCK, "", parts[0]), *parts[1:])
-    written = [re.sub(_ONE_DIGIT, r"0\1\2", re.sub(_NO_DECIMALS, "", part)) for part in whole]
+    written = [re.sub(_ONE_DIGIT, r"0\1\2", re.sub(_NO_DECIMALS, r"\1", part)) for part in whole]
     days = _DAYS_OF_YEAR if re.search(_YEAR, written[0]) else 1
     return " ".join(("-".join(written[:days]), ":".join(written[days:])))
 
@@ -115,7 +115,7 @@ def _of_parts(parts: Sequence[str]) -> str:
 def _of_columns_of_parts(parts: Sequence[pl.Series]) -> pl.Series:
     """The same of whole columns."""
     whole = (parts[0].str.replace(_CLOCK_OF_NO_CLOCK, ""), *parts[1:])
-    written = [part.str.replace(_NO_DECIMALS, "").str.replace(_ONE_DIGIT, "0${1}${2}") for part in whole]
+    written = [part.str.replace(_NO_DECIMALS, "${1}").str.replace(_ONE_DIGIT, "0${1}${2}") for part in whole]
 
     def joined(days: int) -> pl.Expr:
         date, clock = (pl.concat_str(written[:days], separator="-"), pl.concat_str(written[days:], separator=":"))

@@ -23,9 +23,12 @@ _BESIDE_MINIMUM = frozenset(("max", "maximum", "mean", "avg", "average"))
 
 
 def parts_of_stamps(head: Head, names: Sequence[str], first_row: int) -> tuple[int, ...]:
-    """The columns of year, month, day and hour with those of minutes and seconds behind it; empty where one lacks."""
+    """The columns of year, month, day and hour with those of minutes and seconds behind it; empty where one lacks, and
+    where hours without minutes are none of a clock."""
     date = days_beside(head, names, first_row)
-    return (*date, *clock) if date and (clock := _clock(head, names, first_row)) else ()
+    clock = _clock(head, names, first_row) if date else ()
+    is_clock = len(clock) > 1 or (clock and _go_on_in_days(head, names, date, clock, first_row))
+    return (*date, *clock) if is_clock else ()
 
 
 def days_beside(head: Head, names: Sequence[str], first_row: int) -> tuple[int, ...]:
@@ -42,21 +45,24 @@ def days_beside(head: Head, names: Sequence[str], first_row: int) -> tuple[int, 
 
 
 def clock_beside(head: Head, names: Sequence[str], date: int, first_row: int) -> tuple[int, ...]:
-    """The columns of the hour, and of minutes and seconds, beside one of dates that several rows share, of each tag or
-    loop; empty where hours do not go one way within a day, as those that something ran do not."""
+    """The columns of the hour, and of minutes and seconds, beside one of dates."""
     clock = _clock(head, names, first_row)
-    if not clock:
-        return ()
-    rows = [row for row in head.rows[first_row:] if len(row) > max(date, clock[0])]
-    rows = [row for row in rows if row[date] and is_number(row[clock[0]])]
-    words = [at for at in range(len(names)) if at != date and _begins_with_words(head, rows, at)]
-    days = {(row[date], *(row[at] for at in words if at < len(row))) for row in rows}
-    hours = [(row[date], as_number(row[clock[0]])) for row in rows]
+    return clock if clock and _go_on_in_days(head, names, (date,), clock, first_row) else ()
+
+
+def _go_on_in_days(head: Head, names: Sequence[str], date: Sequence[int], clock: Sequence[int], first_row: int) -> bool:
+    """Whether several rows share a day, of each tag or loop, and hours go one way within it, as those that something
+    ran do not."""
+    rows = [row for row in head.rows[first_row:] if len(row) > max(*date, clock[0])]
+    rows = [row for row in rows if row[date[0]] and is_number(row[clock[0]])]
+    words = [at for at in range(len(names)) if at not in date and _begins_with_words(head, rows, at)]
+    hours = [(tuple(row[at] for at in date), as_number(row[clock[0]])) for row in rows]
+    days = {(day, *(row[at] for at in words if at < len(row))) for (day, _), row in zip(hours, rows, strict=True)}
     steps = [other[1] - one[1] for one, other in pairwise(hours) if one[0] == other[0]]
     shared = 2 * len(days) <= len(rows)
     ways = sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)
     moves = any(steps) or len(clock) > 1
-    return clock if shared and moves and max(ways) >= _ONE_WAY * len(steps) else ()
+    return shared and moves and max(ways) >= _ONE_WAY * len(steps)
 
 
 def _begins_with_words(head: Head, rows: Sequence[Sequence[str]], column: int) -> bool:
