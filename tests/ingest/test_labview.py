@@ -85,6 +85,12 @@ def test_headings_of_several_segments_tell_no_start_of_all(read: Read) -> None:
     check(read(text), "export", "1970-01-01T00:00:00")
 
 
+def test_times_without_channels_are_no_signals(read: Read) -> None:
+    rows = [f"{k / 2:.6f}\t{k / 2:.6f}\t" for k in range(ROWS)]
+    content = read(lvm("X_Value\tX_Value", rows, "X_Columns\tMulti").replace("\tComment", ""))
+    assert all(samples.pv is None for samples in content.loops.values())
+
+
 def test_without_times_it_is_refused(read: Read) -> None:
     rows = [f"\t{k % 7}.25\t{k % 5}.5\t" for k in range(ROWS)]
     with pytest.raises(DataError, match="without times") as error:

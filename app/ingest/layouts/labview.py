@@ -45,9 +45,9 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     return plan and _with_start(plan, head, settings, options)
 
 
-def _with_start(plan: WidePlan, head: Head, settings: Mapping[str, str], options: IngestOptions) -> WidePlan:
+def _with_start(plan: WidePlan, head: Head, settings: Mapping[str, str], options: IngestOptions) -> WidePlan | None:
     """The plan with the instants that the header makes of its seconds. Each column X_Value has the channels up to the
-    next one."""
+    next one; None where no one has any."""
     form = _absolute(plan, head) if settings.get("Time_Pref") == "Absolute" else _started(settings, options)
     form = form or plan.form
     times = [index for index, name in enumerate(plan.names) if name == _X]
@@ -56,7 +56,8 @@ def _with_start(plan: WidePlan, head: Head, settings: Mapping[str, str], options
         TimedColumns((time,), form, tuple(value for value in values if time < value.index < end))
         for time, end in zip(times, (*times[1:], plan.width), strict=True)
     )
-    return replace(plan, groups=tuple(group for group in groups if group.values))
+    with_channels = tuple(group for group in groups if group.values)
+    return replace(plan, groups=with_channels) if with_channels else None
 
 
 def _absolute(plan: WidePlan, head: Head) -> TimeForm | None:
