@@ -153,6 +153,15 @@ def test_a_stamp_goes_before_its_parts(read: Read) -> None:
     assert times_of(content.loops["FIC1"]) == expected_ns(10)
 
 
+def test_counted_instants_go_before_hours(read: Read) -> None:
+    first = expected_ns(10)[0] // 10**9
+
+    def stamp(at: datetime) -> str:
+        return f"{first + (at - START).seconds},{at:%Y-%m-%d},{at.hour}"
+
+    assert times_of(read(wide("Timestamp,Date,Time", stamp, 10)).loops["FIC1"]) == expected_ns(10)
+
+
 def test_hours_that_many_rows_share_are_refused(read: Read) -> None:
     with pytest.raises(DataError, match="hours without minutes, '2024-05-01 0' the first") as error:
         read(wide("Date,Hour", "{0:%Y-%m-%d},{0.hour}".format, 60, rows=240))

@@ -243,7 +243,7 @@ def _is_full_time(name: str) -> bool:
 
 
 def _are_instants(form: TimeForm | None) -> bool:
-    return form is not None and form.kind != "relative" and not form.is_date
+    return form is not None and form.kind != "relative" and not form.is_date and not form.is_of_hours
 
 
 def may_be_times(name: str, numbers: FloatArray) -> bool:
