@@ -16,9 +16,11 @@ from app.engine.mismatch.physics.scales import slowness
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
+AT_BOUND = 1.01
 SMALL_ZERO = 0.45  # of the lag beside it
 OWN_SHARE = 0.35
-RAMPS = ("sensor.drift", "disturbance.ramp")
+RAMPS = ("sensor.drift", "disturbance.ramp", "sensor.drift/levelling")
+ANSWERED = 3.0  # times the process' slowest time: by then a step has come through it
 # What is no physics is no alternative to any: it only makes a name less sure.
 UNSAID = (UNNAMED, PARAMETERS)
 
@@ -70,9 +72,14 @@ def hardly_slips(contender: Contender) -> bool:
 
 
 def hardly_lasts(contender: Contender) -> bool:
-    """A ramp that is over sooner than the process answers, which a step that comes through a lag looks like as well."""
-    part, fit = contender.fit.parts[-1], contender.fit
-    return part.block.name in RAMPS and bool(part.values[1] < slowness(Context(fit.record, fit.plant)))
+    """A ramp that is over before the process has answered, or as soon as one may be, which a step that comes through a
+    lag looks like as well.
+    """
+    part, context = contender.fit.parts[-1], Context(contender.fit.record, contender.fit.plant)
+    if part.block.name not in RAMPS:
+        return False
+    shortest = part.block.parameters(context)[1].low
+    return bool(part.values[1] < max(ANSWERED * slowness(context), AT_BOUND * shortest))
 
 
 def hardly_turns_back(contender: Contender) -> bool:
