@@ -1,17 +1,23 @@
-"""Query parameters that no route takes: those that it does not know, and texts that no data base keeps.
+"""What no route takes: parameters and fields that it does not know, and texts that no data base keeps.
 
 Passed over in silence, a misspelt one answers another question.
 """
 
 import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, get_args
 
 from fastapi import Request
 from fastapi.dependencies.utils import get_flat_params
 from fastapi.exceptions import RequestValidationError
 from fastapi.params import Cookie, Header, Path
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 
 from app.errors import RequestError
+
+OUR_OWN = "Value error, "
+"""What the framework puts before a sentence of ours."""
 
 JSON_KIND = re.compile(r"application/([\w.-]+\+)?json")
 
@@ -48,3 +54,31 @@ def declared(route: APIRoute) -> tuple[str, ...]:
     """The names of the route's query parameters, those of a model one by one: only queries come as models."""
     parameters = get_flat_params(route.dependant)
     return tuple(one.alias for one in parameters if not isinstance(one.field_info, Path | Header | Cookie))
+
+
+def what_is_wrong(item: Mapping[str, Any], route: Any) -> str:
+    """What the framework found wrong, in words: of a field that the body does not have, those that it has."""
+    if item.get("type") == "extra_forbidden" and isinstance(route, APIRoute) and route.body_field is not None:
+        known = fields_at(item["loc"][1:-1], route.body_field.field_info.annotation)
+        return f"no field is called so; there is {', '.join(known)}"
+    return str(item["msg"]).removeprefix(OUR_OWN)
+
+
+def fields_at(path: Iterable[Any], kind: Any) -> list[str]:
+    """The names of the fields of the object at this path of a body of that kind."""
+    for name in path:
+        found = [field.annotation for model in models_in(kind) for field in by_name(model, name)]
+        kind = found[0] if found else kind  # the number of an item in a list names no field
+    return [field.alias or name for model in models_in(kind) for name, field in model.model_fields.items()]
+
+
+def by_name(model: type[BaseModel], name: Any) -> list[Any]:
+    return [field for own, field in model.model_fields.items() if name in (own, field.alias)]
+
+
+def models_in(kind: Any) -> Iterator[type[BaseModel]]:
+    """The models that a value of this kind may be, or hold in a list."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+    for part in get_args(kind):
+        yield from models_in(part)

@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, Response
 
 from app.errors import DataError, LoopauditError, NotFoundError
 from app.http.headers import HEADERS
+from app.http.parameters import what_is_wrong
 from app.http.permissions import IN_STEPS, SECOND_ONE
 from app.logs import without_keys
 from app.services.access.identity import request_id
@@ -186,8 +187,9 @@ async def _http_error(request: Request, error: Exception) -> Response:
 
 async def _invalid_request(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - as above
+    route = request.scope.get("route")
     errors = [
-        {"where": ".".join(map(str, item["loc"]))[:LONGEST_ECHO], "what": item["msg"]}
+        {"where": ".".join(map(str, item["loc"]))[:LONGEST_ECHO], "what": what_is_wrong(item, route)}
         for item in error.errors()[:MOST_ERRORS]
     ]
     detail = "; ".join(f"{item['where']}: {item['what']}" for item in errors[:3])

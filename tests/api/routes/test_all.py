@@ -98,6 +98,33 @@ def test_a_parameter_that_a_route_does_not_know_is_refused_by_each_of_the_api(cl
         assert (error["where"], error["what"].endswith(told)) == ("query.limt", True), path
 
 
+@pytest.mark.parametrize(
+    ("path", "body", "where", "known"),
+    [
+        ("/v1/audits", {"tag": ["FIC101"]}, "body.tag", "tags, unit, type"),
+        ("/v1/loops/FIC101/notes", {"note": "x"}, "body.note", "text, work_order, repaired_at, shelved_until"),
+        ("/v1/loops/FIC101/explanations", {"start": 1, "hours": 8}, "body.hours", "from, to, window_h, trace, csv"),
+        ("/v1/loops/FIC101/explanations", {"trace": {"pv": [1]}}, "body.trace.pv", "values, time"),
+    ],
+)
+def test_a_field_that_a_body_does_not_have_is_refused_with_those_that_it_has(client, path, body, where, known):
+    answer = client.post(path, json=body)
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    (told,) = [one["what"] for one in answer.json()["errors"] if one["where"] == where]
+    assert told.startswith(f"no field is called so; there is {known}")
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "asked", "told"),
+    [
+        ("POST", "/v1/audits", {"json": {"loops": ["FIC101"]}}, "body: loops are named in `tags`"),
+        ("GET", "/v1/loops/FIC101/trend", {"params": {"from": "2026"}}, "query.from: a time is written in ISO 8601"),
+    ],
+)
+def test_a_refusal_in_our_own_words_begins_with_them(client, plant, method, path, asked, told):
+    assert client.request(method, path, **asked).json()["detail"].startswith(told)
+
+
 @pytest.mark.parametrize("path", ["/healthz", "/readyz", "/metrics"])
 def test_probes_may_add_parameters(client, path):
     assert client.get(path, params={"target": "plant"}).status_code == 200
