@@ -12,10 +12,12 @@ from app.services.backend import Backend
 from app.services.digests.making import digest_of
 from app.services.digests.telling import subject
 from app.services.plant import reliability
+from app.services.plant.arrivals import arrivals
 from app.services.plant.course import course
 from app.services.plant.overview import overview
 from app.services.plant.reliability import RowFilter
 from app.services.plant.sticking import sticking
+from app.services.plant.worst import complaints_of_old, worst_of_old
 from app.services.reports.documents import plant_report
 from app.services.stating import notes
 from app.services.stating.shelving import shelf
@@ -79,6 +81,15 @@ def test_the_report_lists_as_sticking_what_can_be_relied_on_and_names_the_others
     apart = plant_report(backend).partition('id="sticking-apart"')[2].partition("</p>")[0]
     assert "A2 (of an old record)" in apart
     assert "A4 (from before the repair)" in apart
+
+
+def test_a_list_of_old_records_says_of_those_without_a_date_what_is_counted_of_them(backend: Backend, run: int) -> None:
+    since_ns = arrivals(backend).current_ns
+    old = {"A2": "of an old record", "A7": "of an old record", "A4": "from before the repair", "A5": "yes"}
+    assert {row["loop"]: rely(row) for row in worst_of_old(backend, since_ns)} == old
+    assert {row["loop"]: rely(row) for row in complaints_of_old(backend, since_ns, shelf(backend))} == old
+    told = {one.loop: one.told.rpartition(", ")[2] for one in digest_of(backend, str(run)).old}
+    assert told == old | {"A5": "rely on it"}
 
 
 def test_an_earlier_night_counts_by_what_was_known_by_its_end(backend: Backend, run: int) -> None:

@@ -25,7 +25,7 @@ from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.told_until import notes_until, run_to_work_by
 from app.services.plant.work_list import Work, work_list
-from app.services.recency import LATE, OLD_FROM
+from app.services.recency import DATED_NS, LATE, OLD_FROM
 from app.services.results import AuditView
 from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.naming import one_line
@@ -218,7 +218,8 @@ def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop
 
 
 def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
-    return replace(loop, recorded_to=sampled(newest_ns), of_old_record=True)
+    """How old a record without a date is, is not known."""
+    return replace(loop, recorded_to=sampled(newest_ns), of_old_record=newest_ns is not None and newest_ns >= DATED_NS)
 
 
 def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
 from app.services.audit_json.rows import OLD
 from app.services.backend import Backend
+from app.services.moments import PlantClock
 from app.services.plant.changes import Changes
 from app.services.plant.reliability import table
 from app.services.plant.stood_together import ALONE, AsOne, as_one
@@ -125,11 +126,12 @@ def worst_of_old(
     shelved: Shelf | None = None,
     together: AsOne = ALONE,
 ) -> list[dict[str, Any]]:
-    """The same of the loops that are left out there: what is said of them is of an old record."""
+    """The same of the loops that are left out there: what is said of them is of an old record, or of one without a
+    date."""
     if since_ns is None:
         return []
     asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
-    return [row | {OLD: True} for row in not_shelved(backend, limit, asked, shelved)]
+    return [_of_then(row) for row in not_shelved(backend, limit, asked, shelved)]
 
 
 def complaints_of_units(
@@ -153,7 +155,13 @@ def complaints_of_old(
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_old(connection, limit, since_ns, left_out)
-    return [row | {OLD: True} for row in _rows_of(backend, placed, shelved, since_ns)]
+    return [_of_then(row) for row in _rows_of(backend, placed, shelved, since_ns)]
+
+
+def _of_then(row: dict[str, Any]) -> dict[str, Any]:
+    """How old a record without a date is, is not known: its row says there what it says in the table."""
+    ends = row["recorded_to"]
+    return row | {OLD: True} if ends and PlantClock.dated(ends) else row
 
 
 def _rows_of(
