@@ -121,6 +121,21 @@ def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:
     assert "whose swing began sooner (0.85 against 0.95)" in neighbour_text(shaken, source)
 
 
+@pytest.mark.parametrize(
+    ("source", "shaken", "told"),
+    [
+        (0.9931, 0.9912, "valve is as likely to stick (0.99) and may be"),
+        (0.9912, 0.9931, "valve is as likely to stick and whose swing began sooner (0.99) and may be"),
+        (0.9912, 0.9912, "valve is as likely to stick (0.99) and may be"),
+    ],
+)
+def test_a_source_whose_probability_is_told_alike_is_not_called_likelier(
+    source: float, shaken: float, told: str
+) -> None:
+    both = (Suspect(tag, p, 1.0, None, 1.0, 0.0) for tag, p in (("TIC201", shaken), ("FIC101", source)))
+    assert told in neighbour_text(*both)
+
+
 @pytest.mark.parametrize(("start_s", "together"), [(0.0, False), (1_750_000_000.0, True)])
 def test_records_without_a_date_are_in_step_with_nobody(start_s: float, together: bool) -> None:
     """Files that begin at second 0 all get 1970-01-01, whatever plant they are of."""

@@ -202,10 +202,12 @@ def heard_together(
 def neighbour_text(shaken: Suspect, source: Suspect) -> str:
     """The probability of the source is less than that of the shaken loop only where its swing began sooner."""
     sticks, probability = source.stiction_probability or 0.0, shaken.stiction_probability or 0.0
-    why = "is likelier to stick" if sticks >= probability else "is likely to stick too and whose swing began sooner"
+    told, beside = told_probability(sticks), told_probability(probability)
+    alike, sooner = told == beside, " and whose swing began sooner" if sticks < probability else ""
+    likely = "as likely to stick" if alike else "likely to stick too" if sooner else "likelier to stick"
     return (
-        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve {why} "
-        f"({told_probability(sticks)} against {told_probability(probability)}) and may be what shakes this loop"
+        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve is {likely}{sooner} "
+        f"({told if alike else f'{told} against {beside}'}) and may be what shakes this loop"
     )
 
 
