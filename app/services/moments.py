@@ -37,7 +37,10 @@ class PlantClock:
     name: str
 
     def at(self, moment: datetime) -> datetime:
-        """The same moment in the plant's zone; where the calendar has no day for it there, as it is."""
+        """The same moment in the plant's zone; where the calendar has no day for it there, as it is. What has no date
+        is in no zone: it counts from the first moment of 1970, which is not the last one of 1969 anywhere."""
+        if moment < FIRST_DATED:
+            return moment.astimezone(UTC)
         try:
             return moment.astimezone(ZoneInfo(self.name))
         except OverflowError:

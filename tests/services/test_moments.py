@@ -60,6 +60,14 @@ def test_people_are_told_what_a_clock_of_the_plant_shows(zone, told):
     assert clock.short(None) == "–"
 
 
+@pytest.mark.parametrize("zone", ["UTC", "Europe/Berlin", "America/New_York"])
+def test_what_counts_from_a_start_that_nobody_told_is_in_no_zone(zone):
+    clock = PlantClock(zone)
+    assert clock.short("1970-01-01T00:00:00Z") == "1970-01-01 00:00"
+    assert clock.told("1970-01-01T00:27:00Z") == "1970-01-01 00:27 UTC"
+    assert clock.span("1970-01-03T05:58:00Z", "1970-01-03T08:45:00Z") == "1970-01-03 05:58 to 08:45"
+
+
 def test_an_hour_that_comes_twice_is_told_apart_and_read_as_the_first():
     clock = PlantClock("Europe/Berlin")
     assert clock.told("2026-10-25T00:30:00Z") == "2026-10-25 02:30 UTC+02:00"

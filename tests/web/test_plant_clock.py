@@ -99,3 +99,18 @@ def test_charts_are_drawn_by_the_plant_s_clock(chromium: Pages, client):
     assert drawn[1] == "time in Asia/Manila, UTC+08:00"
     assert datetime.fromisoformat(drawn[2]) <= datetime(2026, 1, 1, 8, 50, tzinfo=UTC).replace(tzinfo=None)
     assert drawn[2].startswith("2026-01-01T08:")
+
+
+def test_a_chart_of_a_record_without_a_date_counts_from_its_start_and_says_so(chromium: Pages, client):
+    page = chromium.open(str(client.base_url))
+    try:
+        page.goto("/loops/FIC101")
+        told = page.evaluate("""() => {
+          const clock = clockAt("1970-01-01T00:27:04Z", "1970-01-01T00:00:00Z");
+          const shown = clock.shown("1970-01-01T00:00:00Z");
+          return [shown, clock.instant(shown), clock.title];
+        }""")
+    finally:
+        page.close()
+    start = "1970-01-01T00:00:00.000"
+    assert told == [start, f"{start}Z", "time since a start without a date"]

@@ -8,7 +8,8 @@ const layout = (more) => ({
   hoverlabel: { namelength: -1 }, ...more,
 });
 // The chart library knows no zones: instants are moved by what the plant's clock is ahead of UTC at `newest`, all by the
-// same, so that no hour is drawn twice where the clock is put back.
+// same, so that no hour is drawn twice where the clock is put back. What stands before 1971 counts from a start that
+// nobody told, and is in no zone.
 const clockAt = (newest, oldest = newest) => {
   const zone = document.documentElement.dataset.zone || "UTC", two = (value) => String(value).padStart(2, "0");
   const instant = (at) => (typeof at === "string" ? Date.parse(at) : at);
@@ -19,13 +20,14 @@ const clockAt = (newest, oldest = newest) => {
       return Date.parse(`${form.format(second).replace(" ", "T")}Z`) - second;
     } catch { return null; } // a zone that this browser does not know
   };
-  const told = aheadAt(newest), ahead = told ?? 0, minutes = Math.abs(ahead) / 60000;
+  const dated = instant(newest) >= Date.UTC(1971, 0, 1);
+  const told = dated ? aheadAt(newest) : 0, ahead = told ?? 0, minutes = Math.abs(ahead) / 60000;
   const offset = `UTC${ahead < 0 ? "-" : "+"}${two(Math.floor(minutes / 60))}:${two(minutes % 60)}`;
   const changed = aheadAt(oldest) === told ? "" : ", as after the clock was changed";
   return {
     shown: (at) => new Date(instant(at) + ahead).toISOString().slice(0, -1),
     instant: (text) => new Date(Date.parse(`${text.replace(" ", "T").slice(0, 23)}Z`) - ahead).toISOString(), // of what an axis of the library says
-    title: zone === "UTC" || told === null ? "time, UTC" : `time in ${zone}, ${offset}${changed}`,
+    title: !dated ? "time since a start without a date" : zone === "UTC" || told === null ? "time, UTC" : `time in ${zone}, ${offset}${changed}`,
   };
 };
 const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };
