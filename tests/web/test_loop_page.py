@@ -1,6 +1,7 @@
 """The page of a loop: what it is accused of, what stands beside it, and what can be set on it."""
 
 import re
+from pathlib import Path
 
 import pytest
 from markupsafe import escape
@@ -334,6 +335,9 @@ def test_what_has_no_vote_is_folded_away_from_what_was_seen(client):
 def test_the_glossary_has_the_size_and_the_words_of_reliability(client):
     texts = seen(client, "/glossary").texts
     assert {"S", "J", "Rely on it? look first", "Also heard"} <= set(texts)
+    guide = (Path(__file__).parents[2] / "docs/guides/OPERATOR.md").read_text()
+    assert "| cannot tell | the record speaks neither for nor against it |" in guide
+    assert texts[texts.index("cannot tell") + 1].startswith("The record speaks neither for nor against it.")
 
 
 def test_a_stretch_of_days_ago_is_told_with_its_age(client, web_backend):
