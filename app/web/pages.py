@@ -25,7 +25,7 @@ from app.services.plant.judged import judged
 from app.services.plant.nights import nights
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.reliability import RowFilter
-from app.services.plant.worst import listed_first, worst_of_old
+from app.services.plant.worst import WORST, listed_first, worst_of_old
 from app.services.reports.documents import MOST_TOGETHER
 from app.services.telling.asked_wording import asked_words
 from app.services.telling.next_steps import OF_NO_VERDICT
@@ -107,6 +107,7 @@ def plant(backend: Services) -> HTMLResponse:
         last_nights=nights(backend, listed + [row.loop for row in changed.rows[:CHANGES]]),
         judged=judged(backend, listed),
         most_changes=CHANGES,
+        no_room_for_more=len(worst) >= WORST,
         most_groups=GROUPS,
     )
 

@@ -1,5 +1,6 @@
 """The page of the plant: its counts, how old its records are, and the last nights behind a verdict."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -10,6 +11,8 @@ from app.services.plant.changes import Changes
 from app.services.plant.judged import Judged, ToManual
 from app.services.plant.nights import Night
 from app.services.plant.overview import overview
+from app.services.plant.plant_sheet import plant_sheet
+from app.services.plant.worst import worst
 from app.services.results import ChangeView, NightOfUnit
 from app.services.results import Night as Course
 from app.web import loop as loop_page
@@ -26,6 +29,27 @@ def test_the_plant_counts_its_loops(client):
     assert [unit[1] for unit in told["units"]] == [3]
     assert client.get("/plant/tiles?unit=").json()["loops"] == told["loops"]
     assert client.get("/plant/tiles?unit=elsewhere").json()["loops"] == []
+
+
+@pytest.mark.parametrize(
+    ("room", "stick", "told"),
+    [(3, 1_216, "The first 3 are shown; all 1,216 valves that stick are in the table."), (3, 3, ""), (12, 16, "")],
+)
+def test_the_worst_say_where_the_valves_are_that_they_have_no_room_for(client, monkeypatch, room, stick, told):
+    """With room left, the others that stick stand in other lists."""
+
+    def listed(backend, *_):
+        return [], [row | {"verdict": "stiction"} for row in worst(backend)]
+
+    def sheet(backend, reach):
+        found = plant_sheet(backend, reach)
+        return found | {"seen": replace(found["seen"], verdicts={"stiction": stick})}
+
+    for name, other in (("listed_first", listed), ("plant_sheet", sheet), ("WORST", room)):
+        monkeypatch.setattr(pages, name, other)
+    more = client.get("/").text.partition('<p id="more-worst"')[2].partition("</p>")[0].partition(">")[2]
+    assert re.sub("<[^>]+>", "", more) == told
+    assert ('href="/table?verdict=stiction"' in more) == bool(told)
 
 
 def test_a_plant_says_how_old_its_records_are(client):
