@@ -121,6 +121,17 @@ def test_a_loops_report_tells_what_its_page_tells(two_nights):
     assert "10.1016/S0959-1524(02)00007-0" in texts
 
 
+@pytest.mark.parametrize("measured", [True, False])
+def test_the_sentences_at_the_head_of_a_report_stand_apart(two_nights, monkeypatch, measured):
+    known = {"likely_cause": "set_point_following", "health": 98.0}
+    row = loop_health(two_nights, "FIC101") | known | ({} if measured else {"stiction_probability": None})
+    monkeypatch.setattr(loop_sheet.loop_verdicts, "loop_health", lambda *_, **__: row)
+    head = reports.loop_report(two_nights, "FIC101").partition('<p class="verdict">')[2].partition("</p>")[0]
+    said = " ".join(re.sub("<[^>]+>", "", head).split())
+    assert re.search(r"[;.] [Hh]ealth 98 of 100\. Likely cause[^.]*: follows its set point\.$", said), said
+    assert not re.search(r"\. ?[a-z]|\.[A-Z]", re.sub(r"0\.\d+", "", said)), said
+
+
 def words_of(html: str) -> str:
     return " ".join(" ".join(Document(html).texts).split())
 
