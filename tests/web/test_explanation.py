@@ -104,6 +104,13 @@ def test_tests_of_the_residuals_and_the_loop_closed_again_are_shown() -> None:
     assert "Loop closed again" not in part(DONE | {"loops": []})
 
 
+def test_what_speaks_for_an_effect_is_one_sentence_of_several_parts() -> None:
+    effect = DONE["told_effects"][0] | {"reasons": ["adds 42 points", "the next name is 30 behind"]}
+    said = "adds 42 points; the next name is 30 behind"
+    assert f'<td class="why">{said}</td>' in part(DONE | {"told_effects": [effect]})
+    assert f"<p>{said}.</p>" in part(DONE | {"unmoved": effect["reasons"]})
+
+
 def test_words_for_residuals_and_loops() -> None:
     white = {"statistic": 12.0, "limit": 31.4, "p": 0.62, "lags": 20}
     owing = {"statistic": 96.0, "limit": 31.4, "p": 1e-9, "lags": 20}
