@@ -4,8 +4,9 @@ Passed over in silence, a misspelt one answers another question.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from fastapi import Request
 from fastapi.dependencies.utils import get_flat_params
@@ -23,7 +24,7 @@ JSON_KIND = re.compile(r"application/([\w.-]+\+)?json")
 
 
 async def only_known(request: Request) -> None:
-    """Refuses parameters that the route does not declare."""
+    """Refuses parameters that the route does not declare, and two values of one that takes one."""
     if not request.query_params:
         return
     known = declared(request.scope["route"])
@@ -31,6 +32,11 @@ async def only_known(request: Request) -> None:
     if unknown:
         text = f"no parameter is called so; there is {', '.join(known)}" if known else "this takes no parameters"
         raise RequestValidationError([{"loc": ("query", name), "msg": text} for name in unknown])
+    given = Counter(name for name, _ in request.query_params.multi_items())
+    wrong = [(name, times) for name, times in given.items() if times > 1 and not takes_several(known[name])]
+    if wrong:
+        text = "it is given {} times and takes one value"
+        raise RequestValidationError([{"loc": ("query", name), "msg": text.format(times)} for name, times in wrong])
 
 
 async def no_zero_bytes(request: Request) -> None:
@@ -50,10 +56,16 @@ async def json_alone(request: Request) -> None:
         raise RequestError("media_type", f"this takes application/json, not {kind[:60]!r}")
 
 
-def declared(route: APIRoute) -> tuple[str, ...]:
-    """The names of the route's query parameters, those of a model one by one: only queries come as models."""
+def declared(route: APIRoute) -> dict[str, Any]:
+    """The types of the route's query parameters by name, those of a model one by one: only queries come as models."""
     parameters = get_flat_params(route.dependant)
-    return tuple(one.alias for one in parameters if not isinstance(one.field_info, Path | Header | Cookie))
+    asked = (one for one in parameters if not isinstance(one.field_info, Path | Header | Cookie))
+    return {one.alias: one.field_info.annotation for one in asked}
+
+
+def takes_several(kind: Any) -> bool:
+    """Whether a parameter of this kind may come several times."""
+    return get_origin(kind) in (list, tuple, set) or any(takes_several(part) for part in get_args(kind))
 
 
 def what_is_wrong(item: Mapping[str, Any], route: Any) -> str:

@@ -98,6 +98,23 @@ def test_a_parameter_that_a_route_does_not_know_is_refused_by_each_of_the_api(cl
         assert (error["where"], error["what"].endswith(told)) == ("query.limt", True), path
 
 
+def test_a_parameter_that_takes_one_value_is_not_given_two(client):
+    """The first of them would be passed over in silence."""
+    several, single = set(), set()
+    for path, operations in client.get("/openapi.json").json()["paths"].items():
+        for one in operations.get("get", {}).get("parameters", ()) if path.startswith("/v1/") else ():
+            if one["in"] == "query":
+                kinds = [one["schema"], *one["schema"].get("anyOf", ())]
+                (several if any(kind.get("type") == "array" for kind in kinds) else single).add((path, one["name"]))
+    assert "verdict" in {name for _, name in several}
+    assert {"limit", "cursor", "columns", "unit", "from"} <= {name for _, name in single}
+    for path, name in several | single:
+        answer = client.get(re.sub(r"{\w+}", "x", path), params=[(name, "1"), (name, "1")])
+        refused = {one["where"]: one["what"] for one in answer.json().get("errors", ())}
+        told = refused.get(f"query.{name}", "")
+        assert told.startswith("it is given 2 times") == ((path, name) in single), (path, name, told)
+
+
 @pytest.mark.parametrize(
     ("path", "body", "where", "known"),
     [
