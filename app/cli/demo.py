@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli import interrupts
 from app.cli.messages import ExitCode, progress, say
 from app.errors import RequestError
 from app.services.addresses import tag_in_url
@@ -53,7 +54,8 @@ def demo(
 
     keep = sys.stdout.isatty() if serve is None else serve
     loops = plant()
-    with tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder:
+    ends = interrupts.ended_in_order(signal.SIGTERM, signal.SIGHUP)  # a terminal that is closed too
+    with ends, tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder:
         say(f"loopaudit: simulating {len(loops)} loops and writing their historian exports")
         exports = write_exports(Path(folder) / "exports", loops)
         with running_service(Path(folder) / "data", port or free_port()) as client:

@@ -94,20 +94,20 @@ def held_off() -> Iterator[None]:
 
 
 @contextmanager
-def ended_in_order() -> Iterator[None]:
-    """SIGTERM ends what is done herein as an exception, so that who started processes ends them; unless it is handled
-    already, or this is not the thread that is told of signals.
+def ended_in_order(*numbers: signal.Signals) -> Iterator[None]:
+    """These signals, SIGTERM where none is named, end what is done herein as an exception, so that who started
+    processes ends them; unless one is handled or ignored already, or this is not the thread that is told of signals.
     """
     in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield
-        return
+    ours = [one for one in numbers or (signal.SIGTERM,) if in_main and signal.getsignal(one) is signal.SIG_DFL]
 
     def end(number: int, _frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
-    signal.signal(signal.SIGTERM, end)
+    for one in ours:
+        signal.signal(one, end)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for one in ours:
+            signal.signal(one, signal.SIG_DFL)
