@@ -52,6 +52,8 @@ def test_a_model_may_swing(name: str) -> None:
         ('{"gain": 1.5, "controller": {}}', "its controller has no gain"),
         ('{"gain": 1.5, "time_constants_s": [[3]]}', "a time constant is"),
         ('{"gain": 1.5, "tau": 30, "damping": "0.4"}', "the damping of the model is"),
+        ('{"gain": 1.5, "tau": 30, "damping": 0.4, "zeta": 0.7}', "the model has 'damping' and 'zeta'"),
+        ('{"gain": 1.5, "controller": {"gain": 1, "Ti": 30, "Kc": 2}}', "its controller has 'gain' and 'Kc'"),
         ("{}", "the model has no gain"),
     ],
 )

@@ -118,8 +118,8 @@ def of_series(series: Controller) -> Controller:
 
 
 def understood(found: object, names: Mapping[str, tuple[str, ...]], whose: str) -> dict[str, Any]:
-    """What is told by our own names. Raises ValueError for a name that is not known: it may be a slip, and what it
-    meant must not be left out unsaid.
+    """What is told by our own names. Raises ValueError for a name that is not known, and for two names of one thing: it
+    may be a slip, and what it meant must not be left out unsaid.
     """
     if not isinstance(found, dict):
         raise ValueError(f"{whose} is {found!r}, not an object with {', '.join(names)}")
@@ -127,7 +127,12 @@ def understood(found: object, names: Mapping[str, tuple[str, ...]], whose: str) 
     strange = [name for name in found if name not in ours]
     if strange:
         raise ValueError(f"{whose} has {', '.join(map(repr, strange))}; {', '.join(names)} are understood")
-    return {ours[name]: value for name, value in found.items()}
+    told: dict[str, str] = {}
+    for name in found:
+        if ours[name] in told:
+            raise ValueError(f"{whose} has {told[ours[name]]!r} and {name!r}, which are names of one thing")
+        told[ours[name]] = name
+    return {name: found[theirs] for name, theirs in told.items()}
 
 
 def number(told: Mapping[str, Any], name: str, whose: str, otherwise: float | None = None) -> float:
