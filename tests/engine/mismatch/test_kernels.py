@@ -116,7 +116,10 @@ def test_a_delay_interpolates_and_holds_the_first_value_before(late: float):
     np.testing.assert_allclose(delay(v, late * TS, TS), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize(("tau", "tau2"), [(30.0, 8.0), (0.2, 8.0), (8.0, 0.2), (8.0, 8.0), (8.0, 8.0 + 1e-7)])
+@pytest.mark.parametrize(
+    ("tau", "tau2"),
+    [(30.0, 8.0), (0.2, 8.0), (8.0, 0.2), (8.0, 8.0), (8.0, 8.0 + 1e-7), (8.0, 2e-3), (2e-3, 8.0), (0.02, 5e-5)],
+)
 def test_two_lags_are_exact_whichever_is_the_shorter(tau: float, tau2: float) -> None:
     """A signal held over each sample: between two samples the state follows the matrix exponential."""
     given, K, b = record().op_deviation, 1.3, 0.2

@@ -10,6 +10,7 @@ from app.engine.recording import FloatArray
 NO_LIMIT = 1e30
 VESSEL_STEPS = 2
 SWING_STEPS = 4
+FAR_APART = 700.0  # exponents of two lags: the exponential of more is soon no number
 HALVED, TAYLOR_TERMS = 2, 14  # a matrix of 1/4 at most, whose 14th power over 14! is less than a rounding error
 
 
@@ -146,8 +147,11 @@ def _two_lags(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     rate, further_rate = leak / tau, 1.0 / tau2
     stay, further = np.exp(-rate * ts), np.exp(-further_rate * ts)
     apart = (rate - further_rate) * ts
-    # (exp(-b) - exp(-a)) / (a - b), in its limit where the two lags are one.
-    share = further_rate * ts * further * (-np.expm1(-apart) / apart if abs(apart) > 1e-9 else 1.0)
+    # (exp(-b) - exp(-a)) / (a - b), in its limit where the two lags are one, or the second is nothing beside the first.
+    if apart < -FAR_APART:
+        share = further_rate * ts * stay / -apart
+    else:
+        share = further_rate * ts * further * (-np.expm1(-apart) / apart if abs(apart) > 1e-9 else 1.0)
     gain = (1.0 - stay) / leak
     level = (1.0 - further - share) / leak
     y[0] = x
