@@ -1,11 +1,13 @@
 """What may be compared at all: bad signals get a clear error, records that show nothing an answer without a name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain, locate
-from app.engine.mismatch.compare.comparison import wild_samples
+from app.engine.mismatch.compare.comparison import given_of, wild_samples
 from app.engine.mismatch.fit.noise import NoiseModel, compared_samples, whiten
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
@@ -58,6 +60,7 @@ def with_one(value: float) -> FloatArray:
         ({"simulation": LinearSimulation(1.4, (30.0,), damping=1e3)}, "model_invalid"),
         ({"simulation": LinearSimulation(1.4, (), damping=0.4)}, "model_invalid"),
         ({"simulation": LinearSimulation(1.4, (0.0, 30.0), damping=0.4)}, "model_invalid"),
+        ({"simulation": LinearSimulation(1.4, (1e-310, 30.0), damping=0.4)}, "model_invalid"),
         ({"simulation": LinearSimulation(1.4, (30.0,), integrating=True, damping=0.4)}, "model_invalid"),
         ({"simulation": LinearSimulation(1.4, (30.0,), TS * N)}, "model_invalid"),
         ({"sp": np.zeros(7)}, "signal_length"),
@@ -75,6 +78,22 @@ def test_bad_input_gets_a_clear_error(changed: dict, code: str) -> None:
         with pytest.raises(DataError) as raised:
             ask(Comparison(**given))
         assert raised.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("damping", "taus", "told"),
+    [
+        (None, (1e-310,), ()),
+        (None, (30.0, 1e-310), (30.0,)),
+        (0.4, (30.0, 1e-310), (30.0,)),
+        (1.7, (30.0, 1e-310), (30.0,)),
+    ],
+)
+def test_a_lag_too_short_for_a_number_is_none(
+    damping: float | None, taus: tuple[float, ...], told: tuple[float, ...]
+) -> None:
+    record, model = experiment(TS, op(), pv()), LinearSimulation(1.4, taus, 6.0, damping=damping)
+    assert given_of(model, record) == given_of(replace(model, time_constants_s=told), record)
 
 
 def every(step: int) -> BoolArray:

@@ -23,6 +23,7 @@ STRETCHES_TRIED, CLEARLY_FARTHER = 9, 1.2  # of a longer record; times as far as
 QUICK_SAMPLES, MOST_QUICK_SAMPLES, MOST_QUICK_AS_SAMPLED = 1500, 3000, 20_000
 INTERVALS_A_MEMORY = 3.0
 LEAST_TIME_CONSTANT = 0.05
+NO_LAG = 1e-9  # s: so short a lag is none, as the plant runs it
 MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no other than an integrator
 MOST_DAMPING = 10.0  # more is two lags of which one is as good as none
 
@@ -194,7 +195,7 @@ def damping_fault(simulation: LinearSimulation) -> str:
         return f"its damping is {damping:g}; from {LEAST_DAMPING:g} to {MOST_DAMPING:g} are needed"
     if simulation.integrating:
         return "it integrates, and has a damping; the lag before what integrates is a time constant"
-    if not taus or taus[0] == 0.0:
+    if not taus or taus[0] <= NO_LAG:
         return "it has a damping; the time constant that belongs to it, one over the natural frequency, is needed first"
     return ""
 
@@ -366,7 +367,8 @@ def given_of(simulation: LinearSimulation, record: Experiment) -> Given:
     gain, late = simulation.gain, simulation.dead_time_s
     if simulation.damping is not None and simulation.damping < 1.0:
         tau, behind = (*simulation.time_constants_s, 0.0)[:2]
-        return Given(Plant(gain, tau, late, tau3=behind, damping=simulation.damping), second_order=True)
+        tau3 = behind if behind > NO_LAG else 0.0
+        return Given(Plant(gain, tau, late, tau3=tau3, damping=simulation.damping), second_order=True)
     taus = lags_of(simulation)
     if simulation.integrating:
         tau2, tau3 = (*taus, 0.0, 0.0)[:2]
@@ -381,4 +383,4 @@ def lags_of(simulation: LinearSimulation) -> list[float]:
     if damping is not None:
         longer = damping + np.sqrt(damping**2 - 1.0)
         taus[:1] = [taus[0] * longer, taus[0] / longer]
-    return sorted((float(t) for t in taus if t > 0.0), reverse=True)
+    return sorted((float(t) for t in taus if t > NO_LAG), reverse=True)
