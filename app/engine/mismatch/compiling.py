@@ -21,7 +21,7 @@ from app.engine.recording import FloatArray
 
 SAMPLES, INTERVAL_S = 240, 1.0
 GAIN, INTEGRAL = 0.4, 0.08
-STARTS = 4  # of each block in a scan, or some more
+FEW = 4  # starts of each block in a scan, or some more
 Starts = Callable[[Context, FloatArray], FloatArray]
 STRUCTURES = (
     LinearSimulation(1.0, (8.0,), 2.0),
@@ -59,7 +59,7 @@ def some_of(starts: Starts) -> Starts:
 
     def thinned(context: Context, residual: FloatArray) -> FloatArray:
         grid = starts(context, residual)
-        return grid[:: max(len(grid) // STARTS, 1)]
+        return grid[:: max(len(grid) // FEW, 1)]
 
     return thinned
 

@@ -16,7 +16,7 @@ from app.engine.mismatch.physics.scales import slowness
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
 SMALL_SLIP = 0.35
-AT_BOUND = 1.01
+AT_BOUND = 1.01  # times the least that a ramp may last
 SMALL_ZERO = 0.45  # of the lag beside it
 OWN_SHARE = 0.35
 RAMPS = ("sensor.drift", "disturbance.ramp", "sensor.drift/levelling")
@@ -73,7 +73,7 @@ def hardly_slips(contender: Contender) -> bool:
 
 def hardly_lasts(contender: Contender) -> bool:
     """A ramp that is over before the process has answered, or as soon as one may be, which a step that comes through a
-    lag looks like as well.
+    lag looks like as well. Of a drift that levels out its time constant is asked.
     """
     part, context = contender.fit.parts[-1], Context(contender.fit.record, contender.fit.plant)
     if part.block.name not in RAMPS:
