@@ -50,6 +50,14 @@ def test_a_model_that_swings_is_told_as_its_trace_is() -> None:
     assert found["damping"] == pytest.approx(0.3, rel=0.05)
 
 
+def test_a_record_shorter_than_the_lag_behind_what_swings_does_not_clear_it() -> None:
+    u, slow = moves()[:400], Plant(20.0, 5.0, 6.0, damping=0.5, tau3=600.0)
+    pv = run_process(u, slow, TS) + 0.05 * open_loop.noise(400)
+    model = LinearSimulation(20.0, (5.0, 600.0), 6.0, damping=0.5)
+    said = explain(Comparison("slow", TS, 40.0 + u, 50.0 + pv, simulation=model))
+    assert (said.verdict, said.evidence[0].code) == ("inconclusive", "too_few_data")
+
+
 def by_matrices(u: FloatArray, plant: Plant) -> FloatArray:
     """The linear law, its drive held over each sample; as scipy makes it discrete."""
     a = np.array([[0.0, 1.0], [-plant.leak / plant.tau**2, -2.0 * plant.damping / plant.tau]])

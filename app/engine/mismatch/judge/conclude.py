@@ -158,7 +158,7 @@ def too_little_told(base: Fit) -> tuple[Reason, ...]:
     record, plant = base.record, base.plant
     if few := too_few(record):
         return few
-    slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.theta
+    slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.tau3 + plant.theta
     if record.duration_s < LEAST_TIMES * slowest:
         text = f"the record lasts {record.duration_s:.4g} s, not {LEAST_TIMES:.0f} times the process' {slowest:.4g} s"
         return (Reason("too_few_data", text),)
