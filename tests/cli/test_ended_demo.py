@@ -8,10 +8,12 @@ from os import environ
 import pytest
 
 KEPT_UP = """
-import os, sys, time
+import os, signal, sys, time
 from contextlib import contextmanager
 from app.cli import demo
 from app.services import demo as plants
+
+signal.signal(int(sys.argv[1]), signal.SIG_DFL)  # as at a terminal, whoever runs the tests
 
 @contextmanager
 def ended_meanwhile(*_):
