@@ -99,13 +99,16 @@ def _are_minutes(head: Head, known: Sequence[str], column: int, first_row: int) 
 
 
 def _are_whole(head: Head, column: int, first_row: int, low: int, high: int) -> bool:
-    numbers = (as_number(text) for text in head.column(column, first_row) if is_number(text, head.decimal_mark))
+    numbers = _numbers(head, column, first_row)
     return _hold(head, column, first_row, low, high) and not any(number % 1 for number in numbers)
 
 
 def _hold(head: Head, column: int, first_row: int, low: int, high: int) -> bool:
     """Whether most rows have a number there that is none beyond these."""
-    fields = head.column(column, first_row)
-    numbers = [as_number(text) for text in fields if is_number(text, head.decimal_mark)]
+    numbers = _numbers(head, column, first_row)
     filled = len(numbers) >= _MOST * sum(any(row) for row in head.rows[first_row:])
     return bool(numbers) and filled and low <= min(numbers) and max(numbers) <= high
+
+
+def _numbers(head: Head, column: int, first_row: int) -> list[float]:
+    return [as_number(text) for text in head.column(column, first_row) if is_number(text, head.decimal_mark)]

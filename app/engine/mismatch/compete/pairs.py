@@ -37,6 +37,14 @@ class Pair:
     first_gain: float
     names: tuple[Contender, ...]
 
+    @property
+    def blocks(self) -> tuple[Block, Block]:
+        return self.first.block, self.second.block
+
+    def alone(self, place: int, base: Fit) -> Contender:
+        """The first effect (0), or the second (1), alone."""
+        return self.first if place == 0 else alone_as(self.second.fit.parts[-1], base, base.plant)
+
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -97,15 +105,6 @@ def paying_alone(pair: Pair, base: Fit, ranking: tuple[Contender, ...], blocks: 
     if Places(first, (beside,)).pairs(singles):
         return None
     return max(first, second, key=worth)
-
-
-def first_beside(pair: Pair, _: Fit) -> Contender:
-    return pair.first
-
-
-def second_beside(pair: Pair, base: Fit) -> Contender:
-    """The effect of a pair that was found second, alone."""
-    return alone_as(pair.second.fit.parts[-1], base, base.plant)
 
 
 def with_contenders(pair: Pair, beside: dict[str, Places]) -> Pair:

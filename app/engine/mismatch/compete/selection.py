@@ -10,11 +10,9 @@ from app.engine.mismatch.compete.pairs import (
     Pair,
     Places,
     chosen,
-    first_beside,
     first_of,
     pairs_of,
     paying_alone,
-    second_beside,
     with_contenders,
 )
 from app.engine.mismatch.compete.ranking import best_of_each_code, by_worth, ranked
@@ -82,11 +80,12 @@ def select(
     if not pairs:
         return single
     # Beside either of a pair the other may turn out to have another name, and beside that other the first again.
-    for beginning in (first_beside, second_beside) * ROUNDS:
-        other = beginning(chosen(pairs), base)
-        if other.block.name not in beside:
-            places = beside[other.block.name] = seconds(other, names, offered)
-            pairs += places.pairs(names)
+    for place in (0, 1) * ROUNDS:
+        pair = chosen(pairs)
+        name = pair.blocks[place].name
+        if name not in beside:
+            beside[name] = seconds(pair.alone(place, base), names, offered)
+            pairs += beside[name].pairs(names)
     best = with_contenders(chosen(pairs), beside)
     alone = paying_alone(best, base, first, offered)
     if alone is not None:
