@@ -1,4 +1,4 @@
-"""What README and pages of docs name can be found, and every setting stands in its table."""
+"""What README and pages of docs name can be found, every setting stands in its table, and figures told twice agree."""
 
 import re
 from pathlib import Path
@@ -6,12 +6,16 @@ from pathlib import Path
 import pytest
 
 from app.cli.main import cli
+from app.lab.bench.page import performance_page
+from app.lab.bench.running import read
 from app.main import create_app
 from app.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SETTINGS = (ROOT / "docs" / "SETTINGS.md").read_text(encoding="utf-8")
+ACCURACY = (ROOT / "docs" / "ACCURACY.md").read_text(encoding="utf-8")
+MEASURED = read(ROOT / "docs" / "performance.json")
 ROWS = re.findall(r"^\| `(LOOPAUDIT_\w+)` \| (?:`(.*?)`)? *\| (.+?) \|$", SETTINGS, re.MULTILINE)
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 OF_THE_CLIENT = {"LOOPAUDIT_URL", "LOOPAUDIT_KEY"}
@@ -74,3 +78,59 @@ def test_routes_of_the_readme_exist():
     assert set(re.findall(r"(/v1/\w+(?:/\{\w+\})?)`", README)) <= {
         path.replace("upload_id", "id").replace("audit_id", "id") for path in paths
     }
+
+
+def _row(page: str, head: str) -> list[str]:
+    """The cells behind the first one, of the first row of a table whose first cell begins so."""
+    line = re.search(rf"^\| {re.escape(head)}.*$", page, re.MULTILINE)
+    assert line, head
+    return [cell.strip() for cell in line[0].strip("|").split("|")][1:]
+
+
+def test_the_first_figures_of_the_readme_are_those_of_accuracy():
+    rule_auc, rule_balanced = _row(ACCURACY, "published rule |")[1:3]
+    (auc, auc_95), (right, right_95) = _row(ACCURACY, "AUC |"), _row(ACCURACY, "right of those called reliable")
+    accused, accused_95 = _row(ACCURACY, "healthy valves called sticky and reliable")
+    share = float(_row(ACCURACY, "called reliable")[0].removesuffix(" %"))
+    undecided = _row(ACCURACY, "balanced accuracy, undecided counted as wrong")[0]
+    unseen_auc, *_, unseen_share, unseen_right, _ = _row(ACCURACY, "whole industries")
+    told = _row(README, "balanced accuracy, called at 0.5")
+    assert _row(README, "AUC |") == [f"{auc} (95 %: {auc_95})", rule_auc]
+    assert told[0].startswith(f"{_row(ACCURACY, 'forced balanced accuracy |')[0]} (")
+    assert told[0].endswith(f" {undecided})")
+    assert told[1].startswith(f"{rule_balanced} ")
+    reliable = f"{share:.0f} % of the valves, {right} of those right (95 %: {right_95})"
+    assert _row(README, "says which of its verdicts to rely on")[0] == reliable
+    assert _row(README, "healthy valves that are accused")[0] == f"{accused}, one of 40 (95 %: {accused_95})"
+    unseen = f"[{unseen_auc}; {float(unseen_share.removesuffix(' %')):.0f} %, {unseen_right}]"
+    assert _row(README, "all others of its kind unseen")[0].startswith(unseen)
+
+
+def test_the_times_of_the_readme_are_those_of_the_benchmark():
+    audit, night = MEASURED["sections"]["audit"], MEASURED["sections"]["plant"]["whole"]
+    mean, dearest = (f"{audit['longer'][name]:.0f}" for name in ("ms_mean", "ms_max"))
+    assert f"takes {mean} ms on one core (the mean of 60 simulated loops, {dearest} at most;" in README
+    mean, dearest = (f"{audit['recorded'][name]:.0f}" for name in ("ms_mean", "ms_max"))
+    assert f"recorded in plants the mean is {mean}, {dearest} at most)" in README
+    assert (round(night["wall_min"]), night["workers"]) == (2, 2)
+    assert "a night of 14,000 loops two minutes on two" in README
+
+
+def test_the_page_of_performance_is_what_its_figures_write():
+    assert (ROOT / "docs" / "PERFORMANCE.md").read_text(encoding="utf-8") == performance_page(MEASURED)
+
+
+def test_what_an_administrator_reckons_with_is_what_was_measured():
+    sections = MEASURED["sections"]
+    bytes_a_loop, night = sections["plant"]["storage"], sections["plant"]["whole"]
+    page = (ROOT / "docs" / "guides" / "ADMINISTRATOR.md").read_text(encoding="utf-8")
+    kept = bytes_a_loop["verdicts"] + bytes_a_loop["audit_items"]
+    assert f"| the night's audit ({night['ms_a_loop']:.0f} ms a loop and worker) | " in page
+    assert _row(page, "the night's audit")[1] == f"{night['wall_s']:.0f} s"
+    assert f"| series, 400 days ({bytes_a_loop['series']:,.0f} bytes a loop and day) | " in page
+    assert f"| details of verdicts, 90 days ({bytes_a_loop['verdict_details']:,.0f} bytes) | " in page
+    assert _row(page, "series, 400 days")[1] == f"{bytes_a_loop['series'] * 400 * 14_000 / 1e9:.0f} GB"
+    assert _row(page, f"verdicts and runs, 1,825 days ({kept:,.0f} bytes)")[1] == f"{kept * 1825 * 14_000 / 1e9:.0f} GB"
+    rows = sections["api"]["busy"]["table, a page of 100"]["kb"] / 100
+    connections = (ROOT / "docs" / "CONNECTIONS.md").read_text(encoding="utf-8")
+    assert f"| size | a row is {rows:.1f} kB (" in connections

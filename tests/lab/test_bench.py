@@ -108,6 +108,7 @@ def test_the_page_tells_audits_beside_what_the_machine_did_meanwhile() -> None:
     page = performance_page(figures)
     assert "none cost more than 55.55 ms at its quickest" in page
     assert "took 40 ms (a median): the dearest audit cost 1.5 times that, the mean one 0.75 times" in page
+    assert "hold on a quicker machine only" in page
     del figures["sections"]["audit"]["longer"]["yardstick_ms"]
     assert "a million additions" not in performance_page(figures)
     assert yardstick_s() > 0.0
