@@ -78,6 +78,7 @@ def test_routes_of_the_readme_exist():
     assert set(re.findall(r"(/v1/\w+(?:/\{\w+\})?)`", README)) <= {
         path.replace("upload_id", "id").replace("audit_id", "id") for path in paths
     }
+    assert {path.split("/")[2] for path in paths if path.startswith("/v1/")} <= set(re.findall(r"/v1/(\w+)", README))
 
 
 def _row(page: str, head: str) -> list[str]:
@@ -134,3 +135,21 @@ def test_what_an_administrator_reckons_with_is_what_was_measured():
     rows = sections["api"]["busy"]["table, a page of 100"]["kb"] / 100
     connections = (ROOT / "docs" / "CONNECTIONS.md").read_text(encoding="utf-8")
     assert f"| size | a row is {rows:.1f} kB (" in connections
+
+
+def test_what_the_guides_tell_of_derivative_action_is_what_the_bench_found():
+    bench = (ROOT / "docs" / "TESTBENCH.md").read_text(encoding="utf-8")
+    counts = []
+    for process in ("flow", "level"):
+        called, _, wrong = _row(bench, f"PID on {process}  ")[2:5]  # the first row of it is that of sticky loops
+        assert _row(bench, f"**derivative action**: PID on {process}") == [called, wrong]
+        counts += [round(8 * float(share.removesuffix(" %")) / 100) for share in (called, wrong)]
+    found, cleared, found_level, cleared_level = (("no", "one", "two", "three", "four", "five")[n] for n in counts)
+    operator, engineer = (
+        " ".join((ROOT / "docs" / "guides" / name).read_text(encoding="utf-8").split())
+        for name in ("OPERATOR.md", "ENGINEER.md")
+    )
+    assert f"under PID on a flow {found} was found, and {cleared} were cleared with *rely on it*, wrongly." in operator
+    assert f"On a level {found_level} was found and {cleared_level} were cleared" in operator
+    assert f"under PID on a flow {found} is found and {cleared} are cleared *reliably*, wrongly;" in engineer
+    assert f"of eight on a level {found_level} is found and {cleared_level} are cleared so." in engineer

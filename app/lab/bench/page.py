@@ -17,7 +17,7 @@ travel. A target that is missed stands here as missed.
 REPEAT = """## How to repeat it
 
 ```
-make bench                                  # all sections, about half an hour, rewrites this page
+make bench                                  # all sections, about twenty minutes, rewrites this page
 make bench SECTIONS="search audit"          # some; the others keep their figures
 .venv/bin/loopaudit bench --quick           # small sizes, to see that it runs
 ```
