@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import typer
 
 from app.cli.main import cli
 from app.lab.bench.page import performance_page
@@ -17,7 +18,11 @@ SETTINGS = (ROOT / "docs" / "SETTINGS.md").read_text(encoding="utf-8")
 ACCURACY = (ROOT / "docs" / "ACCURACY.md").read_text(encoding="utf-8")
 MEASURED = read(ROOT / "docs" / "performance.json")
 ROWS = re.findall(r"^\| `(LOOPAUDIT_\w+)` \| (?:`(.*?)`)? *\| (.+?) \|$", SETTINGS, re.MULTILINE)
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+DOCUMENTS = [
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "app" / "engine").glob("*.md")),
+]
 OF_THE_CLIENT = {"LOOPAUDIT_URL", "LOOPAUDIT_KEY"}
 
 
@@ -71,6 +76,20 @@ def test_commands_of_the_readme_exist():
     commands = {command.name for command in cli.registered_commands} | {group.name for group in cli.registered_groups}
     assert set(re.findall(r"`loopaudit (\w+)", README)) <= commands
     assert commands <= set(re.findall(r"loopaudit (\w+)", README))
+
+
+def _options(command) -> set[str]:
+    """Of a command and of those below it."""
+    own = {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+    return own.union({"--help"}, *(_options(below) for below in getattr(command, "commands", {}).values()))
+
+
+@pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_options_of_commands_in_all_pages_exist(page):
+    commands = typer.main.get_command(cli).commands
+    for name, behind in re.findall(r"loopaudit ([a-z]+)\b([^\n`&;#]*)", page.read_text(encoding="utf-8")):
+        told = set(re.findall(r"(?<![\w-])(--[a-z][a-z-]+|-[A-Z])\b", behind))
+        assert not told or told <= _options(commands[name]), name
 
 
 def test_routes_of_the_readme_exist():
@@ -153,3 +172,24 @@ def test_what_the_guides_tell_of_derivative_action_is_what_the_bench_found():
     assert f"On a level {found_level} was found and {cleared_level} were cleared" in operator
     assert f"under PID on a flow {found} is found and {cleared} are cleared *reliably*, wrongly;" in engineer
     assert f"of eight on a level {found_level} is found and {cleared_level} are cleared so." in engineer
+
+
+def test_the_results_of_the_proof_are_those_of_its_tables():
+    page = (ROOT / "docs" / "PROOF.md").read_text(encoding="utf-8")
+    named, held_out = (
+        "one effect, first name or its alternatives right",
+        "held-out RMSE over the true model's on the same",
+    )
+    assert _row(page, "one effect missing, named right")[0] == ", ".join(_row(page, named)[:2])
+    told = _row(page, "the free run's error on unseen data, one effect")[0]
+    assert told == f"{', '.join(_row(page, held_out)[:2])} (median)"
+
+
+def test_neighbours_are_told_alike_on_both_pages():
+    wirings, days = ((ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("WIRINGS.md", "LONG_RECORDS.md"))
+    accused = re.search(r"shaken by 60 valves that stick (\d+) are accused reliably by their own records", wirings)
+    relied = re.search(r"(\d+) of the 60 sticking valves are relied on before and after", wirings)
+    assert accused
+    assert relied
+    assert _row(days, "healthy, shaken by a valve that sticks")[-1].startswith(f"{accused[1]} and ")
+    assert _row(days, "the 60 valves that shake them")[-1].startswith(f"{relied[1]} and ")
