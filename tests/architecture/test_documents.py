@@ -32,6 +32,10 @@ def test_every_setting_stands_in_the_table_with_its_meaning():
     assert {name: meaning for name, meaning in listed.items() if name not in OF_THE_CLIENT} == settings
 
 
+def test_the_readme_lists_every_setting():
+    assert set(re.findall(r"`(LOOPAUDIT_[A-Z_]+)`", README)) >= {name for name, *_ in ROWS}
+
+
 @pytest.mark.parametrize("name", [name for name in Settings.model_fields if not name.endswith("_port")])
 def test_what_a_value_is_refused_for_stands_in_its_meaning(name):
     field = Settings.model_fields[name]
