@@ -44,7 +44,7 @@ class ExplanationIn(BaseModel):
         None,
         gt=0,
         le=LONGEST_WINDOW_H,
-        description="Length of the window in hours, up to `to`; not together with `from`.",
+        description="Length of the window in hours, up to its end; not together with its start.",
     )
     trace: TraceIn | None = Field(None, description=f"A simulated trace, at most {LARGEST_TRACE} values.")
     csv: str | None = Field(
