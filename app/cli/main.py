@@ -6,7 +6,7 @@ import select
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from inspect import cleandoc
 from typing import Any
 
@@ -74,6 +74,12 @@ def told_of_closed_stdout() -> Iterator[None]:
 class Commands(TyperGroup):
     """Commands of which a closed pipe is no failure: without this it is made exit code 1 before we see it."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args:
+            return super().parse_args(ctx, args)
+        with redirect_stdout(sys.stderr):  # no command is wrong usage, and help then is no result
+            return super().parse_args(ctx, args)
+
     def make_context(self, *args: Any, **kwargs: Any) -> Any:  # which prints --help
         with told_of_closed_stdout():
             return super().make_context(*args, **kwargs)
@@ -115,7 +121,7 @@ cli.command("migrate", rich_help_panel=RUN)(migrate.migrate)
 cli.command("doctor", rich_help_panel=RUN)(upkeep.doctor)
 cli.command("backup", rich_help_panel=RUN)(upkeep.backup)
 cli.command("restore", rich_help_panel=RUN)(upkeep.restore)
-cli.add_typer(keys.cli, name="keys", rich_help_panel=RUN)
+cli.add_typer(keys.cli, name="keys", cls=Commands, rich_help_panel=RUN)
 cli.command("trail", rich_help_panel=RUN)(trail.trail)
 
 

@@ -147,6 +147,13 @@ def test_an_empty_folder_is_nothing_usable(tmp_path):
     assert "[nothing_to_read]" in done.stderr
 
 
+@pytest.mark.parametrize("command", [(), ("keys",)], ids=["none", "keys"])
+def test_a_command_left_out_is_wrong_usage_told_on_stderr(command):
+    done = CliRunner().invoke(cli, list(command))
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "Usage: " in done.stderr
+
+
 def test_version():
     assert run("--version").stdout.startswith("loopaudit ")
 
