@@ -81,7 +81,10 @@ class AuditFields(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    recording: str = Field(description="Name of the recording: its file name without suffix, or the loop's tag.")
+    recording: str = Field(
+        description="Name of the recording: its file name without suffix, of a file with several loops also `:` and "
+        "the loop's tag (unit:FIC101); of the service the loop's tag."
+    )
     loop: str = Field(description="Tag of the control loop.")
     samples: int = Field(description="Samples of the recording.")
     window_samples: int | None = Field(
