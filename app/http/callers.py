@@ -45,7 +45,7 @@ class Callers:
             return identity
         token = session_of(asked.headers)
         if token is not None:
-            found = self._access.remembered(token)
+            found = self._access.remembered(token, "session")
             identity = found.identity if found else await run_in_threadpool(self._access.session, token)
             if identity is not None:
                 return identity

@@ -7,6 +7,7 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.http.problems import respond
+from app.services.access.rates import counted_as
 from app.settings import Settings
 
 ALWAYS = "/healthz"
@@ -41,7 +42,7 @@ class LimitCrowd:
             return
         kind = kind_of(scope)
         client = scope.get("client")
-        here = (kind, client[0] if client and kind in OF_AN_ADDRESS else "")
+        here = (kind, counted_as(client[0]) if client and kind in OF_AN_ADDRESS else "")
         most = min(self._limits[kind], OF_AN_ADDRESS.get(kind, self._limits[kind]))
         if self._now[kind] >= self._limits[kind] or self._of_address[here] >= most:
             text = f"{most} {kind} are being served, which is the most; try again in {RETRY_AFTER_S} s"

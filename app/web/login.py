@@ -29,7 +29,16 @@ async def open_session(request: Request) -> Response:
     wanted = local(text(given, "next"))
     rates: Rates = request.app.state.rates
     access: Authenticator = request.app.state.access
-    session = await run_in_threadpool(access.open_session, text(given, "key").strip()[:LONGEST_KEY])
+    key = text(given, "key").strip()[:LONGEST_KEY]
+    owner = await run_in_threadpool(access.key, key)
+    if owner and (wait_s := await run_in_threadpool(rates.wait_s, owner)):  # a session is a row, and so is its trail
+        return form(
+            wanted,
+            f"This key may make {owner.requests_per_minute} requests a minute. Try again in {wait_s} s.",
+            429,
+            wait_s,
+        )
+    session = await run_in_threadpool(access.open_session, key)
     if session is None:
         address = request.client.host if request.client else "unknown"
         wait_s = await run_in_threadpool(rates.refusal_wait_s, address)

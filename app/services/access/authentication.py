@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from threading import Lock
+from typing import Literal
 
 from app.services.access import key_text
 from app.services.access.identity import Identity, Role
@@ -22,6 +23,8 @@ from app.storage.types import now
 
 LARGEST_CACHE = 10_000
 USE_NOTED_EVERY_S = 60.0
+
+Via = Literal["key", "session"]
 
 
 @dataclass(frozen=True)
@@ -52,9 +55,10 @@ class Authenticator:
         self._noted_s: dict[int, float] = {}
         self._lock = Lock()
 
-    def remembered(self, secret: str) -> Believed | None:
-        """What is known of a key or a session's token without asking the data base; None: it has to be asked."""
-        hash_ = hashed(secret)
+    def remembered(self, secret: str, via: Via = "key") -> Believed | None:
+        """What is known of a key or a session's token without asking the data base; None: it has to be asked. What
+        stands in the place of the other is neither."""
+        hash_ = kept_as(secret, via)
         found = self._good.get(hash_) or self._wrong.get(hash_)
         if found is None or found.until_s < self._clock():
             return None
@@ -64,7 +68,7 @@ class Authenticator:
 
     def was_good(self, secret: str) -> bool:
         """Whether it was, when the data base was last asked, however long ago."""
-        return hashed(secret) in self._good
+        return kept_as(secret, "key") in self._good
 
     def key(self, text: str) -> Identity | None:
         """Whose key this is; None where it is none, or has ended."""
@@ -74,19 +78,19 @@ class Authenticator:
         with self._backend.database.read() as connection:
             row = keys.by_public_id(connection, parsed.public_id)
         good = row is not None and parsed.matches(row.secret_hash) and state_of(row, now()) == "active"
-        return self._remember(text, _identity(row) if good and row is not None else None)
+        return self._remember(text, "key", _identity(row) if good and row is not None else None)
 
     def session(self, token: str) -> Identity | None:
         """Whose session this is; it ends with its key, by its age, or where it was not used for a while."""
         with self._backend.database.read() as connection:
             found = keys.session(connection, hashed(token))
         if found is None or state_of(found.key, now()) != "active":
-            return self._remember(token, None)
+            return self._remember(token, "session", None)
         ends = self._session_ends(found.created_at)
         if ends - found.expires_at > timedelta(seconds=USE_NOTED_EVERY_S):
             with self._backend.database.write() as connection:
                 keys.extend_session(connection, hashed(token), ends)
-        return self._remember(token, _identity(found.key, token, ends))
+        return self._remember(token, "session", _identity(found.key, token, ends))
 
     def _session_ends(self, created_at: datetime) -> datetime:
         """When a session that is used now ends, unless it is used again."""
@@ -110,7 +114,7 @@ class Authenticator:
     def close_session(self, token: str) -> None:
         with self._backend.database.write() as connection:
             keys.close_session(connection, hashed(token))
-        self._good.pop(hashed(token), None)
+        self._good.pop(kept_as(token, "session"), None)
 
     def due_to_note(self, identity: Identity) -> bool:
         """Whether the use of this key is to be written now; at most once a minute."""
@@ -127,15 +131,19 @@ class Authenticator:
         with self._backend.database.write() as connection:
             keys.note_use(connection, key_id, USE_NOTED_EVERY_S)
 
-    def _remember(self, secret: str, identity: Identity | None) -> Identity | None:
+    def _remember(self, secret: str, via: Via, identity: Identity | None) -> Identity | None:
         believed = Believed(identity, self._clock() + self._backend.settings.key_recheck_s)
         kept, other = (self._wrong, self._good) if identity is None else (self._good, self._wrong)
         with self._lock:
             if len(kept) >= LARGEST_CACHE:  # of wrong ones there may be any number, and they push out no good one
                 kept.clear()
-            kept[hashed(secret)] = believed
-            other.pop(hashed(secret), None)
+            kept[kept_as(secret, via)] = believed
+            other.pop(kept_as(secret, via), None)
         return identity
+
+
+def kept_as(secret: str, via: Via) -> str:
+    return f"{via} {hashed(secret)}"
 
 
 def hashed(secret: str) -> str:

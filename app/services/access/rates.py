@@ -4,6 +4,7 @@ import logging
 import math
 import time
 from collections.abc import Callable
+from ipaddress import IPv6Address, IPv6Network
 from typing import TYPE_CHECKING
 
 from limits import RateLimitItem, RateLimitItemPerMinute
@@ -44,11 +45,11 @@ class Rates:
     def refusal_wait_s(self, address: str) -> int:
         """Counts a wrong key from this address; 0, or the seconds for which it should stay away. May wait for Redis: to
         be called away from the event loop."""
-        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{address}")
+        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{counted_as(address)}")
 
     def refused_s(self, address: str) -> int:
         """The same without counting one: 0, or the seconds for which this address should stay away."""
-        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{address}"
+        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{counted_as(address)}"
         return self._asked(lambda limiter: limiter.test(item, name), item, name)
 
     def _hit(self, item: RateLimitItem, name: str) -> int:
@@ -67,6 +68,15 @@ class Rates:
 
     def _limiter(self) -> SlidingWindowCounterRateLimiter:
         return self._own if time.monotonic() < self._away_until_s else self._shared
+
+
+def counted_as(address: str) -> str:
+    """Whom an address is counted with: one of IPv6 with its network of 64 bit, because whoever has one has them all."""
+    try:
+        ip = IPv6Address(address.partition("%")[0])
+    except ValueError:
+        return address
+    return str(ip.ipv4_mapped or IPv6Network((ip, 64), strict=False))
 
 
 def shared_answers(settings: Settings) -> bool:

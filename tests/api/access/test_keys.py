@@ -8,17 +8,18 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime, timedelta
 
+import httpx
 import pytest
 
 from app.errors import RequestError
 from app.main import create_app
-from app.services.access import authentication, key_text, keys
+from app.services.access import authentication, key_text, keys, rates
 from app.services.access.authentication import Authenticator
 from app.services.access.identity import Role
 from app.services.access.rates import REFUSALS_PER_MINUTE, Rates
 from app.services.access.trail import list_trail
 from app.storage import trail as stored_trail
-from tests.api.access.conftest import bearer
+from tests.api.access.conftest import bearer, logged_in
 
 
 @pytest.mark.parametrize("role", Role)
@@ -127,6 +128,50 @@ def test_too_many_requests_of_a_key_are_429_and_only_its_own(client, backend, te
     assert statuses[-1].json()["code"] == "too_many_requests"
     assert 1 <= int(statuses[-1].headers["retry-after"]) <= 60
     assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+
+
+def test_logins_count_as_requests_of_their_key(browser, backend):
+    made = keys.create_key(backend, "comes and goes", Role.read, lifetime=None, requests_per_minute=3)
+    answers = []
+    for _ in range(5):
+        answers.append(browser.post("/login", data={"key": made.text}))
+        browser.cookies.clear()
+    assert [answer.status_code for answer in answers] == [303] * 3 + [429] * 2
+    assert "may make 3 requests a minute" in answers[-1].text
+    assert 1 <= int(answers[-1].headers["retry-after"]) <= 60
+    rows = list_trail(backend, 20, action="session.open").rows
+    assert sum(row.who == "comes and goes" for row in rows) == 3
+
+
+def test_a_session_is_no_key_and_a_key_no_session(serve, settings, texts):
+    believing = settings.model_copy(update={"key_recheck_s": 60.0})
+    with serve(create_app(believing)) as client, httpx.Client(base_url=client.base_url) as browser:
+        logged_in(browser, texts[Role.read])
+        token = browser.cookies["loopaudit_session"]
+        browser.cookies.clear()
+        assert browser.get("/v1/loops", headers=bearer(token)).status_code == 401
+        assert browser.get("/v1/loops", headers={"Cookie": f"loopaudit_session={texts[Role.read]}"}).status_code == 401
+        assert browser.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("address", "counted"),
+    [
+        ("192.0.2.7", "192.0.2.7"),
+        ("2001:db8:1:2::3", "2001:db8:1:2::/64"),
+        ("2001:db8:1:2:ffff::", "2001:db8:1:2::/64"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("::ffff:192.0.2.7", "192.0.2.7"),
+        ("unknown", "unknown"),
+    ],
+)
+def test_addresses_of_a_network_that_somebody_has_whole_count_as_one(settings, address, counted):
+    assert rates.counted_as(address) == counted
+    counting = rates.Rates(settings)
+    for _ in range(rates.REFUSALS_PER_MINUTE):
+        assert counting.refusal_wait_s(address) == 0
+    assert counting.refusal_wait_s(counted.replace("/64", "9")) > 0
+    assert counting.refused_s("2001:db8:1:3::3") == 0
 
 
 CHANGES = {
