@@ -1,5 +1,6 @@
 """`loopaudit serve`: API and pages, and on the embedded default worker and schedule beside them."""
 
+import resource
 import signal
 import socket
 import sys
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 CHILDREN_GRACE_S = 15.0
 CONNECTIONS_GRACE_S = 5
 LARGEST_CROWD = 2000  # connections; the limits of requests hold long before
+OTHER_FILES = 500
+"""Of the data base, of uploads and of what is looked at: connections leave room for them."""
 
 
 def serve(
@@ -114,7 +117,7 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
         app,
         http=HeadDeadline,
         h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
-        limit_concurrency=LARGEST_CROWD,
+        limit_concurrency=connections_at_once(),
         server_header=False,
         log_config=None,
         access_log=False,
@@ -131,6 +134,17 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
     finally:
         supervisor.stop()
         say("loopaudit: stopped")
+
+
+def connections_at_once() -> int:
+    """As many as there are files for. Each is one, and systems let a process open 1024 unless it asks for more."""
+    wanted = LARGEST_CROWD + OTHER_FILES
+    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if allowed == resource.RLIM_INFINITY or allowed >= wanted:
+        return LARGEST_CROWD
+    allowed = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, most))
+    return max(allowed - OTHER_FILES, allowed // 2)
 
 
 def tell_of_keys(settings: "Settings") -> None:

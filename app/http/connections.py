@@ -1,9 +1,11 @@
-"""The HTTP protocol with a deadline for the head of a request, which uvicorn's own does not have."""
+"""The HTTP protocol with a deadline for the head of a request and a limit of connections, which uvicorn's has not."""
 
 import asyncio
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from app.services.access.rates import counted_as
 
 HEAD_DEADLINE_S = 20.0
 LARGEST_HEAD_BYTES = 64 << 10
@@ -11,13 +13,19 @@ LARGEST_HEAD_BYTES = 64 << 10
 
 class HeadDeadline(H11Protocol):
     """Closes a connection that does not tell a whole request (line and headers) in time: nobody can hold connections
-    open by sending a byte now and then. Between requests uvicorn's keep-alive time holds."""
+    open by sending a byte now and then. Between requests uvicorn's keep-alive time holds.
+
+    A connection above the limit of the server is closed at once, whatever it would ask: each is an open file, of which
+    a process has so many. Of one address half of them are taken."""
 
     _waiting: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
-        self._wait_for_head()
+        if self._is_too_many():
+            transport.abort()
+        else:
+            self._wait_for_head()
 
     def data_received(self, data: bytes) -> None:
         super().data_received(data)
@@ -29,6 +37,16 @@ class HeadDeadline(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         self._stop_waiting()
         super().connection_lost(exc)
+
+    def _is_too_many(self) -> bool:
+        most, now = self.limit_concurrency, len(self.connections)
+        if most is None or now <= most // 2:
+            return False
+        return now > most or sum(other.client_name == self.client_name for other in self.connections) > most // 2
+
+    @property
+    def client_name(self) -> str:
+        return counted_as(self.client[0]) if self.client else ""
 
     def _wait_for_head(self) -> None:
         self._waiting = self.loop.call_later(HEAD_DEADLINE_S, self._give_up)

@@ -1,5 +1,6 @@
 """Every error as problem details (RFC 9457) with a stable `code`, whether a service or the framework raised it."""
 
+import errno
 import logging
 from collections.abc import Callable
 from http import HTTPStatus
@@ -50,6 +51,8 @@ CODE_BY_STATUS = {
 
 # Addresses for machines: whoever asks is told in JSON, a browser too.
 FOR_MACHINES = ("/v1", "/healthz", "/readyz", "/metrics", "/openapi.json", "/static")
+
+NO_MORE_FILES = (errno.EMFILE, errno.ENFILE)
 
 AWAY = (*DATABASE_AWAY, HTTPException, ClientDisconnect)
 
@@ -225,6 +228,10 @@ def _in_doubt(request: Request, error: Exception, action: str) -> Response:
 async def _os_error(request: Request, error: Exception) -> Response:
     if no_room(error):
         return _disk_full(request)
+    if isinstance(error, OSError) and error.errno in NO_MORE_FILES:
+        log.error("no file can be opened for %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
+        text = "the service has as many files and connections open as it may; try again"
+        return respond(request, 503, "busy", text, headers={"Retry-After": "5"})
     return await _fault(request, error)
 
 

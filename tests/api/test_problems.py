@@ -1,5 +1,6 @@
 """Every error is a problem with a stable code, and tags arrive as they were meant."""
 
+import errno
 from collections.abc import Iterator
 from urllib.parse import quote
 
@@ -34,6 +35,7 @@ def client(serve) -> Iterator[httpx.Client]:
             "missing": NotFoundError("no_such_audit", "no audit 7"),
             "size": RequestError("upload_too_large", "too large"),
             "fault": RuntimeError("secret detail"),
+            "files": OSError(errno.EMFILE, "Too many open files", "/secret"),
         }[kind]
 
     @app.post("/body")
@@ -62,6 +64,7 @@ def client(serve) -> Iterator[httpx.Client]:
         ("missing", 404, "no_such_audit"),
         ("size", 413, "upload_too_large"),
         ("fault", 500, "internal_error"),
+        ("files", 503, "busy"),
     ],
 )
 def test_what_a_service_raises(client, kind, status, code):

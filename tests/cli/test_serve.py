@@ -1,6 +1,7 @@
 """What `serve` listens on, and where it asks for keys."""
 
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.serve import asks_for_keys, listen, only_one, warn_of_openness
+from app.cli.serve import asks_for_keys, connections_at_once, listen, only_one, warn_of_openness
 from app.errors import RequestError
 from app.services.upkeep.presence import LOCK, SERVING, alone, only_server
 from app.services.upkeep.tables import migrate
@@ -109,3 +110,24 @@ def test_serve_asks_for_keys_beyond_loopback(tmp_path, host):
 def test_serve_asks_for_keys_on_loopback_where_it_is_told_to(tmp_path, host):
     assert not asks_for_keys(host, Settings(data_dir=tmp_path))
     assert asks_for_keys(host, Settings(data_dir=tmp_path, require_keys=True))
+
+
+@pytest.mark.parametrize(
+    ("allowed", "most", "asked_for", "connections"),
+    [
+        (1024, 4096, 2500, 2000),
+        (1024, resource.RLIM_INFINITY, 2500, 2000),
+        (1024, 1024, 1024, 524),
+        (256, 300, 300, 150),
+        (20_000, 20_000, None, 2000),
+        (resource.RLIM_INFINITY, resource.RLIM_INFINITY, None, 2000),
+    ],
+)
+def test_connections_leave_files_for_what_they_ask(
+    monkeypatch: pytest.MonkeyPatch, allowed: int, most: int, asked_for: int | None, connections: int
+) -> None:
+    asked = []
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (allowed, most))
+    monkeypatch.setattr(resource, "setrlimit", lambda _, limits: asked.append(limits))
+    assert connections_at_once() == connections
+    assert asked == ([] if asked_for is None else [(asked_for, most)])
