@@ -14,11 +14,11 @@ import structlog
 from app.settings import Settings
 
 HIDDEN = "***"
-KEY = re.compile(r"\bla_(read|upload|audit|admin)_([a-z2-7]{4,10})_[0-9A-Za-z]{8,}")
+KEY = re.compile(r"la_(read|upload|audit|admin)_([a-z2-7]{4,10})_[0-9A-Za-z]{8,}")
 SECRETS = (
     (KEY, rf"la_\1_\2_{HIDDEN}"),  # of a key the role and the id may be told
     # the password in an address
-    (re.compile(r"(\b[a-z][a-z0-9+.-]*://[^\s:/@'\"]*):([^\s@/'\"]+)@"), rf"\1:{HIDDEN}@"),
+    (re.compile(r"(\b[a-z][a-z0-9+.-]{0,40}://[^\s:/@'\"]*):([^\s@/'\"]+)@"), rf"\1:{HIDDEN}@"),
     (re.compile(r"(?i)\b(bearer|basic)\s+[A-Za-z0-9._~+/=-]{6,}"), rf"\1 {HIDDEN}"),
     (re.compile(r"(?i)\b(password|passwd|secret|csrf_token|loopaudit_session|x-api-key)(['\"]?\s*[=:]\s*['\"]?)[^\s'\",;&]{3,}"),
      rf"\1\2{HIDDEN}"),

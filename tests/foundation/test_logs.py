@@ -2,6 +2,7 @@
 
 import json
 import logging
+import time
 
 import pytest
 
@@ -62,6 +63,19 @@ def test_no_secret_is_logged_wherever_it_stands(as_json, text, secret):
 def test_what_has_the_name_of_a_secret_is_one_however_deep_it_stands():
     told = json.loads(line(True, "got", given={"a": [{"smtp_password": PASSWORD}, b"secret=" + PASSWORD.encode()]}))
     assert told["given"] == {"a": [{"smtp_password": "***"}, "b'secret=***'"]}
+
+
+@pytest.mark.parametrize("before", ["%20", "%3D", "key", "_"])
+def test_a_key_is_hidden_whatever_it_stands_behind(before):
+    text = f"no route GET /v1/loops/FIC101{before}la_read_abcdefghij_0123456789abcdef"
+    assert "0123456789" not in logs.redacted(text) + logs.without_keys(text)
+
+
+def test_a_long_text_that_begins_like_addresses_is_looked_at_once():
+    text, started_s = "a." * 100_000, time.monotonic()
+    assert logs.redacted(text) == text
+    assert time.monotonic() - started_s < 10.0  # each beginning looked at to the end it is minutes
+    assert logs.redacted(f"{text}postgresql+psycopg://me:hidden@there") == f"{text}postgresql+psycopg://me:***@there"
 
 
 def test_what_is_no_secret_stays():
