@@ -19,6 +19,8 @@ from app.settings import IN_BASE64, Settings
 TIMEOUT = httpx.Timeout(10.0, connect=5.0)
 LATER = (408, 409, 425, 429)
 NAT64 = ipaddress.ip_network("64:ff9b::/96")
+UNICAST = ipaddress.ip_network("2000::/3")
+"""All that IPv6 has given out for the world; what is not of it, as the old site-local addresses, is special."""
 
 
 def send_webhook(settings: Settings, made: Post, address: str) -> None:
@@ -100,6 +102,8 @@ def _public(address: str) -> bool:
     ip = ipaddress.ip_address(address.partition("%")[0])
     carried = [ip]
     if isinstance(ip, ipaddress.IPv6Address):
+        if not (ip in UNICAST or ip in NAT64 or ip.ipv4_mapped):
+            return False
         carried += [inner for inner in (ip.ipv4_mapped, ip.sixtofour) if inner]
         carried += [ipaddress.IPv4Address(ip.packed[-4:])] if ip in NAT64 else []
     return all(one.is_global and not one.is_multicast for one in carried)

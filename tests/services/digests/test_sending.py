@@ -175,6 +175,8 @@ def test_waits_double_up_to_an_hour() -> None:
             "http://100.64.0.1/",
             "http://224.0.0.1/",
             "http://[64:ff9b::7f00:1]/",
+            "http://[fec0::1]/",
+            "http://[::7f00:1]/",
         ),
     ],
 )
