@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 
 SAME_SITE = ("same-origin", "none")  # none: typed in or bookmarked by the user
 LOCAL_NAMES = ("localhost",)
-FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
+FORWARDED, FORWARDED_PREFIX = ("forwarded", "via", "x-real-ip"), "x-forwarded-"
 
 
 def host_allowed(host_header: str, allowed: Collection[str], *, keys_required: bool) -> bool:
@@ -51,7 +51,7 @@ def is_loopback(name: str | None) -> bool:
 
 def is_forwarded(headers: Mapping[str, str]) -> bool:
     """Whether a proxy says that it passes on what somebody else asked."""
-    return any(name in headers for name in FORWARDED)
+    return any(name in FORWARDED or name.startswith(FORWARDED_PREFIX) for name in headers)
 
 
 def crosses_sites(headers: Mapping[str, str]) -> bool:

@@ -107,6 +107,7 @@ FORWARDED = [
     {"X-Real-IP": "203.0.113.9"},
     {"Forwarded": "for=203.0.113.9"},
     {"Via": "1.1 proxy"},
+    {"X-Forwarded-Port": "443"},
 ]
 
 
