@@ -10,8 +10,8 @@ from typing import Any
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also in full width
 # Where a semicolon parts cells (Excel in many languages), quotes around a cell of ours protect nothing in it. An
 # apostrophe that stands there by itself gets another one, so that `plain_cell` knows which was ours.
-AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)('*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
-OURS_AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)'('*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
+# What follows is looked at and may be anything: a pattern that asked for it would try each of a thousand blanks anew.
+AFTER_SEPARATOR = re.compile(r"([;\t\r\n]\s*)('*)(?=([=+\-@\uff1d\uff0b\uff0d\uff20])?)")
 
 
 def safe_cell(value: Any) -> Any:
@@ -24,13 +24,13 @@ def safe_cell(value: Any) -> Any:
 
 @lru_cache(maxsize=2000)  # most texts of a table are codes, times of its run and sentences that come again
 def _safe_text(value: str) -> str:
-    parted = AFTER_SEPARATOR.sub(r"\1'\2", value)
+    parted = AFTER_SEPARATOR.sub(lambda found: f"{found[1]}'{found[2]}" if found[3] else found[0], value)
     return "'" + parted if value.lstrip("'").startswith(FORMULA_STARTS) else parted
 
 
 def plain_cell(cell: str) -> str:
     """The text of which `safe_cell` made this one."""
-    parted = OURS_AFTER_SEPARATOR.sub(r"\1\2", cell)
+    parted = AFTER_SEPARATOR.sub(lambda found: found[1] + found[2][1:] if found[3] else found[0], cell)
     return parted[1:] if parted.startswith("'") and parted.lstrip("'").startswith(FORMULA_STARTS) else parted
 
 

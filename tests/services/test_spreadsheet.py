@@ -2,10 +2,11 @@
 
 import csv
 import io
+import time
 
 import pytest
 
-from app.services.spreadsheet import csv_lines, csv_rows, csv_text, safe_cell
+from app.services.spreadsheet import csv_lines, csv_rows, csv_text, plain_cell, safe_cell
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-FIC101", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "\uff1d1"])
@@ -23,6 +24,15 @@ def test_neither_does_one_that_begins_a_cell_where_semicolons_part_them(separato
 @pytest.mark.parametrize("value", [-1.5, 0, 7, "FIC-101", "a=b", "a; b", "a;\nb"])
 def test_numbers_and_plain_texts_stay(value):
     assert safe_cell(value) == value
+
+
+@pytest.mark.parametrize("blank", ["\n", "\t", "\r\n", "\n "])
+def test_thousands_of_blanks_in_a_text_are_looked_at_once(blank):
+    text, started_s = "a" + blank * 30_000 + "b;''=c", time.monotonic()
+    safe = safe_cell(text)
+    assert safe == text.replace("=", "'=")
+    assert plain_cell(safe) == text
+    assert time.monotonic() - started_s < 10.0  # each looked at anew it is minutes
 
 
 def test_lines_read_back_whole_with_separators_quotes_and_line_breaks():
