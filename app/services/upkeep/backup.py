@@ -313,7 +313,7 @@ def _checked_manifest(folder: Path) -> dict[str, Any]:
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8")
         told: dict[str, Any] = json.loads(text)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RequestError("no_backup", f"{folder} holds no backup: {MANIFEST} cannot be read") from error
     if not _of_a_backup(told):
         needed = f"{MANIFEST} needs database, schema and files as `loopaudit backup` writes them"

@@ -122,6 +122,13 @@ def test_a_manifest_of_something_else_is_no_backup(tmp_path, written):
     assert written[:60] in refused.value.message
 
 
+def test_a_manifest_that_cannot_be_taken_apart_is_no_backup(tmp_path):
+    (tmp_path / "manifest.json").write_text("[" * 100_000)
+    with pytest.raises(RequestError, match=r"manifest\.json cannot be read") as refused:
+        backups.restore(Settings(data_dir=tmp_path / "there"), tmp_path)
+    assert refused.value.code == "no_backup"
+
+
 def test_without_its_exports_no_backup_is_made(plant, tmp_path):
     """It would look whole."""
     folder = plant.settings.uploads_dir
