@@ -1,7 +1,7 @@
 """A request as the guard sees it: its route, what it changes, and where a key or a session stands in it."""
 
 from dataclasses import dataclass
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
@@ -30,7 +30,9 @@ class Asked:
 
     @property
     def path(self) -> str:
-        return unquote(self.scope["path"], errors="replace")
+        """As people read it; what shows nothing stays encoded: a terminal would do what it says."""
+        told = unquote(self.scope["path"], errors="replace")
+        return "".join(sign if sign.isprintable() else quote(sign, errors="replace") for sign in told)
 
 
 def key_of(headers: Headers) -> str | None:

@@ -121,6 +121,11 @@ def test_a_mapping_may_give_a_loop_the_mode_of_another_number() -> None:
     assert group(["PV", "OP", "Mode2"], mapping, stem="F9") == (LoopTags("F9", "PV", "OP", mode="Mode2"),)
 
 
+def test_a_loop_of_a_mapping_has_no_control_characters_in_its_name() -> None:
+    mapping = TagMapping.from_bytes(b'[{"tag": "T1", "loop": "FIC1\\u001b[2J", "signal": "PV"}]')
+    assert group(["T1"], mapping) == (LoopTags("FIC1\N{REPLACEMENT CHARACTER}[2J", "T1"),)
+
+
 def test_mapping_comes_first_and_carries_spans() -> None:
     mapping = TagMapping.from_bytes(b"tag;loop;signal;unit;low;high\nT1;FIC1;PV;t/h;0;12,5\nT2;FIC1;OP;%;0;100\n")
     assert group(["T1", "T2"], mapping) == (LoopTags("FIC1", "T1", "T2"),)

@@ -16,6 +16,7 @@ from app.ingest.model import SIGNALS, IngestOptions, Signal
 from app.ingest.numbers.units import is_unit
 from app.ingest.remembering import remembered
 from app.ingest.tags.lists import MAY_PART_THOUSANDS, list_rows, list_text
+from app.ingest.telling import without_controls
 
 _MAPPING = ("the mapping", "bad_mapping")
 """What it is called, and the code of all that is wrong with it."""
@@ -210,7 +211,7 @@ def _json_text(cell: object) -> str:
 
 def _mapped(number: int, row: Mapping[str, str]) -> MappedTag:
     cells = dict(row)
-    tag, loop = cells.pop("tag", ""), cells.pop("loop", "")
+    tag, loop = cells.pop("tag", ""), without_controls(cells.pop("loop", ""))
     word = cells.pop("signal", "")
     signal: Signal | None = "OTHER" if word.upper() == "OTHER" else _WORDS.get(_plain(word))
     if not tag or not loop or signal is None:

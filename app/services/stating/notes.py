@@ -9,6 +9,7 @@ from app.services.loops import OneLoop, find
 from app.services.moments import iso_utc
 from app.services.results import NoteView, Page
 from app.services.stating.shelving import check_shelving, kind_at, withdraw_shelving
+from app.services.telling.naming import without_commands
 from app.storage import notes
 from app.storage.notes import NoteRow
 
@@ -31,7 +32,7 @@ def add_note(
     """Raises RequestError where nothing is said, too much, a repair that is still to come, or a shelving that cannot
     be."""
     # Forms send two characters for the end of a line, where whoever types counts one.
-    text, work_order = text.replace("\x00", "").replace("\r\n", "\n").strip(), work_order.replace("\x00", "").strip()
+    text, work_order = without_commands(text).replace("\r\n", "\n").strip(), without_commands(work_order).strip()
     if not text and not work_order and repaired_at is None and shelved_until is None:
         raise RequestError("empty_note", "a note needs a text, a work order or the time of a repair")
     if len(text) > LONGEST_TEXT or len(work_order) > LONGEST_WORK_ORDER:

@@ -12,6 +12,7 @@ from app.services.backend import Backend
 from app.services.loops import unknown, view_of
 from app.services.results import FailureView, LoopsChanged, LoopView
 from app.services.stating.continuing import CONTINUES, check, check_retired, follow, taken_over
+from app.services.telling.naming import without_commands
 from app.storage import loops
 from app.storage.loops import SETTABLE, SPANS, LoopRow
 from app.storage.types import storable
@@ -152,7 +153,7 @@ def _wanted(row: LoopRow, changes: Mapping[str, Any], own_types: Callable[[], Co
 
 
 def _stripped(words: str | None) -> str | None:
-    return (words or "").replace("\x00", "").strip() or None
+    return without_commands(words or "").strip() or None
 
 
 def _check_type(type_: str | None, own_types: Callable[[], Collection[str]]) -> None:

@@ -65,6 +65,12 @@ def test_a_key_in_an_address_is_neither_kept_nor_told(client, backend, texts, lo
         assert typed[-49:-41] not in text
 
 
+def test_what_a_terminal_would_obey_stays_encoded_in_the_trail(client, backend):
+    path = "/v1/loops/%1B%5D0%3Bx%07%C2%9B2J%E2%80%AE/a%20b%C3%A9"
+    assert client.get(path, headers=bearer(key_text.make(Role.admin).text)).status_code == 401
+    assert list_trail(backend, action="access").rows[0].subject == "/v1/loops/%1B]0;x%07%C2%9B2J%E2%80%AE/a bé"
+
+
 def test_nobody_fills_the_trail_without_a_key(serve, settings, backend):
     before, started_s = len(list_trail(backend, 1000).rows), time.monotonic()
     with serve(create_app(settings)) as client:

@@ -113,6 +113,16 @@ def test_what_is_said_of_a_loop_is_stripped_and_its_type_known(client, plant):
     assert patched(type=None).json()["type"] is None
 
 
+def test_what_a_terminal_would_obey_is_not_kept(client, plant):
+    said = {"owner": "me\x1b]0;x\x07", "description": "a\x1b[2J\n\tb\x9b\x85c"}
+    changed = client.patch("/v1/loops/FIC101", json=said).json()
+    assert (changed["owner"], changed["description"]) == ("me]0;x", "a[2J\n\tb\x85c")
+    note = {"text": "packing\x1b[31m\nrenewed", "work_order": "\x9b31mWO-1\x7f"}
+    written = client.post("/v1/loops/FIC101/notes", json=note).json()
+    assert (written["text"], written["work_order"]) == ("packing[31m\nrenewed", "31mWO-1")
+    client.patch("/v1/loops/FIC101", json={"owner": None, "description": None})
+
+
 def test_a_retired_loop_is_listed_and_stands_in_no_table(client, plant):
     def told(path, **params):
         rows = client.get(f"/v1/{path}", params=params).json()["rows"]
