@@ -3,6 +3,7 @@
 https://github.com/standard-webhooks/standard-webhooks/blob/main/spec/standard-webhooks.md
 """
 
+import asyncio
 import base64
 import hashlib
 import hmac
@@ -17,6 +18,8 @@ from app.services.digests.sending import NotSentError, Post
 from app.settings import IN_BASE64, Settings
 
 TIMEOUT = httpx.Timeout(10.0, connect=5.0)
+WHOLE_S = 30.0
+"""Until there is an answer. Each byte of one may take the time above, and the audits wait behind this."""
 LATER = (408, 409, 425, 429)
 NAT64 = ipaddress.ip_network("64:ff9b::/96")
 UNICAST = ipaddress.ip_network("2000::/3")
@@ -36,7 +39,7 @@ def send_webhook(settings: Settings, made: Post, address: str) -> None:
     try:
         url = httpx.URL(address)
         target = checked_address(url, settings.digest_private_webhooks)
-        status = _post(url, target, headers, made.body)
+        status = asyncio.run(asyncio.wait_for(_post(url, target, headers, made.body), WHOLE_S))
     except (httpx.HTTPError, httpx.InvalidURL, OSError, UnicodeError) as error:
         # Their texts may hold the address, and that a secret.
         raise NotSentError(f"the receiver cannot be reached: {type(error).__name__}") from error
@@ -109,11 +112,11 @@ def _public(address: str) -> bool:
     return all(one.is_global and not one.is_multicast for one in carried)
 
 
-def _post(url: httpx.URL, target: str, headers: dict[str, str], body: bytes) -> int:
+async def _post(url: httpx.URL, target: str, headers: dict[str, str], body: bytes) -> int:
     """The status. The answer's body is not read; the certificate is checked against the name."""
     given = headers | {"Host": url.netloc.decode("ascii")}
-    with (
-        httpx.Client(timeout=TIMEOUT, follow_redirects=False, trust_env=False) as client,
+    async with (
+        httpx.AsyncClient(timeout=TIMEOUT, follow_redirects=False, trust_env=False) as client,
         client.stream(
             "POST",
             url.copy_with(host=target, userinfo=b""),
