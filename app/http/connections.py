@@ -42,11 +42,7 @@ class HeadDeadline(H11Protocol):
         most, now = self.limit_concurrency, len(self.connections)
         if most is None or now <= most // 2:
             return False
-        return now > most or sum(other.client_name == self.client_name for other in self.connections) > most // 2
-
-    @property
-    def client_name(self) -> str:
-        return counted_as(self.client[0]) if self.client else ""
+        return now > most or sum(host_of(other) == host_of(self) for other in self.connections) > most // 2
 
     def _wait_for_head(self) -> None:
         self._waiting = self.loop.call_later(HEAD_DEADLINE_S, self._give_up)
@@ -60,3 +56,8 @@ class HeadDeadline(H11Protocol):
         self._waiting = None
         if not self.transport.is_closing():
             self.transport.close()
+
+
+def host_of(connection: Any) -> str:
+    """Whom it is counted with; of a socket without addresses, nobody by name."""
+    return counted_as(connection.client[0]) if connection.client else ""
