@@ -19,10 +19,19 @@ class HeadDeadline(H11Protocol):
     a process has so many. Of one address half of them are taken."""
 
     _waiting: asyncio.TimerHandle | None = None
+    _of = ""
+    """Whom it is counted with, found out once; of a socket without addresses, nobody by name."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        # At its limit uvicorn would refuse what those ask that it keeps.
+        self._most, self.limit_concurrency = self.limit_concurrency, None
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
+        self._of = counted_as(self.client[0]) if self.client else ""
         if self._is_too_many():
+            self.connections.discard(self)  # at once: those of a moment would count until the next, and push out others
             transport.abort()
         else:
             self._wait_for_head()
@@ -39,10 +48,10 @@ class HeadDeadline(H11Protocol):
         super().connection_lost(exc)
 
     def _is_too_many(self) -> bool:
-        most, now = self.limit_concurrency, len(self.connections)
+        most, now = self._most, len(self.connections)
         if most is None or now <= most // 2:
             return False
-        return now > most or sum(host_of(other) == host_of(self) for other in self.connections) > most // 2
+        return now > most or sum(getattr(other, "_of", None) == self._of for other in self.connections) > most // 2
 
     def _wait_for_head(self) -> None:
         self._waiting = self.loop.call_later(HEAD_DEADLINE_S, self._give_up)
@@ -56,8 +65,3 @@ class HeadDeadline(H11Protocol):
         self._waiting = None
         if not self.transport.is_closing():
             self.transport.close()
-
-
-def host_of(connection: Any) -> str:
-    """Whom it is counted with; of a socket without addresses, nobody by name."""
-    return counted_as(connection.client[0]) if connection.client else ""
