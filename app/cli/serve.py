@@ -4,7 +4,7 @@ import resource
 import signal
 import socket
 import sys
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +16,9 @@ from app.cli.starting import ready_to_work
 from app.errors import RequestError
 
 if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import FastAPI
+
     from app.settings import Settings
 
 CHILDREN_GRACE_S = 15.0
@@ -23,6 +26,8 @@ CONNECTIONS_GRACE_S = 5
 LARGEST_CROWD = 2000  # connections; the limits of requests hold long before
 OTHER_FILES = 500
 """Of the data base, of uploads and of what is looked at: connections leave room for them."""
+LARGEST_BURST = 100
+"""Connections that are accepted before any of them is counted; all of one burst fit into what is left."""
 
 
 def serve(
@@ -107,22 +112,12 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
     import uvicorn
 
     from app.cli.supervisor import Child, Supervisor
-    from app.http.connections import LARGEST_HEAD_BYTES, HeadDeadline
     from app.main import create_app
 
     app = create_app(settings, keys_required=keys_required)
     if keys_required:
         tell_of_keys(settings)
-    config = uvicorn.Config(
-        app,
-        http=HeadDeadline,
-        h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
-        limit_concurrency=connections_at_once(),
-        server_header=False,
-        log_config=None,
-        access_log=False,
-        timeout_graceful_shutdown=CONNECTIONS_GRACE_S,
-    )
+    config = config_of(app)
     names = ("worker", "beat") if settings.embedded else ()
     supervisor = Supervisor([Child(name, (name, "--until-parent-ends")) for name in names], CHILDREN_GRACE_S)
     supervisor.start()
@@ -136,14 +131,34 @@ def run(settings: "Settings", listening: socket.socket, keys_required: bool) -> 
         say("loopaudit: stopped")
 
 
+def config_of(app: "FastAPI") -> "uvicorn.Config":
+    import uvicorn
+
+    from app.http.connections import LARGEST_HEAD_BYTES, HeadDeadline
+
+    return uvicorn.Config(
+        app,
+        http=HeadDeadline,
+        h11_max_incomplete_event_size=LARGEST_HEAD_BYTES,
+        limit_concurrency=connections_at_once(),
+        backlog=LARGEST_BURST,
+        server_header=False,
+        log_config=None,
+        access_log=False,
+        timeout_graceful_shutdown=CONNECTIONS_GRACE_S,
+    )
+
+
 def connections_at_once() -> int:
     """As many as there are files for. Each is one, and systems let a process open 1024 unless it asks for more."""
     wanted = LARGEST_CROWD + OTHER_FILES
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed == resource.RLIM_INFINITY or allowed >= wanted:
         return LARGEST_CROWD
-    allowed = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, most))
+    more = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
+    with suppress(OSError, ValueError):  # where it may not ask for more, it has what it has
+        resource.setrlimit(resource.RLIMIT_NOFILE, (more, most))
+        allowed = more
     return max(allowed - OTHER_FILES, allowed // 2)
 
 

@@ -1,17 +1,23 @@
 """What `serve` listens on, and where it asks for keys."""
 
+import asyncio
 import os
 import resource
 import socket
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from fastapi import FastAPI
+from uvicorn.server import ServerState
 
+from app.cli import serve as serving
 from app.cli.serve import asks_for_keys, connections_at_once, listen, only_one, warn_of_openness
 from app.errors import RequestError
+from app.http.connections import HeadDeadline
 from app.services.upkeep.presence import LOCK, SERVING, alone, only_server
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
@@ -131,3 +137,52 @@ def test_connections_leave_files_for_what_they_ask(
     monkeypatch.setattr(resource, "setrlimit", lambda _, limits: asked.append(limits))
     assert connections_at_once() == connections
     assert asked == ([] if asked_for is None else [(asked_for, most)])
+
+
+@pytest.mark.parametrize("error", [ValueError("not allowed to raise maximum limit"), PermissionError(1, "no")])
+def test_where_more_files_are_not_given_there_are_fewer_connections(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def refuse(_: int, limits: tuple[int, int]) -> None:
+        raise error
+
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (1024, 4096))
+    monkeypatch.setattr(resource, "setrlimit", refuse)
+    assert connections_at_once() == 524
+
+
+def test_connections_that_come_at_once_take_no_more_files_than_there_are_for_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Those above the limit are closed, but each is open until then."""
+    monkeypatch.setattr(serving, "connections_at_once", lambda: 20)
+    config = serving.config_of(FastAPI())
+    config.load()
+    state, open_now, most = ServerState(), [0], [0]
+
+    class Counted(HeadDeadline):
+        def connection_made(self, transport: asyncio.Transport) -> None:
+            open_now[0] += 1
+            most[0] = max(most[0], open_now[0])
+            super().connection_made(transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            open_now[0] -= 1
+            super().connection_lost(exc)
+
+    async def serve_those_that_came() -> None:
+        loop = asyncio.get_running_loop()
+        listening = await loop.create_server(
+            lambda: Counted(config=config, server_state=state, app_state={}), "127.0.0.1", 0, backlog=config.backlog
+        )
+        async with listening:
+            with ExitStack() as clients:
+                for _ in range(300):
+                    client = clients.enter_context(socket.socket())
+                    client.setblocking(False)
+                    client.connect_ex(listening.sockets[0].getsockname())
+                while most[0] == 0 or open_now[0] > 10:
+                    await asyncio.sleep(0.01)
+
+    asyncio.run(asyncio.wait_for(serve_those_that_came(), 60))
+    assert 10 < most[0] <= serving.OTHER_FILES // 2
