@@ -143,6 +143,14 @@ def test_logins_count_as_requests_of_their_key(browser, backend):
     assert sum(row.who == "comes and goes" for row in rows) == 3
 
 
+def test_a_wrong_login_is_looked_up_once(browser, monkeypatch):
+    asked, look_up = [], Authenticator.key
+    monkeypatch.setattr(Authenticator, "key", lambda access, text: asked.append(text) or look_up(access, text))
+    wrong = key_text.make(Role.read).text
+    assert browser.post("/login", data={"key": wrong}).status_code in (401, 429)
+    assert asked == [wrong]
+
+
 def test_a_session_is_no_key_and_a_key_no_session(serve, settings, texts):
     believing = settings.model_copy(update={"key_recheck_s": 60.0})
     with serve(create_app(believing)) as client, httpx.Client(base_url=client.base_url) as browser:
