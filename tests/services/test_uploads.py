@@ -108,6 +108,14 @@ def test_a_mapping_names_loops_and_fills_in_what_is_not_set(backend: Backend) ->
     assert (loop.description, loop.owner) == ("Feed", "crew A")
 
 
+def test_what_a_terminal_would_obey_is_not_kept_of_a_mapping(backend: Backend) -> None:
+    mapping = b"tag,loop,signal,unit,area,description\nA.PV,FIC1,PV,t\x1b/h,U\x079,a\x1b[2J\nA.OP,FIC1,OP,,,\n"
+    text = b"time,A.PV,A.OP\n0,1,2\n60,2,3\n"
+    read(backend, send(backend, text, options=ReadingOptions(mapping=mapping)))
+    loop = loops.get_loop(backend, "FIC1")
+    assert (loop.pv_unit, loop.unit, loop.description) == ("t/h", "U9", "a[2J")
+
+
 def test_a_second_tag_of_a_signal_takes_nothing_of_what_the_first_says(backend: Backend) -> None:
     header = b"tag,loop,signal,low,high,unit\n"
     rows = [b"T1,FIC7,PV,0,250,m3/h\n", b"T2,FIC7,OP,4,20,mA\n", b"OLD1,FIC7,PV,,,\n", b"OLD2,FIC7,OP,,50,\n"]

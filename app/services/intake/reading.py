@@ -17,6 +17,7 @@ from app.ingest import (
     IngestOptions,
     LoopSamples,
     LoopTags,
+    MappedTag,
     NoRoomToPartError,
     Rejects,
     TagMapping,
@@ -30,7 +31,7 @@ from app.services.intake.swapped import SetPoints
 from app.services.intake.uploads import path_of
 from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
-from app.services.telling.naming import named
+from app.services.telling.naming import named, without_commands
 from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
 from app.storage.series import Added, Place, Stretch
@@ -279,12 +280,16 @@ def _attributes(mapping: TagMapping) -> Attributes:
             if told.get(low) is None and told.get(high) is None:
                 told[low], told[high] = entry.number("low"), entry.number("high")
         if entry.signal == "PV":
-            told["pv_unit"] = told.get("pv_unit") or entry.attributes.get("unit")
+            told["pv_unit"] = told.get("pv_unit") or _word(entry, "unit")
         for name, column in OF_LOOP.items():
-            told[name] = told.get(name) or entry.attributes.get(column)
+            told[name] = told.get(name) or _word(entry, column)
     return {
         loop: {name: value for name, value in told.items() if value not in (None, "")} for loop, told in found.items()
     }
+
+
+def _word(entry: MappedTag, column: str) -> str:
+    return without_commands(entry.attributes.get(column, ""))
 
 
 def _units_of_pv(places: Sequence[TagPlace]) -> dict[str, str]:
