@@ -31,7 +31,7 @@ from app.http.request_ids import RequestIds
 from app.services.access.authentication import Authenticator
 from app.services.access.rates import Rates
 from app.services.backend import Backend
-from app.services.upkeep.readiness import readiness
+from app.services.upkeep.readiness import NO_ANSWER, readiness
 from app.settings import Settings
 from app.web import explanation, login, pages
 from app.web.errors import error_page
@@ -94,7 +94,7 @@ def begin(app: FastAPI, backend: Backend) -> None:
     """What the routes share, made when the server starts."""
     app.state.backend = backend
     app.state.access = Authenticator(backend)
-    app.state.ready = Probe(partial(readiness, backend), READY_KEPT_S)
+    app.state.ready = Probe(partial(readiness, backend), READY_KEPT_S, late=NO_ANSWER)
     app.state.watched = WeakValueDictionary()
     app.state.spelled_tags = set()
     app.state.table_places = asyncio.Semaphore(PARTS_AT_ONCE)

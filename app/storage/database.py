@@ -18,6 +18,8 @@ from app.errors import RequestError
 
 BUSY_TIMEOUT_MS = 30_000
 WAL_SAFE_FROM = (3, 51, 3)
+MOST_OF_A_FILE = 15
+"""Connections that SQLAlchemy's pool opens where nothing is said: 5, and 10 more."""
 READ_ONLY = "25006"
 AWAY_TO_THE_DRIVER_A_FAULT = (READ_ONLY, "25P03")
 """SQLSTATEs of a server that takes no writes (a standby, or a disk that ran full and is looked after so), or that ended
@@ -37,6 +39,7 @@ class Database:
     def __init__(self, url: str, *, statement_timeout_s: float = 15.0, pool_size: int = 5) -> None:
         self.url: URL = parsed(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
+        self._most = MOST_OF_A_FILE if self.is_sqlite else 2 * pool_size
         if self.is_sqlite:
             self._writer, self._reader = _sqlite(self.url, writes=True), _sqlite(self.url, writes=False)
         else:
@@ -60,11 +63,29 @@ class Database:
             yield connection
 
     def answers(self) -> float:
-        """In how many seconds. Raises what SQLAlchemy raises where it does not."""
+        """In how many seconds; whoever asks does not wait for a connection that others use. Raises what SQLAlchemy
+        raises where it does not answer."""
         begun = time.perf_counter()
-        with self.read() as connection:
+        with self._beside_the_others() if self.is_read_by_all() else self.read() as connection:
             connection.exec_driver_sql("SELECT 1")
         return time.perf_counter() - begun
+
+    def is_read_by_all(self) -> bool:
+        """Whether all connections to read with are in use: the next reader waits."""
+        return self._all_in_use(self._reader)
+
+    def _all_in_use(self, engine: Engine) -> bool:
+        return isinstance(engine.pool, QueuePool) and engine.pool.checkedout() >= self._most
+
+    @contextmanager
+    def _beside_the_others(self) -> Iterator[Connection]:
+        """A connection to read with that is none of the pool's."""
+        beside = create_engine(self.url, pool=self._reader.pool.recreate())
+        try:
+            with beside.connect() as connection:
+                yield connection
+        finally:
+            beside.dispose()
 
     def takes_writes(self) -> bool | None:
         """Not on a standby, on a server that was made read-only, or on a file system that is mounted so. None where all
@@ -72,8 +93,7 @@ class Database:
         the data base does not answer."""
         if self.is_sqlite:
             return self._file_takes_writes()
-        pool = self._writer.pool
-        if isinstance(pool, QueuePool) and pool.checkedout() >= 2 * pool.size():
+        if self._all_in_use(self._writer):
             return None
         with self.write() as connection:
             return bool(connection.exec_driver_sql("SHOW transaction_read_only").scalar() == "off")
@@ -217,7 +237,7 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         # query costs one round trip instead of three.
         isolation_level="READ COMMITTED" if writes else "AUTOCOMMIT",
         pool_size=pool_size,
-        max_overflow=pool_size,  # see `takes_writes`
+        max_overflow=pool_size,  # so `_most` in all
         pool_timeout=10,
         pool_pre_ping=True,
         connect_args={

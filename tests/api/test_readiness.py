@@ -2,11 +2,13 @@
 
 import asyncio
 import signal
+import threading
 import time
 from pathlib import Path
 
 import httpx
 import pytest
+from fastapi.concurrency import run_in_threadpool
 
 from app import main
 from app.http.probing import Probe
@@ -77,3 +79,39 @@ def test_a_crowd_that_asks_at_once_takes_one_thread() -> None:
 
     asyncio.run(twice())
     assert len(asked) == 2
+
+
+def test_what_does_not_answer_is_not_waited_for_and_asked_once() -> None:
+    asked: list[int] = []
+    goes_on = threading.Event()
+
+    def hang() -> str:
+        asked.append(1)
+        goes_on.wait(30)
+        return "found"
+
+    async def impatient() -> None:
+        probe = Probe(hang, 0.3, late="no answer", patience_s=0.1)
+        assert await probe.found() == "no answer"
+        assert await probe.found() == "no answer"
+        goes_on.set()
+        await asyncio.sleep(0.1)
+        assert await probe.found() == "found"
+
+    asyncio.run(impatient())
+    assert len(asked) == 1
+
+
+def test_requests_that_take_all_threads_keep_no_probe_waiting() -> None:
+    goes_on = threading.Event()
+
+    async def beside() -> str:
+        crowd = [asyncio.create_task(run_in_threadpool(goes_on.wait, 30)) for _ in range(60)]
+        await asyncio.sleep(0.1)
+        try:
+            return await Probe(lambda: "found", 0.3, late="no answer", patience_s=5.0).found()
+        finally:
+            goes_on.set()
+            await asyncio.gather(*crowd)
+
+    assert asyncio.run(beside()) == "found"

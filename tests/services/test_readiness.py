@@ -31,6 +31,19 @@ def test_connections_that_are_all_busy_writing_are_not_waited_for(tmp_path: Path
         backend.close()
 
 
+def test_connections_that_are_all_busy_reading_are_not_waited_for(backend: Backend) -> None:
+    assert readiness(backend).checks["database"] == "ok"
+    with ExitStack() as busy:
+        while not backend.database.is_read_by_all():
+            busy.enter_context(backend.database.read())
+        begun = time.monotonic()
+        found = readiness(backend)
+        took_s = time.monotonic() - begun
+    assert (found.state, found.checks["database"], found.checks["schema"]) == ("degraded", "busy", "not known")
+    assert took_s < 5.0
+    assert readiness(backend).state == "ready"
+
+
 @pytest.mark.parametrize("address", ["sqlite:///{folder}/plant.db", "sqlite:///file:{folder}/plant.db?uri=true"])
 def test_a_file_is_read_only_where_it_or_its_folder_cannot_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str

@@ -4,7 +4,7 @@ import shutil
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.services.backend import Backend, megabytes
+from app.services.backend import Backend, megabytes, no_connection_left
 from app.services.moments import iso_utc
 from app.services.results import Readiness
 from app.settings import Settings
@@ -13,21 +13,25 @@ from app.storage import schema, uploads
 LEAST_FREE_BYTES = 100 << 20
 WRITES = {True: "ok", False: "read-only", None: "busy"}
 WELL = ("ok", "busy")
+NO_ANSWER = Readiness("not_ready", {"database": "no answer", "schema": "not known"})
+"""Where it takes too long to find out."""
 
 
 def readiness(backend: Backend) -> Readiness:
     """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base that
-    takes no writes the pages can be read; one that is busy with them takes them."""
+    takes no writes the pages can be read; one that is busy with them takes them. Where all connections to read with are
+    in use, what would need one of them is not known."""
     free = _free(backend.settings)
     checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": free}
     checks["schema"] = _schema(backend) if checks["database"] == "ok" else "not known"
     checks["broker"] = "ok" if backend.queue.reachable() else "away"
-    well = checks["schema"] == "current"
+    busy, well = checks["database"] == "busy", checks["schema"] == "current"
     if well:
         checks |= {"writes": _writes(backend)} | _waiting_for_room(backend)
-    if not well or free < LEAST_FREE_BYTES:
+    if not (well or busy) or free < LEAST_FREE_BYTES:
         return Readiness("not_ready", checks)
-    return Readiness("ready" if checks["broker"] == "ok" and checks["writes"] in WELL else "degraded", checks)
+    works = not busy and checks["broker"] == "ok" and checks["writes"] in WELL
+    return Readiness("ready" if works else "degraded", checks)
 
 
 def lacking(found: Readiness) -> list[str]:
@@ -42,11 +46,12 @@ def lacking(found: Readiness) -> list[str]:
 
 
 def _database(backend: Backend) -> str:
+    busy = backend.database.is_read_by_all()
     try:
         backend.database.answers()
     except SQLAlchemyError as error:
-        return f"away: {type(error).__name__}"
-    return "ok"
+        return "busy" if busy and no_connection_left(error) else f"away: {type(error).__name__}"
+    return "busy" if busy else "ok"
 
 
 def _waiting_for_room(backend: Backend) -> dict[str, object]:
