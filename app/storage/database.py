@@ -26,6 +26,16 @@ AWAY_TO_THE_DRIVER_A_FAULT = (READ_ONLY, "25P03")
 a transaction for its idleness: the driver has them in one class with damaged data."""
 
 
+LOST_AFTER_30_S = {
+    "keepalives_idle": 10,
+    "keepalives_interval": 5,
+    "keepalives_count": 4,
+    "tcp_user_timeout": 30_000,
+}
+"""Of a connection whose other end is gone without a word, as with its power or the way to it: else who waits for an
+answer learns it after two hours, and who sends after a quarter of an hour. In seconds, the last in milliseconds."""
+
+
 class CommitLostError(OperationalError):
     """The answer to COMMIT was lost: what was written may stand, or not."""
 
@@ -243,6 +253,7 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         connect_args={
             "options": options,
             "connect_timeout": 5,
+            **LOST_AFTER_30_S,
             "application_name": "loopaudit",
             "client_encoding": "utf8",  # rows are sent on as they come, whatever a data base stores them in
         },
