@@ -1,11 +1,11 @@
 """What can be asked of a worker. Reading and sweeping have queues of their own, so that no long run holds them up."""
 
 import hashlib
-from pathlib import Path
 
 from sqlalchemy import make_url
 
 from app.settings import Settings
+from app.sqlite_files import file_of
 
 READ_UPLOAD = "loopaudit.read_upload"
 AUDIT_CHUNK = "loopaudit.audit_chunk"
@@ -30,5 +30,5 @@ def _database(settings: Settings) -> str:
     machines may write them differently, and must meet all the same."""
     url = make_url(settings.resolved_database_url)
     if url.get_backend_name() == "sqlite":
-        return str(Path(url.database or "").resolve())
+        return str(file_of(url.database).resolve())
     return str(url.query.get("dbname") or url.database or url.username or "")

@@ -109,7 +109,10 @@ class Database:
             return bool(connection.exec_driver_sql("SHOW transaction_read_only").scalar() == "off")
 
     def _file_takes_writes(self) -> bool:
-        """SQLite says which file it is: an address may be a URI. One in memory has none."""
+        """SQLite says which file it is: an address may be a URI, which may ask for no writes. What is in memory has
+        no file."""
+        if self.url.query.get("mode") == "ro" or self.url.query.get("immutable"):
+            return False
         with self.read() as connection:
             name = connection.exec_driver_sql("SELECT file FROM pragma_database_list WHERE name = 'main'").scalar()
         return not name or all(os.access(path, os.W_OK) for path in (Path(name), Path(name).parent))

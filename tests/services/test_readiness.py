@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from app.services.backend import Backend
+from app.services.upkeep import doctor
 from app.services.upkeep.readiness import readiness
-from app.services.upkeep.tables import migrate
+from app.services.upkeep.tables import migrate, refuse_unmigrated
 from app.settings import Settings
 
 
@@ -59,5 +60,25 @@ def test_a_file_is_read_only_where_it_or_its_folder_cannot_be_written(
                 mounted.setattr(os, "access", lambda path, mode, place=place: str(path) != str(place))
                 found = readiness(backend)
                 assert (found.state, found.checks["writes"]) == ("degraded", "read-only")
+                growth = doctor.growth(backend)
+                assert (growth.state, "cannot be written" in growth.found) == ("problem", True)
     finally:
         backend.close()
+
+
+@pytest.mark.parametrize("says", ["mode=ro", "immutable=1"])
+def test_an_address_that_asks_for_no_writes_is_told_at_the_start_and_later(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, says: str
+) -> None:
+    migrate(Settings(data_dir=tmp_path))
+    assert not caplog.records
+    settings = Settings(data_dir=tmp_path, database_url=f"sqlite:///file:{tmp_path}/loopaudit.db?{says}&uri=true")
+    refuse_unmigrated(settings)
+    assert ["takes no writes" in record.getMessage() for record in caplog.records] == [True]
+    backend = Backend.open(settings)
+    try:
+        assert readiness(backend).checks["writes"] == "read-only"
+    finally:
+        backend.close()
+    growth = next(check for check in doctor.examine(settings) if check.name == "growth")
+    assert (growth.state, "mode=ro" in growth.advice) == ("problem", True)

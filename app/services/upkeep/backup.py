@@ -23,6 +23,7 @@ from app.services.upkeep.draft_folder import BEING_WRITTEN, draft_of, settle
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer
 from app.settings import Settings, sync_folder
+from app.sqlite_files import file_of
 from app.storage import Database, copying, health, schema
 from app.storage.database import ProgramAddress, program_address
 from app.storage.types import now
@@ -123,7 +124,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
         _put(file, settings.uploads_dir / file.name)
     sync_folder(settings.uploads_dir)
     if is_sqlite:
-        _put_sqlite(folder / SQLITE, Path(url.database or ""))
+        _put_sqlite(folder / SQLITE, file_of(url.database))
     elif told["database"] == SQLITE:
         _move_in(settings, folder / SQLITE)
     else:
@@ -164,7 +165,7 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
             raise RequestError("no_tables", "the data base has no tables; there is nothing to keep")
         if database.is_sqlite:
             with _written(draft / SQLITE) as target:
-                _copy_sqlite(Path(database.url.database or ""), target)
+                _copy_sqlite(file_of(database.url.database), target)
             return SQLITE, revision
         _run(
             ["pg_dump", "--format=custom", "--no-owner", f"--file={draft / POSTGRESQL}"], program_address(database.url)

@@ -25,6 +25,7 @@ from app.services.telling.naming import one_line
 from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
 from app.settings import Settings, misspelt
+from app.sqlite_files import file_of
 from app.storage import figures, health, retention, schema, uploads
 from app.storage.database import WAL_SAFE_FROM, parsed
 
@@ -79,7 +80,7 @@ def _of_the_database(backend: Backend) -> Iterator[Check]:
 
 def _sqlite_file(settings: Settings) -> Path | None:
     url = parsed(settings.resolved_database_url)
-    return Path(url.database or "") if url.get_backend_name() == "sqlite" else None
+    return file_of(url.database) if url.get_backend_name() == "sqlite" else None
 
 
 def _is_begun(file: Path) -> bool:
@@ -180,6 +181,9 @@ def growth(backend: Backend) -> Check:
     """Whether there is room where the data base has its files, which for a server is a disk that is not seen from
     here."""
     name = "growth"
+    if backend.database.is_sqlite and not backend.database.takes_writes():
+        advice = f"give the file and its folder to this user (uid {os.getuid()}); its address must not say mode=ro"
+        return Check(name, "problem", f"{_where(backend)} cannot be written", advice)
     if backend.database.is_sqlite:
         return Check(name, "ok", "the data base is on the disk of the data folder")
     try:

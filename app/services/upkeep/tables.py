@@ -7,6 +7,7 @@ from pathlib import Path
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY, away_in_words
 from app.settings import Settings
+from app.sqlite_files import file_of
 from app.storage import Database, schema
 
 log = logging.getLogger("loopaudit.upkeep")
@@ -22,6 +23,7 @@ def migrate(settings: Settings) -> str:
         with away_in_words():
             refuse_newer(schema.current_revision(database))
             schema.migrate(database)
+            _tell_of_no_writes(database)
             return schema.current_revision(database) or "none"
     finally:
         database.close()
@@ -33,10 +35,16 @@ def refuse_unmigrated(settings: Settings) -> None:
     database = Database(settings.resolved_database_url)
     try:
         refuse_other_tables(database)
+        _tell_of_no_writes(database)
     except DATABASE_AWAY as error:
         log.warning("the data base cannot be used yet, it is waited for: %s", getattr(error, "orig", None) or error)
     finally:
         database.close()
+
+
+def _tell_of_no_writes(database: Database) -> None:
+    if database.takes_writes() is False:
+        log.error("the data base takes no writes: pages can be read, nothing is stored; `loopaudit doctor` says more")
 
 
 def refuse_other_tables(database: Database) -> None:
@@ -71,4 +79,4 @@ def database_files(settings: Settings) -> tuple[Path, ...]:
     """The file of an SQLite data base; none of a server's."""
     database = Database(settings.resolved_database_url)
     database.close()
-    return (Path(database.url.database or ""),) if database.is_sqlite else ()
+    return (file_of(database.url.database),) if database.is_sqlite else ()
