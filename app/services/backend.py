@@ -60,8 +60,22 @@ def takes_no_writes(error: Exception) -> bool:
     return getattr(told, "sqlstate", None) == READ_ONLY or sqlite.startswith("SQLITE_READONLY")
 
 
-NO_CONNECTION_LEFT = ("too many connections", "too many clients", "connection slots are reserved")
-"""In the words of a PostgreSQL that speaks English: its driver has no code for a connection that is refused."""
+NO_CONNECTION_LEFT = (
+    *("too many connections", "too many clients", "connection slots are reserved"),
+    "no more connections allowed",  # PgBouncer
+    *("zu viele Verbindungen", "verbleibenden Verbindungen"),
+    *("trop de connexions", "trop de clients", "emplacements de connexions restants"),
+    *("demasiadas conexiones", "demasiados clientes", "conexiones restantes"),
+    *("troppe connessioni", "troppi client", "rimanenti slot di connessione"),
+    *("för många uppkopplingar", "för många klienter", "resterande anslutningsslottar"),
+    *("слишком много подключений", "слишком много клиентов", "оставшиеся слоты подключений"),
+    *("занадто багато підключень", "забагато клієнтів", "слоти підключень"),
+    *("接続が多すぎます", "クライアント数が多すぎます", "残りの接続スロット"),
+    *("동시 접속수를 초과", "동시 접속자 수를 초과", "최대 접속수를 초과", "남은 연결 슬롯"),
+    *("მეტისმეტად ბევრი", "ძალიან ბევრი კავშირი"),
+    *("连接过多", "剩余连接槽位", "連線太多", "客戶端過多", "剩餘的連線槽"),
+)
+"""A server refuses a connection in its own language, and the driver drops the code that comes with it."""
 
 
 def no_connection_left(error: Exception) -> bool:
