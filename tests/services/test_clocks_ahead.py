@@ -9,8 +9,11 @@ from sqlalchemy import update
 from app.services.access.trail import list_trail
 from app.services.auditing import audits, chunks, nightly
 from app.services.backend import Backend
+from app.services.upkeep import retention
 from app.storage import audits as stored_audits
 from app.storage import plant
+from app.storage import retention as stored_retention
+from app.storage import trail as stored_trail
 from app.storage.tables import loops as loops_table
 
 AddLoops = Callable[..., dict[str, int]]
@@ -76,6 +79,24 @@ def test_a_clock_that_is_behind_takes_no_night_its_date(backend: Backend, sweep_
     told = [audits.get_audit(backend, str(number)).night for number in (1, 2, 3)]
     assert told == ["2026-03-01", "2026-03-02", "2026-03-03"]
     assert sweep_at(days[-1] + timedelta(hours=1)) is None
+
+
+def test_what_would_be_old_by_a_clock_that_jumped_waits_a_day(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def retained_at(clock: datetime) -> bool:
+        for module in (retention, stored_retention, stored_trail):
+            monkeypatch.setattr(module, "now", lambda: clock)
+        return retention.retain_if_due(backend, clock) is not None
+
+    day, ahead = datetime(2026, 3, 1, 9, tzinfo=UTC), datetime(2026, 4, 20, 9, tzinfo=UTC)
+    hour = timedelta(hours=1)
+    assert [retained_at(clock) for clock in (day, day + 24 * hour)] == [True, True]
+    assert [retained_at(ahead + count * hour) for count in (0, 1, 23)] == [False, False, False]
+    assert [retained_at(day + 48 * hour), retained_at(day + 49 * hour)] == [True, False]  # put right
+    assert [retained_at(ahead + count * hour) for count in (0, 23, 24, 48)] == [False, False, True, True]  # was stopped
+    told = [line.action for line in list_trail(backend, limit=50).rows]
+    assert told.count(retention.WAITS) == 2
 
 
 def test_a_run_dated_ahead_is_not_the_newest_one(backend: Backend, sweep_at: SweepAt) -> None:

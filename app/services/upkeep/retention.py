@@ -17,11 +17,15 @@ from app.services.intake.uploads import stored_files
 from app.services.moments import latest_ns
 from app.settings import Settings
 from app.storage import retention, uploads
+from app.storage import trail as trail_rows
 from app.storage.types import now
 
 BATCH = 500
 BUDGET_S = 20.0
 ACTION = "retention.run"
+WAITS = "retention.wait"
+LONGEST_PAUSE = timedelta(days=3)
+TIME_TO_SET_THE_CLOCK = timedelta(days=1)
 YOUNGEST_FILE_S = 24 * 3600
 
 Drop = Callable[[Connection], int]
@@ -31,11 +35,29 @@ log = logging.getLogger("loopaudit.upkeep")
 
 def retain_if_due(backend: Backend, moment: datetime | None = None) -> dict[str, int] | None:
     """A part of the night's work, at most `BUDGET_S` long; None where nothing is due. The next sweep goes on."""
+    moment = moment or datetime.now(UTC)
     with backend.database.read() as connection:
         last = retention.last_done(connection, ACTION)
-    if last is not None and last >= latest_hour(backend, moment or datetime.now(UTC)):
+    if last is not None and (last >= latest_hour(backend, moment) or _clock_may_be_ahead(backend, last, moment)):
         return None
     return retain(backend, BUDGET_S)
+
+
+def _clock_may_be_ahead(backend: Backend, last: datetime, moment: datetime) -> bool:
+    """For a day after nothing was dropped for days: the service was stopped, or its clock jumped, and what is dropped
+    by a wrong clock does not come back when it is put right."""
+    if moment - last < LONGEST_PAUSE:
+        return False
+    with backend.database.read() as connection:
+        # As they were written down: by its time what a wrong clock did is ahead of all that follows.
+        done, noticed = (
+            trail_rows.page(connection, 1, None, who=SCHEDULE.who, action=told) for told in (ACTION, WAITS)
+        )
+    if not noticed or noticed[0].id < done[0].id:
+        trail.record(backend, SCHEDULE, WAITS, "", "done")
+        log.warning("nothing was dropped since %s: what is old waits a day, in case that the clock is wrong", last)
+        return True
+    return abs(moment - noticed[0].at) < TIME_TO_SET_THE_CLOCK
 
 
 def retain(backend: Backend, budget_s: float = float("inf"), batch: int = BATCH) -> dict[str, int]:
