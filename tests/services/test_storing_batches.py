@@ -12,7 +12,6 @@ import pytest
 
 from app.ingest import LoopSamples
 from app.services.intake import reading
-from app.storage.series import Added
 from app.storage.uploads import ReadingClaim
 
 BACKEND: Any = SimpleNamespace(settings=SimpleNamespace(lease_s=1.0))
@@ -38,33 +37,34 @@ def threads() -> set[str]:
     return {thread.name for thread in threading.enumerate() if "ing_" in thread.name}
 
 
-def test_batches_are_written_in_their_order_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_batches_are_written_in_their_order_and_each_once(monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[str] = []
+    samples: list[int] = []
 
-    def store(_: Any, __: Any, batch: list[reading.Prepared], ___: Any) -> Added:
+    def store(_: Any, __: Any, batch: list[reading.Prepared], ___: Any) -> None:
         written.extend(it.loop for it in batch)
-        return Added(len(batch), sum(len(it.samples) for it in batch), replaced=1)
+        samples.extend(len(it.samples) for it in batch)
 
     monkeypatch.setattr(reading, "_store", store)
-    assert reading._stored(BACKEND, CLAIM, iter(Batches(9)), {}) == Added(9, 27, replaced=9)
+    reading._store_all(BACKEND, CLAIM, iter(Batches(9)), {})
+    assert samples == [3] * 9
     assert written == [f"L{number}" for number in range(9)]
 
 
 def test_a_lost_claim_ends_reading_and_leaves_neither_thread_nor_file(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
 
-    def store(*_: Any) -> Added:
+    def store(*_: Any) -> None:
         calls.append(1)
         if len(calls) == 2:
             raise reading.ClaimLostError
-        return Added(1, 1)
 
     monkeypatch.setattr(reading, "_store", store)
     before, batches = threads(), Batches(50)
     gc.disable()  # what holds files must go by itself, not with the next collection
     try:
         with closing(iter(batches)) as read, pytest.raises(reading.ClaimLostError):
-            reading._stored(BACKEND, CLAIM, read, {})
+            reading._store_all(BACKEND, CLAIM, read, {})
         assert batches.ended
     finally:
         gc.enable()
@@ -73,12 +73,12 @@ def test_a_lost_claim_ends_reading_and_leaves_neither_thread_nor_file(monkeypatc
 
 
 def test_an_error_of_reading_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "_store", lambda *_: Added(1, 1))
+    monkeypatch.setattr(reading, "_store", lambda *_: None)
 
     def broken() -> Iterator[list[LoopSamples]]:
         yield from Batches(1)
         raise OSError("the disk is gone")
 
     with pytest.raises(OSError, match="disk is gone"):
-        reading._stored(BACKEND, CLAIM, broken(), {})
+        reading._store_all(BACKEND, CLAIM, broken(), {})
     assert not threads()

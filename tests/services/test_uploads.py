@@ -206,7 +206,28 @@ def test_a_crash_in_the_middle_has_no_double_effect(backend: Backend, monkeypatc
     with pytest.raises(OSError, match="disk"):
         reading.read_upload(backend, int(upload.id), "w")
     done = read(backend, upload)
-    assert (done.state, done.samples_added, done.loops) == ("done", 200, ["FIC1", "LIC2"])
+    assert (done.state, done.samples_added, done.loops) == ("done", 400, ["FIC1", "LIC2"])
+
+
+@pytest.mark.parametrize("lost", ["end", "_end_read"])
+def test_what_a_lost_worker_had_stored_is_counted_as_brought(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, lost: str
+) -> None:
+    """In the midst of its last step, or before it, when all samples are stored."""
+    read(backend, send(backend, export()))
+    corrected = send(backend, export().replace(b",50.", b",60."))
+    with monkeypatch.context() as patch:
+        patch.setattr(reading if lost == "_end_read" else reading.uploads, lost, killed)
+        with pytest.raises(KeyboardInterrupt):
+            reading.read_upload(backend, int(corrected.id), "w")
+    expire(backend, corrected, lease_until_s=0.0)
+    done = read(backend, corrected)
+    assert (done.samples_added, done.samples_replaced > 0) == (0, True)
+    assert any("replaced by other values" in note for note in done.notes)
+
+
+def killed(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def test_a_fault_of_ours_is_told_and_tried_again_when_sent_again(

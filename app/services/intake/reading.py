@@ -34,7 +34,7 @@ from app.services.patience import patiently
 from app.services.telling.naming import named, without_commands
 from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
-from app.storage.series import Added, Place, Stretch
+from app.storage.series import Place, Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
 BATCH_LOOPS = 200
@@ -113,25 +113,26 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
     set_points = SetPoints()
     try:
         with closing(_batches(export, set_points)) as batches:
-            added = _stored(backend, claim, batches, {} if mapping is None else _attributes(mapping))
+            _store_all(backend, claim, batches, {} if mapping is None else _attributes(mapping))
     except NoRoomToPartError as error:
         _refuse_what_never_fits(backend, row, error.parted_bytes / export.share_taken)
         raise
     with backend.database.read() as connection:
         retired = uploads.retired_of(connection, row.id)
+        samples, replaced = uploads.stored_so_far(connection, claim)
     summary, refused = export.summary(), export.rejects()
     places = places_of(summary.loops, row.filename, summary.units)
     told = {
         "layout": summary.layout,
         "rows_kept": summary.rows_kept,
-        "samples_added": added.samples,
-        "samples_replaced": added.replaced,
+        "samples_added": samples,
+        "samples_replaced": replaced,
         "reject_counts": dict(refused.counts),
         "notes": [
             *kept_notes(placing, places),
             *set_points.notes(),
             *summary.notes,
-            *_of_replaced(added),
+            *_of_replaced(replaced),
             *_of_retired(retired),
         ],
         "tags_found": summary.tags,
@@ -162,10 +163,10 @@ def _times(summary: FileSummary) -> dict[str, str | None]:
     return {"time_zone": summary.time_zone, **{name: iso_utc(at) for name, at in dated.items()}}
 
 
-def _of_replaced(added: Added) -> Iterator[str]:
+def _of_replaced(replaced: int) -> Iterator[str]:
     """A correction replaces what was stored, and so does a file by a clock that is wrong."""
-    if added.replaced:
-        which = f"{added.replaced} stored samples were" if added.replaced > 1 else "One stored sample was"
+    if replaced:
+        which = f"{replaced} stored samples were" if replaced > 1 else "One stored sample was"
         yield f"{which} replaced by other values; where that is no correction, times or tags of the file are wrong."
 
 
@@ -210,14 +211,13 @@ def _batches(export: Export, set_points: SetPoints) -> Generator[list[LoopSample
         yield batch
 
 
-def _stored(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], said: Attributes) -> Added:
-    """What is new of it. A batch is prepared in a thread and written in another while the next one is read.
+def _store_all(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSamples]], said: Attributes) -> None:
+    """A batch is prepared in a thread and written in another while the next one is read.
     said: what a mapping says of loops."""
-    added = Added()
-    writing: deque[Future[Added]] = deque()
+    writing: deque[Future[None]] = deque()
 
-    def store(prepared: Future[list[Prepared]]) -> Added:
-        return patiently(partial(_store, backend, claim, prepared.result(), said), backend.settings.lease_s)
+    def store(prepared: Future[list[Prepared]]) -> None:
+        patiently(partial(_store, backend, claim, prepared.result(), said), backend.settings.lease_s)
 
     with (
         ThreadPoolExecutor(1, thread_name_prefix="preparing") as preparing,
@@ -226,13 +226,13 @@ def _stored(backend: Backend, claim: ReadingClaim, batches: Iterator[list[LoopSa
         try:
             for batch in batches:
                 writing.append(storing.submit(store, preparing.submit(_prepared, batch)))
-                added += writing.popleft().result() if len(writing) > BATCHES_AHEAD else Added()
+                if len(writing) > BATCHES_AHEAD:
+                    writing.popleft().result()
             while writing:
-                added += writing.popleft().result()
+                writing.popleft().result()
         finally:
             while writing:
                 writing.popleft().cancel()
-    return added
 
 
 def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
@@ -243,7 +243,7 @@ def _prepared(batch: list[LoopSamples]) -> list[Prepared]:
     return ready
 
 
-def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: Attributes) -> Added:
+def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: Attributes) -> None:
     with backend.database.write() as connection:
         if not uploads.renew(connection, claim, backend.settings.lease_s):
             raise ClaimLostError
@@ -251,10 +251,10 @@ def _store(backend: Backend, claim: ReadingClaim, batch: list[Prepared], said: A
         stretches = [Stretch(ids[stretch.loop], stretch.samples) for stretch in batch]
         place = Place(claim.receipt_number, receipts.unread_before(connection, claim.receipt_number))
         added = series.add(connection, stretches, claim.upload_id, place)
+        uploads.note_stored(connection, claim, added.samples, added.replaced)
         uploads.note_loops(connection, claim.upload_id, ids.values())
         if told := {ids[tag]: said[key] for tag in ids if (key := tag.casefold()) in said}:
             loops.fill_in(connection, told)
-    return added
 
 
 def _samples(stretch: LoopSamples) -> Samples:
