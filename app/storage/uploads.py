@@ -203,15 +203,16 @@ def note_stored(connection: Connection, claim: ReadingClaim, samples: int, repla
     """Counts what a part of the upload brought, in the transaction that stores it: whoever reads the rest after a
     worker that was lost, or after a commit whose answer was, finds that part stored already."""
     so_far = stored_so_far(connection, claim)
-    told = {STORED_SO_FAR: [claim.receipt_number, so_far[0] + samples, so_far[1] + replaced]}
+    told = {STORED_SO_FAR: [so_far[0] + samples, so_far[1] + replaced]}
     connection.execute(_held(claim).values(summary_json=json.dumps(told)))
 
 
 def stored_so_far(connection: Connection, claim: ReadingClaim) -> tuple[int, int]:
-    """Samples that were not there before, and samples that took the place of other values, by all tries to read it."""
+    """Samples that were not there before, and samples that took the place of other values, by all tries to read it,
+    those before it failed by a fault of ours and was sent again too. What was read to its end has none any more."""
     summary = connection.scalar(select(uploads.c.summary_json).where(uploads.c.id == claim.upload_id))
-    number, samples, replaced = json.loads(summary or "{}").get(STORED_SO_FAR, (None, 0, 0))
-    return (samples, replaced) if number == claim.receipt_number else (0, 0)
+    samples, replaced = json.loads(summary or "{}").get(STORED_SO_FAR, (0, 0))
+    return samples, replaced
 
 
 def end(connection: Connection, claim: ReadingClaim, state: str, values: dict[str, Any]) -> bool:

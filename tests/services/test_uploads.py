@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sqlalchemy import Engine, event, func, select, update
+from sqlalchemy import Engine, delete, event, func, select, update
 
 from app.errors import LoopauditError, NotFoundError
 from app.ingest import TagMapping
@@ -224,6 +224,23 @@ def test_what_a_lost_worker_had_stored_is_counted_as_brought(
     done = read(backend, corrected)
     assert (done.samples_added, done.samples_replaced > 0) == (0, True)
     assert any("replaced by other values" in note for note in done.notes)
+
+
+def test_what_was_stored_before_it_failed_is_counted_when_it_is_sent_again(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it would not be checked for damage when it comes once more, and read anew is not counted twice."""
+    upload = send(backend, export())
+    with monkeypatch.context() as patch:
+        patch.setattr(reading, "_end_read", lambda *_: 1 / 0)
+        for _ in range(reading.FAULTS_IN_ALL):
+            with pytest.raises(ZeroDivisionError):
+                reading.read_upload(backend, int(upload.id), "w")
+    assert uploads.get_upload(backend, upload.id).state == "failed"
+    assert read(backend, send(backend, export())).samples_added == 400
+    with backend.database.write() as connection:
+        connection.execute(delete(series_table))
+    assert read(backend, send(backend, export())).samples_added == 400
 
 
 def killed(*_: object) -> None:
