@@ -30,5 +30,5 @@ def _database(settings: Settings) -> str:
     machines may write them differently, and must meet all the same."""
     url = make_url(settings.resolved_database_url)
     if url.get_backend_name() == "sqlite":
-        return str(file_of(url.database).resolve())
+        return str(file_of(url).resolve())
     return str(url.query.get("dbname") or url.database or url.username or "")

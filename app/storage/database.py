@@ -15,6 +15,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
 from sqlalchemy.pool import QueuePool
 
 from app.errors import RequestError
+from app.sqlite_files import asks_for_no_writes
 
 BUSY_TIMEOUT_MS = 30_000
 WAL_SAFE_FROM = (3, 51, 3)
@@ -111,7 +112,7 @@ class Database:
     def _file_takes_writes(self) -> bool:
         """SQLite says which file it is: an address may be a URI, which may ask for no writes. What is in memory has
         no file."""
-        if self.url.query.get("mode") == "ro" or self.url.query.get("immutable"):
+        if asks_for_no_writes(self.url):
             return False
         with self.read() as connection:
             name = connection.exec_driver_sql("SELECT file FROM pragma_database_list WHERE name = 'main'").scalar()

@@ -1,5 +1,6 @@
 """Readiness says whether the data base takes writes, and waits for nobody to say it."""
 
+import logging
 import os
 import time
 from contextlib import ExitStack
@@ -70,6 +71,7 @@ def test_a_file_is_read_only_where_it_or_its_folder_cannot_be_written(
 def test_an_address_that_asks_for_no_writes_is_told_at_the_start_and_later(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, says: str
 ) -> None:
+    caplog.set_level(logging.WARNING)  # whatever a test before has configured
     migrate(Settings(data_dir=tmp_path))
     assert not caplog.records
     settings = Settings(data_dir=tmp_path, database_url=f"sqlite:///file:{tmp_path}/loopaudit.db?{says}&uri=true")

@@ -124,7 +124,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
         _put(file, settings.uploads_dir / file.name)
     sync_folder(settings.uploads_dir)
     if is_sqlite:
-        _put_sqlite(folder / SQLITE, file_of(url.database))
+        _put_sqlite(folder / SQLITE, file_of(url))
     elif told["database"] == SQLITE:
         _move_in(settings, folder / SQLITE)
     else:
@@ -165,7 +165,7 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
             raise RequestError("no_tables", "the data base has no tables; there is nothing to keep")
         if database.is_sqlite:
             with _written(draft / SQLITE) as target:
-                _copy_sqlite(file_of(database.url.database), target)
+                _copy_sqlite(file_of(database.url), target)
             return SQLITE, revision
         _run(
             ["pg_dump", "--format=custom", "--no-owner", f"--file={draft / POSTGRESQL}"], program_address(database.url)

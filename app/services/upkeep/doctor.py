@@ -80,7 +80,7 @@ def _of_the_database(backend: Backend) -> Iterator[Check]:
 
 def _sqlite_file(settings: Settings) -> Path | None:
     url = parsed(settings.resolved_database_url)
-    return file_of(url.database) if url.get_backend_name() == "sqlite" else None
+    return file_of(url) if url.get_backend_name() == "sqlite" else None
 
 
 def _is_begun(file: Path) -> bool:

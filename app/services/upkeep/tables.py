@@ -79,4 +79,4 @@ def database_files(settings: Settings) -> tuple[Path, ...]:
     """The file of an SQLite data base; none of a server's."""
     database = Database(settings.resolved_database_url)
     database.close()
-    return (file_of(database.url.database),) if database.is_sqlite else ()
+    return (file_of(database.url),) if database.is_sqlite else ()

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from sqlalchemy import make_url
 
 from app.queue.jobs import queue_names
 from app.services.upkeep.backup import backup, restore
@@ -17,18 +18,32 @@ def as_uri(folder: Path) -> Settings:
 
 
 @pytest.mark.parametrize(
-    ("name", "file"),
+    ("address", "file"),
     [
-        ("/data/plant 1.db", "/data/plant 1.db"),
-        ("plant.db", "plant.db"),
-        ("file:/data/plant%201.db", "/data/plant 1.db"),
-        ("file:///data/plant.db", "/data/plant.db"),
-        ("file:plant.db", "plant.db"),
-        (None, "."),
+        ("sqlite:////data/plant 1.db", "/data/plant 1.db"),
+        ("sqlite:///plant.db", "plant.db"),
+        ("sqlite:///file:/data/plant%201.db?uri=true", "/data/plant 1.db"),
+        ("sqlite:///file:///data/plant.db?uri=true", "/data/plant.db"),
+        ("sqlite:///file:plant.db?mode=ro&uri=yes", "plant.db"),
+        ("sqlite:///file:plant.db", "file:plant.db"),
+        ("sqlite:///file:plant.db?mode=ro&uri=false", "file:plant.db"),
+        ("sqlite://", "."),
     ],
 )
-def test_the_file_of_an_address(name: str | None, file: str) -> None:
-    assert file_of(name) == Path(file)
+def test_the_file_of_an_address(address: str, file: str) -> None:
+    assert file_of(make_url(address)) == Path(file)
+
+
+@pytest.mark.filterwarnings("ignore:Query string argument")
+def test_the_file_is_the_one_that_the_driver_opens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for address in ("sqlite:///file:one.db", "sqlite:///file:two.db?mode=ro", "sqlite:///file:three.db?uri=true"):
+        database = Database(address)
+        with database.write() as connection:
+            connection.exec_driver_sql("CREATE TABLE told (word TEXT)")
+        assert file_of(database.url).is_file()
+        assert database.takes_writes()
+        database.close()
 
 
 def test_a_plant_that_is_named_by_a_uri_is_kept_and_comes_back(tmp_path: Path) -> None:
