@@ -2,6 +2,7 @@
 
 import logging
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,8 @@ log = logging.getLogger("loopaudit.queue")
 
 ANSWERS_IN_S = 2.0
 """A request waits no longer than this for a broker that takes the connection and says nothing."""
+HANGS_AFTER_S = 3.0
+"""Nor a probe longer than this for its name to be found, which knows no limit of ours: the data base is well."""
 PROBE = "loopaudit-probe"
 AWAY_S = 5.0
 """After a failure it is not asked again for so long, by whoever rings: each would wait as long as the one before."""
@@ -28,6 +31,8 @@ class Queue:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._away_until = 0.0
+        self._asker = ThreadPoolExecutor(1, thread_name_prefix="broker")
+        self._asking: Future[bool] | None = None
 
     def read_upload(self, upload_id: int) -> bool:
         return self._send(READ_UPLOAD, upload_id)
@@ -47,6 +52,16 @@ class Queue:
     def reachable(self) -> bool:
         """Whether the broker answers within a few seconds, and takes what is sent: a Redis without memory left, or
         whose disk is full, refuses that alone."""
+        if self._asking is None or self._asking.done():
+            self._asking = self._asker.submit(self._answers)
+        try:
+            return self._asking.result(HANGS_AFTER_S)
+        except TimeoutError:
+            log.warning("broker away: no answer within %s s", HANGS_AFTER_S)
+            self._away_until = time.monotonic() + AWAY_S
+            return False
+
+    def _answers(self) -> bool:
         try:
             with self._application.connection_for_write() as connection:
                 connection.ensure_connection(max_retries=1, interval_start=0, timeout=ANSWERS_IN_S)
@@ -61,6 +76,7 @@ class Queue:
         return True
 
     def close(self) -> None:
+        self._asker.shutdown(wait=False, cancel_futures=True)
         if "_application" in self.__dict__:
             self._application.close()
 

@@ -2,12 +2,16 @@
 
 import logging
 import os
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from app.http.probing import PATIENCE_S
+from app.queue import publishing
+from app.queue.publishing import Queue
 from app.services.backend import Backend
 from app.services.upkeep import doctor
 from app.services.upkeep.readiness import readiness
@@ -84,3 +88,25 @@ def test_an_address_that_asks_for_no_writes_is_told_at_the_start_and_later(
         backend.close()
     growth = next(check for check in doctor.examine(settings) if check.name == "growth")
     assert (growth.state, "mode=ro" in growth.advice) == ("problem", True)
+
+
+def test_a_broker_that_hangs_is_away_and_asked_once(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As while a server of names is away: the data base is well all the same, and says so in time."""
+    asked: list[int] = []
+    goes_on = threading.Event()
+
+    def hang(self: Queue) -> None:
+        asked.append(1)
+        goes_on.wait(30)
+
+    assert publishing.HANGS_AFTER_S < PATIENCE_S
+    monkeypatch.setattr(publishing, "HANGS_AFTER_S", 0.2)
+    with monkeypatch.context() as patch:
+        patch.setattr(Queue, "_application", property(hang))
+        try:
+            for _ in range(2):
+                found = readiness(backend)
+                assert (found.state, found.checks["broker"], found.checks["database"]) == ("degraded", "away", "ok")
+        finally:
+            goes_on.set()
+    assert len(asked) == 1
