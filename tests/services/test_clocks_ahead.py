@@ -81,14 +81,21 @@ def test_a_clock_that_is_behind_takes_no_night_its_date(backend: Backend, sweep_
     assert sweep_at(days[-1] + timedelta(hours=1)) is None
 
 
-def test_what_would_be_old_by_a_clock_that_jumped_waits_a_day(
-    backend: Backend, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def retained_at(clock: datetime) -> bool:
+@pytest.fixture
+def retained_at(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> Callable[[datetime], bool]:
+    """Whether what is old is dropped by a clock that shows this time."""
+
+    def retained(clock: datetime) -> bool:
         for module in (retention, stored_retention, stored_trail):
             monkeypatch.setattr(module, "now", lambda: clock)
         return retention.retain_if_due(backend, clock) is not None
 
+    return retained
+
+
+def test_what_would_be_old_by_a_clock_that_jumped_waits_a_day(
+    backend: Backend, retained_at: Callable[[datetime], bool]
+) -> None:
     day, ahead = datetime(2026, 3, 1, 9, tzinfo=UTC), datetime(2026, 4, 20, 9, tzinfo=UTC)
     hour = timedelta(hours=1)
     assert [retained_at(clock) for clock in (day, day + 24 * hour)] == [True, True]
@@ -97,6 +104,20 @@ def test_what_would_be_old_by_a_clock_that_jumped_waits_a_day(
     assert [retained_at(ahead + count * hour) for count in (0, 23, 24, 48)] == [False, False, True, True]  # was stopped
     told = [line.action for line in list_trail(backend, limit=50).rows]
     assert told.count(retention.WAITS) == 2
+
+
+def test_a_weekend_without_the_service_is_no_clock_that_jumped(
+    backend: Backend, retained_at: Callable[[datetime], bool]
+) -> None:
+    night, hour = datetime(2026, 3, 6, 2, tzinfo=UTC), timedelta(hours=1)
+    assert [retained_at(night + count * hour) for count in (0, 24 * 3 + 6, 24 * 7, 24 * 10 + 6)] == [True] * 4
+    assert retention.WAITS not in [line.action for line in list_trail(backend, limit=50).rows]
+
+
+def test_what_another_sweep_drops_of_the_trail_meanwhile_ends_no_sweep(backend: Backend) -> None:
+    day, last = timedelta(days=1), datetime.now(UTC) - timedelta(days=30)
+    moments = [last + 30 * day, last + 30.5 * day, last + 32 * day]
+    assert [retention._clock_may_be_ahead(backend, last, moment) for moment in moments] == [True, True, False]
 
 
 def test_a_run_dated_ahead_is_not_the_newest_one(backend: Backend, sweep_at: SweepAt) -> None:
