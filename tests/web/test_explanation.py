@@ -75,6 +75,10 @@ def part(explanation: dict | None) -> str:
         (ASKED, "Being worked out; asked for at 2026-01-01 00:00 UTC"),
         (ASKED | {"located": {"block": "valve", "condition": "after OP reversals"}}, "differ at the valve, after OP"),
         (
+            ASKED | {"located": {"block": None, "condition": "nowhere"}},
+            "First answer: nothing stands out at a first look",
+        ),
+        (
             ASKED | {"waits_for_room_since": "2026-01-01T01:00:00Z"},
             "Since 2026-01-01 01:00 there is no room on the disk to keep its answer",
         ),
