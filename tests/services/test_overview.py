@@ -103,6 +103,7 @@ def test_every_key_figure_is_defined() -> None:
     defined = {figure.field for figure in glossary.FIGURES}
     assert set(KeyFigures.__dataclass_fields__) <= defined
     assert all(figure.definition for figure in glossary.FIGURES)
+    assert len({figure.label for figure in glossary.FIGURES}) == len(glossary.FIGURES)
 
 
 def test_valves_that_stick_reliably_come_first_and_loops_that_were_not_judged_are_not_among_the_worst(

@@ -40,7 +40,7 @@ FIGURES = (
     Figure("error_mean", "Control error, mean", "PV", 3, JELALI),
     Figure("error_std", "Control error, standard deviation", "PV", 3, JELALI),
     Figure("error_abs_mean", "Control error, mean size", "PV", 3, JELALI),
-    Figure("error_abs_mean_pct_of_span", "Control error, mean size", "% of span", 2, JELALI),
+    Figure("error_abs_mean_pct_of_span", "Control error, mean share of PV's span", "%", 2, JELALI),
     Figure("error_abs_p95", "Control error, 95 % are below", "PV", 3, JELALI),
     Figure("error_p05", "Control error, 5th percentile", "PV", 3, JELALI),
     Figure("error_median", "Control error, median", "PV", 3, JELALI),
@@ -62,7 +62,7 @@ FIGURES = (
     Figure(
         "op_travel_per_h", "Valve travel asked for", "OP an hour", 1, JELALI, "OP's travel: the stem may not follow."
     ),
-    Figure("op_travel_pct_of_span_per_h", "Valve travel asked for", "% of span an hour", 1, JELALI),
+    Figure("op_travel_pct_of_span_per_h", "Valve travel asked for, share of OP's span", "% an hour", 1, JELALI),
     Figure("op_reversals_per_h", "Reversals", "an hour", 1, JELALI, "Below 2 % of OP's range nothing counts: noise."),
     Figure("response_time_s", "Time an upset is felt", "s", 0, JELALI, "Closed loop; gaps in the record shorten it."),
     Figure(
