@@ -40,3 +40,4 @@ def test_a_plot_without_names_says_what_the_verdict_says(verdict: Verdict, said:
     for drawn in (explanation_svg(found, op), explanation_html(found, op)):
         assert said in drawn
         assert ("nothing is missing" in drawn) is (verdict == "consistent")
+    assert '"showSendToCloud": false' in explanation_html(found, op)  # its bytes stay with the plant

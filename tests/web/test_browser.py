@@ -80,6 +80,14 @@ def test_from_the_plant_to_the_worst_loop_and_its_charts(opened: Page):
         expect(opened.locator(f"#{chart} .main-svg").first).to_be_visible()
 
 
+@pytest.mark.parametrize("path", ["/", "/loops/LIC7"])
+def test_no_chart_offers_to_send_what_it_shows_to_a_cloud(opened: Page, path: str):
+    settled(opened, path)
+    offered = opened.locator(".modebar-btn").evaluate_all("all => all.map(one => one.getAttribute('aria-label'))")
+    assert "Download plot as a PNG" in offered
+    assert not [name for name in offered if "hare" in name or "loud" in name]
+
+
 def test_what_is_folded_is_drawn_at_its_width_once_it_opens_and_for_print(opened: Page):
     settled(opened, "/loops/LIC7")
     expect(opened.locator("#spectra .main-svg").first).to_be_hidden()

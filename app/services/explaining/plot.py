@@ -12,6 +12,9 @@ from app.services.explaining.wording import VERDICT_WORDS
 
 COLOURS = {"recording": "#222222", "given": "#b0b0b0", "refitted": "#d98200", "explained": "#0b6fb8"}
 
+# What a plant recorded is not offered to the cloud of those who make the library.
+CONFIG = {"displaylogo": False, "showSendToCloud": False, "plotlyServerURL": ""}
+
 
 def as_many(op: FloatArray, count: int) -> FloatArray:
     """As many samples of OP (N,), equally apart, as the traces have."""
@@ -53,7 +56,7 @@ def explanation_html(explanation: Explanation, op: FloatArray) -> str:
     figure.update_layout(title=title, template="plotly_white", height=900, legend={"orientation": "h", "y": 1.06})
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
     figure.update_xaxes(title_text="OP", row=3, col=1)
-    return str(figure.to_html(include_plotlyjs=True, full_html=True))
+    return str(figure.to_html(CONFIG, include_plotlyjs=True, full_html=True))
 
 
 def add_residual(figure: go.Figure, time_s: FloatArray, op: FloatArray, residual: FloatArray, label: str) -> None:

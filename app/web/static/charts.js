@@ -30,7 +30,8 @@ const clockAt = (newest, oldest = newest) => {
     title: !dated ? "time since a start without a date" : zone === "UTC" || told === null ? "time, UTC" : `time in ${zone}, ${offset}${changed}`,
   };
 };
-const options = { responsive: true, displaylogo: false, displayModeBar: "hover" };
+// What a plant recorded is not offered to the cloud of those who make the library.
+const options = { responsive: true, displaylogo: false, displayModeBar: "hover", showSendToCloud: false, plotlyServerURL: "" };
 // A title of an axis goes on in a second line where the chart is too narrow for it, instead of being cut off.
 const folded = (text, chart) => {
   const most = Math.max(16, Math.floor((chart.clientWidth - 80) / 8)), lines = [""];
