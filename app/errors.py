@@ -39,3 +39,8 @@ class FieldError(RequestError):
 
 class NotFoundError(RequestError):
     """What was asked for is not there."""
+
+
+def in_our_words(message: str) -> str:
+    """A sentence of ours that pydantic hands on, without what it puts before it."""
+    return message.removeprefix("Value error, ")

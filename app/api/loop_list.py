@@ -8,7 +8,7 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 
 from app.api.models import LoopPatch, LoopsChangedOut
-from app.errors import DataError, RequestError
+from app.errors import DataError, RequestError, in_our_words
 from app.http.backend import Services
 from app.http.problems import responses
 from app.services.backend import Backend
@@ -76,7 +76,7 @@ def _from_json(body: bytes) -> LoopList:
 
 
 def _told(error: ValidationError) -> str:
-    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in error.errors()[:3])
+    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {in_our_words(item['msg'])}" for item in error.errors()[:3])
 
 
 READ = {JSON: _from_json, CSV: loop_list.read}

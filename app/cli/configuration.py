@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, TextIO
 
 from app.cli.messages import say, say_as_log
-from app.errors import RequestError
+from app.errors import RequestError, in_our_words
 
 if TYPE_CHECKING:
     from app.settings import Settings
@@ -29,7 +29,7 @@ def load_settings(*, warns: bool = True, unattended: bool = False) -> "Settings"
     try:
         settings = Settings()
     except ValidationError as error:
-        wrong = (f"{named(item['loc'])}{item['msg'].removeprefix('Value error, ')}" for item in error.errors())
+        wrong = (f"{named(item['loc'])}{in_our_words(item['msg'])}" for item in error.errors())
         raise RequestError("settings", "; ".join(wrong)) from None
     logging.lastResort = LogOfCommand(settings)
     if unattended and settings.log_format == "json":

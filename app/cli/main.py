@@ -34,7 +34,7 @@ from app.cli import (
     worker,
 )
 from app.cli.messages import ExitCode, refuse
-from app.errors import LoopauditError, RequestError
+from app.errors import LoopauditError, RequestError, in_our_words
 
 EPILOG = (
     "Results go to stdout, messages to stderr. "
@@ -71,6 +71,16 @@ def told_of_closed_stdout() -> Iterator[None]:
         raise
 
 
+@contextmanager
+def plainly_refused() -> Iterator[None]:
+    """What is wrong with an option, without the words of the library that found it."""
+    try:
+        yield
+    except typer.BadParameter as error:
+        error.message = in_our_words(error.message)
+        raise
+
+
 class Commands(TyperGroup):
     """Commands of which a closed pipe is no failure: without this it is made exit code 1 before we see it."""
 
@@ -81,11 +91,11 @@ class Commands(TyperGroup):
             return super().parse_args(ctx, args)
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:  # which prints --help
-        with told_of_closed_stdout():
+        with told_of_closed_stdout(), plainly_refused():
             return super().make_context(*args, **kwargs)
 
     def invoke(self, *args: Any, **kwargs: Any) -> Any:
-        with told_of_closed_stdout():
+        with told_of_closed_stdout(), plainly_refused():
             return super().invoke(*args, **kwargs)
 
 

@@ -15,10 +15,7 @@ from fastapi.params import Cookie, Header, Path
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
-from app.errors import RequestError
-
-OUR_OWN = "Value error, "
-"""What the framework puts before a sentence of ours."""
+from app.errors import RequestError, in_our_words
 
 JSON_KIND = re.compile(r"application/([\w.-]+\+)?json")
 
@@ -73,7 +70,7 @@ def what_is_wrong(item: Mapping[str, Any], route: Any) -> str:
     if item.get("type") == "extra_forbidden" and isinstance(route, APIRoute) and route.body_field is not None:
         known = fields_at(item["loc"][1:-1], route.body_field.field_info.annotation)
         return f"no field is called so; there is {', '.join(known)}"
-    return str(item["msg"]).removeprefix(OUR_OWN)
+    return in_our_words(str(item["msg"]))
 
 
 def fields_at(path: Iterable[Any], kind: Any) -> list[str]:

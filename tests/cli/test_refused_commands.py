@@ -17,6 +17,16 @@ def test_a_setting_that_cannot_be_used_is_named(monkeypatch, capsys, name, value
     assert "Value error" not in err
 
 
+@pytest.mark.parametrize(
+    "command", ["audit x.csv --format nonsense", "explain x.csv --format nonsense", "keys create me --role nonsense"]
+)
+def test_a_choice_that_is_none_is_told_without_the_words_of_a_library(monkeypatch, capsys, command):
+    code, out, err = as_program(monkeypatch, capsys, *command.split())
+    assert (code, out) == (2, "")
+    assert ": 'nonsense' is not one of '" in " ".join(err.replace("│", "").split())
+    assert "Value error" not in err
+
+
 @pytest.mark.parametrize("place", ["nowhere/verdicts.jsonl", "."])
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path, monkeypatch, capsys, place):
     export = tmp_path / "plant.csv"
