@@ -175,7 +175,7 @@ class NoteOut(Read):
 
     id: str = Field(description="Identifier of the note.")
     written_at: str = Field(description="ISO 8601, UTC.")
-    written_by: str = Field(description="Name of the key, or `anyone on this machine`.")
+    written_by: str = Field(description="Name of the key, or `a local user without a key`.")
     text: str = Field(description="What was said.")
     work_order: str = Field(description="Number of the work order; empty: none.")
     repaired_at: str | None = Field(description="The repair that it states; verdicts before and after are compared.")
@@ -281,7 +281,7 @@ class AuditOut(Read):
     state: AuditState = Field(description="planned -> running -> done, partial where loops failed, or cancelled.")
     trigger: str = Field(description="What started it: request, nightly, ...")
     started_by: str | None = Field(
-        description="Name of the key, `command line`, `schedule`, or `anyone on this machine`; null: not known."
+        description="Name of the key, `command line`, `schedule`, or `a local user without a key`; null: not known."
     )
     created_at: str = Field(description="ISO 8601, UTC.")
     ended_at: str | None = Field(description="ISO 8601, UTC; null while it runs.")
@@ -338,7 +338,7 @@ class TrailRowOut(Read):
 
     id: str = Field(description="Identifier of the row.")
     at: str = Field(description="ISO 8601, UTC.")
-    who: str = Field(description="Name of the key, `command line`, `schedule`, or `anyone on this machine`.")
+    who: str = Field(description="Name of the key, `command line`, `schedule`, or `a local user without a key`.")
     action: str = Field(description="What was done: upload.receive, audit.start, loop.change, key.create, ...")
     subject: str = Field(description="To what: an address of this service, or the id of a key.")
     outcome: Literal["done", "refused", "failed", "not_known"] = Field(

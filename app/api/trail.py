@@ -8,11 +8,12 @@ from app.api.models import TrailPage
 from app.http.backend import Cursor, Limit, Services
 from app.http.problems import responses
 from app.services.access import trail as service
+from app.services.access.identity import OF_ACTION, OF_WHO
 
 router = APIRouter(tags=["trail"])
 
-Who = Annotated[str | None, Query(max_length=200, description="Only what this key (by its name) did.")]
-Action = Annotated[str | None, Query(max_length=100, description="Only this action, such as upload.receive.")]
+Who = Annotated[str | None, Query(max_length=200, description=OF_WHO)]
+Action = Annotated[str | None, Query(max_length=100, description=OF_ACTION)]
 
 
 @router.get("/trail", response_model=TrailPage, responses=responses(400, 422), summary="Who did what, newest first")

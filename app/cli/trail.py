@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.messages import ExitCode, console_for
+from app.cli.messages import ExitCode, console_for, say
 from app.cli.opening import opened
+from app.services.access.identity import OF_ACTION, OF_WHO
 
 if TYPE_CHECKING:
     from app.services.moments import PlantClock
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
 
 def trail(
     limit: Annotated[int, typer.Option("--limit", min=1, max=100_000, help="Rows, the newest first.")] = 50,
-    who: Annotated[str | None, typer.Option("--who", help="Only what this key (by its name) did.")] = None,
-    action: Annotated[str | None, typer.Option("--action", help="Only this action, such as upload.receive.")] = None,
+    who: Annotated[str | None, typer.Option("--who", help=OF_WHO)] = None,
+    action: Annotated[str | None, typer.Option("--action", help=OF_ACTION)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
     """Show who did what: uploads, audits, changes, keys, logins, and what was refused.
@@ -34,6 +35,8 @@ def trail(
 
     with opened() as backend:
         rows, clock = list_trail(backend, limit, who=who, action=action).rows, backend.clock
+    if not rows and (who or action):
+        say("loopaudit: nothing in the trail fits; --who and --action take whole names, as the trail shows them")
     if as_json:
         for row in rows:
             typer.echo(json.dumps(vars(row)))

@@ -62,3 +62,16 @@ def test_no_key_is_for_ever(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
     code, made, _ = as_program(monkeypatch, capsys, "keys", "create", "me", "--days", "0")
     assert (code, made) == (2, "")
+
+
+def test_the_trail_is_asked_for_whole_names_and_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    assert as_program(monkeypatch, capsys, "keys", "create", "historian")[0] == 0
+    code, shown, said = as_program(monkeypatch, capsys, "trail", "--who", "command line", "--json")
+    assert (code, json.loads(shown)["who"], said) == (0, "command line", "")
+    code, shown, said = as_program(monkeypatch, capsys, "trail", "--who", "command", "--json")
+    assert (code, shown) == (0, "")
+    assert (
+        said == "loopaudit: nothing in the trail fits; --who and --action take whole names, as the trail shows them\n"
+    )
+    assert "called exactly so" in as_program(monkeypatch, capsys, "trail", "--help")[1]

@@ -42,7 +42,7 @@ def test_a_repair_is_withdrawn_on_the_page_and_the_trail_keeps_it(client):
     assert "not this loop" in page
     assert "by a local user without a key" in page
     row = client.get("/v1/trail?action=repair.withdraw").json()["rows"][0]
-    assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
+    assert (row["who"], row["outcome"]) == ("a local user without a key", "done")
 
 
 def test_notes_are_written_and_repairs_withdrawn_over_the_api(client):
@@ -51,7 +51,7 @@ def test_notes_are_written_and_repairs_withdrawn_over_the_api(client):
     wrote = client.post(path, json=said)
     assert (wrote.status_code, wrote.json()["repaired_at"]) == (201, "2025-12-30T06:00:00Z")
     withdrawn = client.delete(f"{path}/{wrote.json()['id']}/repair").json()
-    assert withdrawn["withdrawn_by"] == "anyone on this machine"
+    assert withdrawn["withdrawn_by"] == "a local user without a key"
     assert client.get(path).json()["rows"][0] == withdrawn
     assert client.delete(f"{path}/nonsense/repair").json()["code"] == "no_such_repair"
     far = client.post(path, json={"repaired_at": "9999-12-31T23:59:59-14:00"})
@@ -87,7 +87,7 @@ def test_a_loop_is_shelved_on_its_page_left_out_of_the_worst_and_listed_again(cl
     assert "by a local user without a key" in page
     assert href in worst.search(client.get("/").text)[0]
     row = client.get("/v1/trail?action=shelving.withdraw").json()["rows"][0]
-    assert (row["who"], row["outcome"]) == ("anyone on this machine", "done")
+    assert (row["who"], row["outcome"]) == ("a local user without a key", "done")
 
 
 def test_a_loop_is_shelved_over_the_api(client):
@@ -97,7 +97,7 @@ def test_a_loop_is_shelved_over_the_api(client):
     assert (wrote.status_code, wrote.json()["shelved_until"]) == (201, f"{moment}Z")
     assert client.delete(f"{path}/{wrote.json()['id']}/repair").json()["code"] == "no_such_repair"
     ended = client.delete(f"{path}/{wrote.json()['id']}/shelving").json()
-    assert ended["withdrawn_by"] == "anyone on this machine"
+    assert ended["withdrawn_by"] == "a local user without a key"
     assert client.get(path).json()["rows"][0] == ended
     assert client.delete(f"{path}/nonsense/shelving").json()["code"] == "no_such_shelving"
     refused = client.post(path, json={"shelved_until": moment})

@@ -25,7 +25,7 @@ def test_runs_say_who_started_them_in_the_words_of_the_trail(client, web_backend
     again = client.post("/loops/FIC101/audit").headers["location"]
     whole = client.post("/runs").headers["location"]
     who = client.get("/v1/trail?action=audit.start").json()["rows"][0]["who"]
-    assert run["started_by"] == who == "anyone on this machine"
+    assert run["started_by"] == who == "a local user without a key"
     for address in (f"/runs/{run['id']}", again, whole):
         assert "by a local user without a key" in " ".join(client.get(address).text.split())
     night = nightly(web_backend)

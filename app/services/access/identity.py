@@ -40,10 +40,14 @@ class Identity:
         return needed in INCLUDES[self.role]
 
 
-ANYONE = Identity("anyone on this machine", Role.admin, "open")
+ANYONE = Identity("a local user without a key", Role.admin, "open")
 NOBODY = Identity("nobody", Role.read, "nobody")
 COMMAND_LINE = Identity("command line", Role.admin, "command line")
 SCHEDULE = Identity("schedule", Role.admin, "schedule")
+
+# How the trail is asked, on the command line and over HTTP.
+OF_WHO = f"Only what was done by who is called exactly so: a key, {COMMAND_LINE.who}, {SCHEDULE.who}, {ANYONE.who}."
+OF_ACTION = "Only this action, by its whole name, such as upload.receive."
 
 current: ContextVar[Identity | None] = ContextVar("loopaudit_identity", default=None)
 request_id: ContextVar[str | None] = ContextVar("loopaudit_request_id", default=None)
