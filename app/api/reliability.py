@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of, versioned
+from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of, unchanged, versioned
 from app.api.loops import WhichRetired
 from app.api.models import CSV, ReliabilityPage
 from app.errors import RequestError
@@ -71,7 +71,9 @@ class RowFilters(BaseModel):
     likely_cause: str | None = Field(
         None, max_length=100, description="Only this likely cause; `data`: not auditable, and no cause is named."
     )
-    min_probability: float | None = Field(None, ge=0, le=1, description="Least probability of stiction.")
+    min_probability: float | None = Field(
+        None, ge=0, le=1, allow_inf_nan=False, description="Least probability of stiction."
+    )
     open_order: bool | None = Field(
         None, description="true: with a work order that no repair was stated since; false: without one."
     )
@@ -186,9 +188,9 @@ async def in_parts(request: Request, backend: Backend, query: TableQuery) -> Res
     found = await run_in_threadpool(looked_up, backend, query)
     written = [query.format, query.byte_order_mark, query.raw, query.wanted_columns()]
     tag = tag_of({"rows": found.version, "as": written})
-    headers = {"ETag": tag, "Vary": "Accept-Encoding"}
+    headers = {"ETag": tag}
     if known(request.headers.get("If-None-Match", ""), tag):
-        return Response(status_code=304, headers=headers)
+        return unchanged(headers)
     media_type, parts = "application/json", as_json(found, query)
     if query.format is Format.csv:
         media_type, parts = "text/csv; charset=utf-8", as_csv(found, query)

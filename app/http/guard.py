@@ -13,7 +13,7 @@ from app.http.callers import Callers, unauthorized
 from app.http.forms import carries_token
 from app.http.noting import answer_noted, note
 from app.http.origins import crosses_sites, host_allowed, host_name, is_forwarded, is_loopback, names_a_machine
-from app.http.permissions import LOGIN, PROBES, Matched, Routes
+from app.http.permissions import LOGIN, PROBES, Matched, Routes, instead
 from app.http.problems import AWAY, LONGEST_ECHO, Refusal, answer_to
 from app.services.access.identity import NOBODY, Identity, current
 from app.settings import Settings
@@ -105,7 +105,7 @@ class Guard:
         if not taken:
             return Refusal(404, "no_such_route", f"no route {scope['method']} {scope['path'][:LONGEST_ECHO]}")
         allowed = sorted(taken)
-        text = f"this takes {' and '.join(allowed)}"
+        text = f"this takes {' and '.join(allowed)}{instead(scope['method'], scope['path'])}"
         return Refusal(405, "method_not_allowed", text, headers={"Allow": ", ".join(allowed)})
 
 

@@ -3,6 +3,7 @@
 `needs` None is open to all. What is not a GET has an `action`: the name under which the trail keeps it.
 """
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,17 @@ from app.services.access.identity import Role
 READING = ("GET", "HEAD")
 PROBES = frozenset({"/healthz", "/readyz"})
 UNGUARDED = frozenset({"websocket or the like"})
+
+# What is never deleted, and what is done instead, by path; the first that fits holds.
+INSTEAD_OF_DELETING = (
+    (
+        re.compile(r"/v1/loops/.+/notes/[^/]+"),
+        "a note is kept for ever; DELETE .../{id}/repair withdraws the repair that it states, .../{id}/shelving ends "
+        "its shelving",
+    ),
+    (re.compile(r"/v1/loops/.+"), 'a loop is kept with its history; PATCH it with {"retired": true}'),
+    (re.compile(r"/v1/audits/[^/]+"), "a run is kept; POST .../{id}/cancel stops it"),
+)
 
 
 SECOND_ONE = frozenset({"audit.start", "explanation.ask", "note.write"})
@@ -156,6 +168,12 @@ class Routes:
         taking = (methods for pattern, _, methods in self._routes if pattern.match(get_route_path(scope)))
         found = set().union(*taking)
         return found | set(READING) if "GET" in found else found
+
+
+def instead(method: str, path: str) -> str:
+    """What to do in place of what no address takes, as the end of a sentence; empty where nothing is known."""
+    told = (text for pattern, text in INSTEAD_OF_DELETING if method == "DELETE" and pattern.fullmatch(path))
+    return next((f"; {text}" for text in told), "")
 
 
 def listed(app: FastAPI) -> list[tuple[str, frozenset[str]]]:

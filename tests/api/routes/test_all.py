@@ -171,3 +171,17 @@ def test_a_part_of_a_file_is_not_asked_for_in_bare_text(client):
     answer = client.get("/static/loopaudit.css", headers={"Range": "bytes=9-1"})
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/css")
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("/v1/loops/AREA/FIC101/notes/1", "a note is kept for ever; DELETE .../{id}/repair withdraws the repair"),
+        ("/v1/loops/AREA/FIC101", 'a loop is kept with its history; PATCH it with {"retired": true}'),
+        ("/v1/audits/1", "a run is kept; POST .../{id}/cancel stops it"),
+    ],
+)
+def test_what_is_never_deleted_says_what_to_do_instead(client, path, words):
+    answer = client.delete(path)
+    assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
+    assert words in answer.json()["detail"]

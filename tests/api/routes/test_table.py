@@ -228,6 +228,7 @@ def test_a_whole_table_goes_out_in_parts_and_is_the_same(client, plant, monkeypa
     monkeypatch.setattr(reliability.service, "_part", lambda *told: made.append(1) or part(*told))
     streamed = client.get(url)
     assert streamed.content == whole.content
+    assert [answer.headers["vary"] for answer in (whole, streamed)] == ["Accept-Encoding"] * 2
     same = ("etag", "content-type", "x-next-cursor", "content-disposition")
     assert [streamed.headers.get(name) for name in same] == [whole.headers.get(name) for name in same]
     if "search" not in asked:
@@ -305,3 +306,10 @@ def test_few_parts_of_whole_tables_are_made_at_a_time(client, plant, monkeypatch
         answers = list(pool.map(lambda _: client.get("/v1/reliability", params=asked).status_code, range(8)))
     assert set(answers) == {200}
     assert max(most) == reliability.PARTS_AT_ONCE
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
+def test_a_probability_that_is_no_number_is_refused_as_such(client, number):
+    answer = client.get("/v1/reliability", params={"min_probability": number})
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
+    assert answer.json()["detail"] == "query.min_probability: Input should be a finite number"
