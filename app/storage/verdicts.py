@@ -103,6 +103,7 @@ class NewestSaid(NamedTuple):
     audited_at: datetime
     input_start_ns: int | None
     input_end_ns: int | None
+    input_fingerprint: str
 
 
 class SwingRow(NamedTuple):
@@ -345,6 +346,12 @@ def newest_said(connection: Connection, loop_id: int) -> NewestSaid | None:
     query = select(*(verdicts.c[name] for name in NewestSaid._fields)).join(loops, is_newest(verdicts))
     row = connection.execute(query.where(loops.c.id == loop_id)).one_or_none()
     return None if row is None else NewestSaid._make(row)
+
+
+def fingerprint_before(connection: Connection, loop_id: int, at: datetime) -> str | None:
+    """Of what the loop's newest verdict of before that time rests on; None where there was none."""
+    query = select(verdicts.c.input_fingerprint).where(verdicts.c.loop_id == loop_id, verdicts.c.audited_at <= at)
+    return connection.scalar(query.order_by(verdicts.c.audit_id.desc()).limit(1))
 
 
 def history(connection: Connection, loop_id: int, limit: int, before_audit: int | None) -> list[dict[str, Any]]:

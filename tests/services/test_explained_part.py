@@ -77,12 +77,27 @@ def test_an_explanation_says_what_to_keep_in_mind(backend: Backend, add_loops: A
     found = explanations.newest(backend, "FIC1")
     assert found["remarks"] == []
     audited(backend)
-    repaired_at = datetime.fromisoformat(found["window_end"]) + timedelta(minutes=1)
+    assert explanations.newest(backend, "FIC1")["remarks"] == []  # of the same samples
+    add_loops("FIC1", n=400)
+    audited(backend)
+    repaired_at = datetime.fromisoformat(found["window_end"]) + timedelta(minutes=101)
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=repaired_at)
     repair, audit = explanations.newest(backend, "FIC1")["remarks"]
     assert repair.startswith(f"This is of before the repair of {repaired_at:%Y-%m-%d %H:%M} UTC")
     assert audit.startswith("It was asked for before the audit of ")
     explanations.ask(backend, "FIC1")
+    assert len(explanations.newest(backend, "FIC1")["remarks"]) == 1
+
+
+def test_an_audit_of_the_same_samples_makes_no_explanation_an_old_one(backend: Backend) -> None:
+    """Of a long record too, of which the window of the explanation is the judged part."""
+    keep(backend, "FIC1", record(n=5200))
+    audited(backend)
+    explanations.ask(backend, "FIC1")
+    audited(backend)
+    assert explanations.newest(backend, "FIC1")["remarks"] == []
+    keep(backend, "FIC1", record(step=3.0, n=5200))  # sent again, mended
+    audited(backend)
     assert len(explanations.newest(backend, "FIC1")["remarks"]) == 1
 
 

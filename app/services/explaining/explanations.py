@@ -120,17 +120,28 @@ def _remarks(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
     with backend.database.read() as connection:
         repaired_at = notes.repairs_stated_last(connection, [loop.id]).get(loop.id)
         newest_verdict = verdicts.newest_said(connection, loop.id)
+        heard = verdicts.fingerprint_before(connection, loop.id, row.asked_at)
     told = []
     if repaired_at is not None and row.window_end_ns is not None and ns_of(repaired_at) > row.window_end_ns:
         told.append(f"This is of before the repair of {backend.clock.told_at(repaired_at)}.")
     if newest_verdict is None:
         return told
-    if newest_verdict.audited_at > row.asked_at:
+    if newest_verdict.audited_at > row.asked_at and _of_other_samples(newest_verdict, row, heard):
         audit = backend.clock.told_at(newest_verdict.audited_at)
         told.append(f"It was asked for before the audit of {audit}, which may rest on newer samples.")
     if newest_verdict.verdict == "stiction" and row.verdict in ("consistent", "inconclusive"):
         told.append("The audit says that the valve sticks: that this comparison names nothing does not clear it.")
     return told
+
+
+def _of_other_samples(newest: verdicts.NewestSaid, row: ExplanationRow, heard: str | None) -> bool:
+    """Whether a verdict may rest on what the explanation did not know. heard: the fingerprint of what the loop's newest
+    verdict rested on when it was asked for; None: there was none, and only how far the samples go can be compared.
+    """
+    if heard is not None:
+        return heard != newest.input_fingerprint
+    ends = (newest.input_end_ns, row.window_end_ns)
+    return row.as_judged or None in ends or ends[0] > ends[1]
 
 
 def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
