@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of, unchanged, versioned
+from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of, versioned
 from app.api.loops import WhichRetired
 from app.api.models import CSV, ReliabilityPage
 from app.errors import RequestError
@@ -190,7 +190,7 @@ async def in_parts(request: Request, backend: Backend, query: TableQuery) -> Res
     tag = tag_of({"rows": found.version, "as": written})
     headers = {"ETag": tag}
     if known(request.headers.get("If-None-Match", ""), tag):
-        return unchanged(headers)
+        return Response(status_code=304, headers=headers)
     media_type, parts = "application/json", as_json(found, query)
     if query.format is Format.csv:
         media_type, parts = "text/csv; charset=utf-8", as_csv(found, query)

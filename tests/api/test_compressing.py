@@ -54,6 +54,10 @@ def test_large_json_and_csv_shrink_and_say_the_same(get, name):
     assert packed.headers.get("etag") == plain.headers.get("etag")
 
 
+def test_a_small_answer_may_be_another_one_for_others_too(get):
+    assert [get("/v1/small", accepted).headers["vary"] for accepted in ("gzip", "identity")] == ["Accept-Encoding"] * 2
+
+
 def test_an_answer_that_is_known_is_not_sent_again(get):
     tag = get("/v1/table").headers["etag"]
     assert tag.startswith("W/")  # the same of both forms

@@ -143,3 +143,14 @@ def test_a_plant_that_was_never_audited_is_not_said_to_have_no_groups(serve, ope
 def test_an_audited_plant_without_groups_is_told_so(client, monkeypatch):
     monkeypatch.setattr(groups, "soon", lambda backend: ())
     assert "No two loops were found to oscillate together." in client.get("/groups").text
+
+
+def test_of_a_group_of_hundreds_the_first_are_seen_and_the_others_open(client, web_backend, monkeypatch):
+    members = plant_groups(web_backend)[0].members
+    for count, folded in ((20, 0), (334, 314)):
+        shaken = GroupView("1", 300.0, True, False, 0.001, "LIC7", (list(members) * count)[:count])
+        monkeypatch.setattr(groups, "soon", lambda backend, shaken=shaken: (shaken,))
+        seen_first, _, others = client.get("/groups").text.partition("<details>")
+        assert seen_first.count('<td class="tag">') == 20
+        assert others.count('<td class="tag">') == folded
+    assert "<summary>314 more</summary>" in others
