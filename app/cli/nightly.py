@@ -89,7 +89,8 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
             lend_a_hand(backend, run.id)
             run = get_audit(backend, run.id)
             advance(run.done + run.failed - before)
-    say(f"loopaudit: {run.total} loops, {run.done} with a verdict, {run.failed} failed")
+    loops = "1 loop" if run.total == 1 else f"{run.total} loops"
+    say(f"loopaudit: {loops}, {run.done} with a verdict, {run.failed} failed")
     return run
 
 
