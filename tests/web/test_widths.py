@@ -214,3 +214,15 @@ def test_a_long_verdict_of_an_explanation_does_not_widen_a_narrow_screen(narrow:
     card = narrow.locator("#explanation .card").first
     card.evaluate("(card, words) => { card.innerHTML = `<p><span class='badge'>${words}</span></p>`; }", words)
     assert width(narrow) <= NARROW["width"]
+
+
+def test_a_chart_is_printed_on_white_from_a_dark_screen_too(opened: Page):
+    opened.emulate_media(color_scheme="dark")
+    settled(opened, "/loops/LIC7")
+    chart = opened.locator("#trend .main-svg").first
+    dark = chart.evaluate("svg => getComputedStyle(svg).backgroundColor")
+    opened.evaluate("dispatchEvent(new Event('beforeprint'))")
+    expect(chart).to_have_css("background-color", "rgb(255, 255, 255)")
+    opened.evaluate("dispatchEvent(new Event('afterprint'))")
+    expect(chart).to_have_css("background-color", dark)
+    assert dark != "rgb(255, 255, 255)"
