@@ -6,7 +6,6 @@ from typing import Any
 from app.engine.codes import NO_ANSWER_VERDICTS, ReasonCode
 from app.engine.codes import UNANSWERED as UNANSWERED
 from app.engine.evidence import told_probability
-from app.services.access.identity import ANYONE
 
 VERDICT_WORDS = {
     "stiction": "valve sticks",
@@ -107,7 +106,7 @@ READ_IN_PART = "done, but the file came damaged"
 STARTERS = {
     "schedule": "the nightly schedule",
     "command line": "the command line",
-    "anyone on this machine": ANYONE.who,  # as it was kept before
+    "anyone on this machine": "a local user without a key",  # as it was kept before
 }
 
 
