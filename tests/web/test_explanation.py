@@ -11,6 +11,7 @@ from app.services.explaining.wording import (
     SAME_HELD_OUT,
     effect_in_words,
     effect_words,
+    errors,
     left_in_words,
     loops,
     parameters_in_words,
@@ -184,3 +185,9 @@ def test_a_fitted_stiction_says_that_it_is_no_size():
 def test_its_wide_tables_are_scrolled_by_keyboard_and_have_names():
     html = part(DONE)
     assert html.count('<div class="wide" tabindex="0" role="group" aria-label="') == html.count('class="wide"') == 3
+
+
+def test_where_nothing_is_missing_no_simulation_has_the_missing_physics() -> None:
+    fit = {f"{kind}_{name}": 1.0 for kind in ("rmse", "fit_pct") for name in ("given", "refitted", "explained")}
+    assert [words for words, *_ in errors(fit, any_named=True)][-1] == "with the missing physics"
+    assert [words for words, *_ in errors(fit, any_named=False)][-1] == "as explained: no effect is named"

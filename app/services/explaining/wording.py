@@ -172,7 +172,7 @@ def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
         "named": named(found["effects"]),
         "simulation_words": SIMULATION_WORDS[found["simulation"]],
         "told_effects": [effect_in_words(effect, found["window_start"], clock) for effect in found["effects"]],
-        "errors": errors(found["fit"]),
+        "errors": errors(found["fit"], bool(found["effects"])),
         "loops": loops(found["closed_loop"]),
         "reasons": [reason["text"] for reason in found["evidence"]],
         "unmoved": unmoved(found["fit"], found["effects"]) if found["fit"] else [],
@@ -216,13 +216,14 @@ def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock
     }
 
 
-def errors(fit: dict[str, Any] | None) -> list[tuple[str, ...]]:
+def errors(fit: dict[str, Any] | None, any_named: bool) -> list[tuple[str, ...]]:
     """Free-run error and fit on the stretch that no fit has seen, and whether a pattern or OP is seen in what is left
-    there: as given, refitted, explained.
+    there: as given, refitted, explained. any_named: whether an effect is; without one nothing is said to be missing.
     """
     if fit is None:
         return []
-    names = {"given": "as given", "refitted": "its own parameters fitted", "explained": "with the missing physics"}
+    explained = "with the missing physics" if any_named else "as explained: no effect is named"
+    names = {"given": "as given", "refitted": "its own parameters fitted", "explained": explained}
     return [
         (words, number(fit[f"rmse_{name}"]), number(fit[f"fit_pct_{name}"]), *residuals_in_words(fit, name))
         for name, words in names.items()
