@@ -140,8 +140,9 @@ def _of_other_samples(newest: verdicts.NewestSaid, row: ExplanationRow, heard: s
     """
     if heard is not None:
         return heard != newest.input_fingerprint
-    ends = (newest.input_end_ns, row.window_end_ns)
-    return row.as_judged or None in ends or ends[0] > ends[1]
+    if row.as_judged or newest.input_end_ns is None or row.window_end_ns is None:
+        return True
+    return newest.input_end_ns > row.window_end_ns
 
 
 def summary(row: ExplanationRow, tag: str) -> dict[str, Any]:
