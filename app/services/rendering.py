@@ -6,6 +6,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from app.services.telling.naming import isolated
 from app.services.telling.reasons import first_reasons
 from app.services.telling.wording import (
     CHANGE_WORDS,
@@ -47,6 +48,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "grouped": "{:,}".format,
     "headline": headline,
     "importance": importance,
+    "isolated": isolated,
     "health": health,
     "measured_probability": measured_probability,
     "probability": probability,

@@ -154,6 +154,27 @@ def test_words_for_effects_parameters_and_windows() -> None:
     assert parameters_in_words(told) == ["S = 4.1 OP (3.9 to 4.3)", "start = 20 s (no interval)"]
 
 
+def test_a_signal_that_is_read_from_the_right_keeps_its_place_in_what_is_said() -> None:
+    gain = {"value": 2.0, "low": 1.0, "high": 3.0, "unit": "PV/\u05d7\u05dd"}
+    told = effect_in_words(
+        {
+            "effect": "disturbance.coupling",
+            "alternatives": [],
+            "probability": 0.9,
+            "block": "disturbance",
+            "condition": "when \u05d7\u05dd moves",
+            "parameters": {"gain": gain},
+            "windows": [],
+            "evidence": [{"code": "c", "text": "\u05d7\u05dd (0.9)"}],
+        },
+        None,
+        UTC_CLOCK,
+    )
+    assert told["condition"] == "when \u2068\u05d7\u05dd\u2069 moves"
+    assert told["parameters"] == ["gain = 2 \u2068PV/\u05d7\u05dd\u2069 (1 to 3)"]
+    assert told["reasons"] == ["\u2068\u05d7\u05dd\u2069 (0.9)"]
+
+
 def test_a_size_whose_interval_holds_zero_says_so_but_not_a_part_of_a_wave() -> None:
     change = {"value": 0.5, "unit": "share of gain", "low": -0.4, "high": 1.4}
     cosine = {"value": -0.1, "unit": "PV", "low": -0.2, "high": 0.03}

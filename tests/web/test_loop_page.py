@@ -198,6 +198,14 @@ def test_the_loops_of_a_cascade_are_linked_both_ways(client, monkeypatch):
     assert {HOSTILE_PAGE, "/loops/FIC3", "/loops/AIC1"} <= set(page.links)
 
 
+def test_a_tag_that_is_read_from_the_right_keeps_its_place_in_the_reasons(client, monkeypatch):
+    detail = loop_verdicts.verdict_detail
+    reasons = [{"code": "shaken_by_neighbour", "text": "in step with \u05d7\u05dd-7 (0.9)"}]
+    monkeypatch.setattr(loop_verdicts, "verdict_detail", lambda *asked: detail(*asked) | {"reasons": reasons})
+    for address in ("/loops/FIC101", "/v1/loops/FIC101/report"):
+        assert "in step with \u2068\u05d7\u05dd-7\u2069 (0.9)" in client.get(address).text
+
+
 def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
     detail, health = loop_verdicts.verdict_detail, loop_verdicts.loop_health
 

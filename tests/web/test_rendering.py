@@ -86,6 +86,12 @@ def test_reasons_that_an_older_release_worded_are_told_as_they_stand():
     assert reasons_of({"reasons": None, "reasons_text": None}) == [""]
 
 
+def test_a_tag_that_is_read_from_the_right_keeps_its_place_in_a_reason():
+    row = told("shaken_by_neighbour", "in step with \u05d7\u05dd-7 (0.9)")
+    assert first_reasons(row) == "In step with \u2068\u05d7\u05dd-7\u2069 (0.9)"
+    assert reasons_of(row) == [row["reasons_text"]]  # as clients get it
+
+
 def told(codes: str, text: str) -> dict[str, str]:
     return {"reasons": codes, "reasons_text": text}
 

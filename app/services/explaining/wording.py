@@ -5,6 +5,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from app.services.moments import PlantClock, iso_utc
+from app.services.telling.naming import isolated
 from app.services.telling.wording import LIKELY
 
 LEAST_P = 0.001
@@ -174,7 +175,7 @@ def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
         "told_effects": [effect_in_words(effect, found["window_start"], clock) for effect in found["effects"]],
         "errors": errors(found["fit"], bool(found["effects"])),
         "loops": loops(found["closed_loop"]),
-        "reasons": [reason["text"] for reason in found["evidence"]],
+        "reasons": [isolated(reason["text"]) for reason in found["evidence"]],
         "unmoved": unmoved(found["fit"], found["effects"]) if found["fit"] else [],
         "ranges": ranges_of(found["effects"]),
     }
@@ -208,11 +209,11 @@ def effect_in_words(effect: dict[str, Any], start: str | None, clock: PlantClock
         "alternatives": [effect_words(code) for code in effect["alternatives"]],
         "probability": effect["probability"],
         "block": effect["block"],
-        "condition": effect["condition"],
-        "parameters": parameters_in_words(effect["parameters"]),
+        "condition": isolated(effect["condition"]),
+        "parameters": list(map(isolated, parameters_in_words(effect["parameters"]))),
         "no_size": no_size(effect),
         "windows": windows_in_words(effect["windows"], start, clock),
-        "reasons": [reason["text"] for reason in effect["evidence"]],
+        "reasons": [isolated(reason["text"]) for reason in effect["evidence"]],
     }
 
 
