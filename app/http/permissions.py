@@ -25,7 +25,10 @@ INSTEAD_OF_DELETING = (
         "a note is kept for ever; DELETE .../{id}/repair withdraws the repair that it states, .../{id}/shelving ends "
         "its shelving",
     ),
-    (re.compile(r"/v1/loops/.+"), 'a loop is kept with its history; PATCH it with {"retired": true}'),
+    (
+        re.compile(r"/v1/loops/(?!.+/(?:explanations|health|notes|report|trend|verdicts)(?:/|$)).+"),
+        'a loop is kept with its history; PATCH it with {"retired": true}',
+    ),
     (re.compile(r"/v1/audits/[^/]+"), "a run is kept; POST .../{id}/cancel stops it"),
 )
 

@@ -185,3 +185,10 @@ def test_what_is_never_deleted_says_what_to_do_instead(client, path, words):
     answer = client.delete(path)
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
     assert words in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("path", ["explanations/3", "verdicts", "notes"])
+def test_of_what_a_loop_has_it_is_not_said_to_patch_it(client, path):
+    answer = client.delete(f"/v1/loops/FIC101/{path}")
+    assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
+    assert "retired" not in answer.json()["detail"]
