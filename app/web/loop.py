@@ -38,6 +38,9 @@ from app.web.explanation import newest_in_words
 from app.web.rendering import page
 
 SEE_OTHER, BAD_REQUEST, CONFLICT = 303, 400, 409
+REFUSED_AT = {"notes": "notes", "settings": "settings", "explanations": "explanation"}
+"""Forms that are answered by a page where they are refused, by the end of their address, and their place on the page of
+the loop."""
 ANSWERS = {"": None, "yes": True, "no": False}
 
 
@@ -110,7 +113,11 @@ def charts(
 
 
 @router.get("/loops/{tag:path}")
-def loop(backend: Services, tag: LoopTag) -> HTMLResponse:
+def loop(backend: Services, tag: LoopTag) -> Response:
+    """Where a form was refused its address stands above the page: loaded again that is the page of its loop."""
+    of, _, form = tag.rpartition("/")
+    if form in REFUSED_AT and loops.spelling(backend, tag) is None and loops.spelling(backend, of):
+        return back_to(of, REFUSED_AT[form])
     return _loop_page(backend, tag)
 
 

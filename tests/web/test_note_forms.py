@@ -140,3 +140,13 @@ def test_a_refused_note_says_why_at_its_form_and_keeps_what_was_typed(client, no
     assert found.forbidden == []
     for typed in note.values():
         assert str(escape(typed)) in answer.text
+
+
+@pytest.mark.parametrize(
+    ("form", "place"), [("notes", "notes"), ("settings", "settings"), ("explanations", "explanation")]
+)
+def test_the_page_of_a_refused_form_loaded_again_is_that_of_its_loop(client, form, place):
+    answer = client.get(f"{HOSTILE_PAGE}/{form}")
+    assert (answer.status_code, answer.headers["location"]) == (303, f"{HOSTILE_PAGE}#{place}")
+    unknown = client.get(f"/loops/NONE/{form}", headers={"Accept": "application/json"})
+    assert (unknown.status_code, unknown.json()["detail"]) == (404, f"there is no loop 'NONE/{form}'")
