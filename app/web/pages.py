@@ -29,7 +29,7 @@ from app.services.plant.worst import WORST, listed_first, worst_of_old
 from app.services.reports.documents import MOST_TOGETHER
 from app.services.telling.asked_wording import asked_words
 from app.services.telling.next_steps import OF_NO_VERDICT
-from app.services.telling.wording import CAUSE_WORDS
+from app.services.telling.wording import CAUSE_WORDS, RELIABILITY_WORDS, VERDICT_WORDS
 from app.web import loop, loop_list, runs, uploads
 from app.web.columns import COLUMNS, USUAL, query_without, sorted_column
 from app.web.rendering import CHARTS, STATIC, page
@@ -70,6 +70,15 @@ class TableForm(BaseModel):
         """Whether a loop that has a verdict may be left out, but for one that is retired."""
         words = (self.search, self.unit, self.owner, self.verdict, self.reliability, self.likely_cause)
         return any((*words, self.no_unit, self.open_order, self.audit_id, self.cursor)) or self.retired == "true"
+
+    @property
+    def unknown(self) -> str:
+        """That there is no such verdict or reliability, as a sentence; empty where there is."""
+        if self.verdict and self.verdict not in VERDICT_WORDS:
+            return f"There is no verdict {self.verdict!r}."
+        if self.reliability and self.reliability not in RELIABILITY_WORDS:
+            return f"There is no reliability {self.reliability!r}."
+        return ""
 
     def filters(self) -> RowFilter:
         return RowFilter(

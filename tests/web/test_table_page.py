@@ -16,7 +16,7 @@ from app.storage.word_order import BY_CAUSE_WORDS, BY_VERDICT_WORDS
 from app.web import pages
 from app.web.columns import COLUMNS
 from app.web.rendering import TEMPLATES
-from tests.web.conftest import seen
+from tests.web.conftest import Seen, seen
 
 
 def test_the_table_is_filtered_sorted_and_shows_the_columns_that_were_chosen(client):
@@ -217,6 +217,15 @@ def test_a_filter_that_leaves_no_loop_says_nothing_of_audits(client, query):
     texts = seen(client, f"/table?{query}").texts
     assert "No loop fits." in texts
     assert not any("been audited yet" in text for text in texts)
+
+
+@pytest.mark.parametrize("name", ["verdict", "reliability"])
+def test_a_verdict_that_there_is_none_of_is_not_said_to_fit_no_loop(client, name):
+    page = client.get(f"/table?{name}=b%3Cad%3E")
+    texts = Seen(page.text).texts
+    assert f"There is no {name} 'b<ad>'." in texts
+    assert "No loop fits." not in texts
+    assert "<option selected>b&lt;ad&gt;</option>" in page.text
 
 
 def test_a_unit_that_is_asked_for_is_shown_though_no_loop_names_it(client):
