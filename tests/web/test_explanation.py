@@ -77,7 +77,7 @@ def part(explanation: dict | None) -> str:
         (ASKED | {"located": {"block": "valve", "condition": "after OP reversals"}}, "differ at the valve, after OP"),
         (
             ASKED | {"located": {"block": None, "condition": "nowhere"}},
-            "First answer: nothing stands out at a first look",
+            "First answer: no place stands out at a first look",
         ),
         (
             ASKED | {"waits_for_room_since": "2026-01-01T01:00:00Z"},
