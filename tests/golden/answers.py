@@ -106,6 +106,12 @@ def swings(clipped: float) -> Comparison:
     return Comparison("made up", INTERVAL_S, np.array(op), pv, trace=made["trace"])
 
 
+def beside_no_resonance() -> Comparison:
+    """The same process (its poles swing at 1 / 19.5 s with a damping of 0.34) beside a simulation that hardly does."""
+    given = LinearSimulation(gain=1.0, time_constants_s=(19.5,), damping=0.99)
+    return replace(swings(60.0), trace=None, simulation=given)
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks": lambda: loop(S=6.0, J=2.0),
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
@@ -173,6 +179,7 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
         )
     yield "explain: clipped, beside its simulation that swings", lambda: explained(swings(6.0))
     yield "explain: passed on, beside its simulation that swings", lambda: explained(swings(60.0))
+    yield "explain: swings, beside a simulation that does not", lambda: explained(beside_no_resonance())
 
 
 QUESTIONS = dict(asked())
