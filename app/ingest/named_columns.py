@@ -11,8 +11,9 @@ import polars as pl
 
 from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock, stamps_of
-from app.ingest.columns.names import may_be_times, stamps_in, time_columns, time_columns_in, times_assumed
 from app.ingest.columns.plans import name_of
+from app.ingest.columns.time_columns import may_be_times, stamps_in, time_columns_in, times_assumed
+from app.ingest.columns.time_names import time_columns
 from app.ingest.files.head import HEAD_ROWS, Head, split_line
 from app.ingest.files.opening import TextFile
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, Signal, TimeArray

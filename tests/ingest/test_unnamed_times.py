@@ -10,7 +10,7 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import IngestOptions, read_named
-from app.ingest.columns import names
+from app.ingest.columns import time_columns
 from app.ingest.files.head import Head
 
 from .conftest import Read
@@ -150,15 +150,15 @@ def test_stamps_behind_the_last_name_are_refused(read: Read, text: str) -> None:
 
 def test_clocks_are_looked_for_once_however_many_columns_hold_dates(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[int, ...]] = []
-    found = names.date_and_clock
+    found = time_columns.date_and_clock
     monkeypatch.setattr(
-        names, "date_and_clock", lambda head, time, *rest: asked.append(time) or found(head, time, *rest)
+        time_columns, "date_and_clock", lambda head, time, *rest: asked.append(time) or found(head, time, *rest)
     )
     rows = tuple((f"{row}", *(f"2024-01-{1 + row // 9:02d}" for _ in range(40))) for row in range(60))
     head = Head("", (), rows, ";", ".")
     called = ("sec", *(f"D{k}" for k in range(40)))
-    assert names.stamps_in(head, called, 0, IngestOptions()) == (1,)
-    assert names.stamps_in(head, called, 0, IngestOptions(), of_rows=True) == ()
+    assert time_columns.stamps_in(head, called, 0, IngestOptions()) == (1,)
+    assert time_columns.stamps_in(head, called, 0, IngestOptions(), of_rows=True) == ()
     assert asked == [(1,), (1,)]
 
 

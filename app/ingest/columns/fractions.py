@@ -10,9 +10,10 @@ import numpy as np
 import polars as pl
 
 from app.ingest.columns.clocks import MOST, stamp_of
-from app.ingest.columns.names import ONE_WAY, name_at, unit_of_times
+from app.ingest.columns.names import ONE_WAY, name_at
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import Fraction, LongPlan, Plan, TimedColumns, WidePlan, name_of
+from app.ingest.columns.time_names import unit_of_times
 from app.ingest.files.head import Head
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.times.stamps import TimeForm, TimeReader, to_numbers

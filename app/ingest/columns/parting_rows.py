@@ -7,10 +7,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.columns.names import QUALITY_NAMES, SKIPPED_NAMES, TIME_NAMES
+from app.ingest.columns.names import QUALITY_NAMES, SKIPPED_NAMES
 from app.ingest.columns.of_words import OF_THE_PROCESS, states_among
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, Plan, ValueColumn
+from app.ingest.columns.time_names import TIME_NAMES
 from app.ingest.files.head import Head
 from app.ingest.numbers.units import is_unit
 from app.ingest.tags.grouping import place

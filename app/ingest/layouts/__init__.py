@@ -12,13 +12,14 @@ from app.ingest.columns.dates_alone import refuse_dates_alone
 from app.ingest.columns.fractions import with_fraction
 from app.ingest.columns.further_down import tells_more
 from app.ingest.columns.headings import heading_notes, units_in
-from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, time_columns
+from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES
 from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.columns.quality_of_rows import with_columns_left, with_flags
 from app.ingest.columns.row_ends import with_ends
 from app.ingest.columns.state_column import with_state_column
+from app.ingest.columns.time_names import time_columns
 from app.ingest.columns.unit_column import with_unit_column
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.layouts import (

@@ -1,9 +1,9 @@
 """AVEVA Historian, long: DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey; OPCQuality 192 or
 Quality 0 is good."""
 
-from app.ingest.columns.names import long_from
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
+from app.ingest.columns.plans_by_names import long_from
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
 

@@ -9,8 +9,8 @@ desc ...
 settings of the monitor
 """
 
-from app.ingest.columns.names import form_of
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.time_columns import form_of
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import place

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from app.ingest.columns.names import long_from, wide_from
 from app.ingest.columns.plans import Plan
+from app.ingest.columns.plans_by_names import long_from, wide_from
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
 

@@ -17,8 +17,10 @@ import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.names import NO_ROWS, first_row_of_times, numbers_of, wide_from
+from app.ingest.columns.names import numbers_of
 from app.ingest.columns.plans import TimedColumns, WidePlan
+from app.ingest.columns.plans_by_names import wide_from
+from app.ingest.columns.time_columns import NO_ROWS, first_row_of_times
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import NO_TIME, IngestOptions
 from app.ingest.times.counted_times import EPOCH_ROUNDING_NS, OURS_FROM_S, OURS_TO_S

@@ -1,9 +1,10 @@
 """Long with a row of names: tag, time, value and, where there is one, a quality. Lines above it and * comments are
 passed over."""
 
-from app.ingest.columns.names import long_from, mostly_numbers
+from app.ingest.columns.names import mostly_numbers
 from app.ingest.columns.of_words import column_that_parts_tags, refuse_to_mix
 from app.ingest.columns.plans import LongPlan
+from app.ingest.columns.plans_by_names import long_from
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import place

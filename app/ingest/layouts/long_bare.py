@@ -8,15 +8,9 @@ import numpy as np
 
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.headings import begins_with_data
-from app.ingest.columns.names import (
-    counts_rows,
-    first_row_of_times,
-    form_of,
-    mostly_numbers,
-    mostly_signals,
-    numbers_of,
-)
+from app.ingest.columns.names import counts_rows, mostly_numbers, mostly_signals, numbers_of
 from app.ingest.columns.plans import LongPlan
+from app.ingest.columns.time_columns import first_row_of_times, form_of
 from app.ingest.columns.widths import refuse_parted_decimals, usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import FloatArray, IngestOptions

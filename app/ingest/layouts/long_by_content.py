@@ -1,10 +1,11 @@
 """Long under names that are not known: a column of stamps, one of words that repeat and are tags of signals, one of
 numbers."""
 
-from app.ingest.columns.names import VALUE_NAMES, mostly_numbers, names_no_measurement, quality_of, times_of_rows
+from app.ingest.columns.names import VALUE_NAMES, mostly_numbers, names_no_measurement, quality_of
 from app.ingest.columns.of_words import column_that_parts_tags, refuse_to_mix
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan
+from app.ingest.columns.time_columns import times_of_rows
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions

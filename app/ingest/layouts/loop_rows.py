@@ -1,10 +1,11 @@
 """A row a loop and an instant, as a data base's table of loops is queried: Loop,Time,PV,OP,SP. Its signals have the
 name of the row's loop before their own."""
 
-from app.ingest.columns.names import mostly_numbers, names_no_measurement, of_series, quality_named, times_of_rows
+from app.ingest.columns.names import mostly_numbers, names_no_measurement, of_series, quality_named
 from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, ValueColumn
+from app.ingest.columns.time_columns import times_of_rows
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions

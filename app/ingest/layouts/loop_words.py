@@ -1,10 +1,11 @@
 """A row a value of a tag that stands in two columns, loop and signal: Loop,Signal,Time,Value, or InfluxDB's
 _time,_value,_field,_measurement."""
 
-from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, quality_of, times_of_rows
+from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, quality_of
 from app.ingest.columns.of_loops import Rows, columns_of_loops
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, ValueColumn
+from app.ingest.columns.time_columns import times_of_rows
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions

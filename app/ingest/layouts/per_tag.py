@@ -1,8 +1,8 @@
 """PI, a file a tag: time and value without a row of names; the tag is the file's name."""
 
 from app.ingest.columns.headings import begins_with_data
-from app.ingest.columns.names import first_row_of_times
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.time_columns import first_row_of_times
 from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions

@@ -9,9 +9,11 @@ from itertools import pairwise, takewhile
 
 from app.ingest.columns.clocks import SHOWN
 from app.ingest.columns.headings import is_data
-from app.ingest.columns.names import NO_ROWS, QUALITY_NAMES, TIME_NAMES, first_row_of_times
+from app.ingest.columns.names import QUALITY_NAMES
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.time_columns import NO_ROWS, first_row_of_times
+from app.ingest.columns.time_names import TIME_NAMES
 from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions

@@ -1,8 +1,9 @@
 """TrendMiner: four header rows (tag, description, unit, type), then ISO times with an offset."""
 
 from app.ingest.columns.headings import is_data
-from app.ingest.columns.names import first_row_of_times, wide_from
 from app.ingest.columns.plans import WidePlan
+from app.ingest.columns.plans_by_names import wide_from
+from app.ingest.columns.time_columns import first_row_of_times
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
 

@@ -5,9 +5,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
-from app.ingest.columns.names import QUALITY_NAMES, first_row_below, name_at, time_columns, wide_from
+from app.ingest.columns.names import QUALITY_NAMES, name_at
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import WidePlan
+from app.ingest.columns.plans_by_names import wide_from
+from app.ingest.columns.time_columns import first_row_below
+from app.ingest.columns.time_names import time_columns
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions, Signal
 from app.ingest.numbers.units import is_unit

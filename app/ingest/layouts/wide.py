@@ -4,21 +4,19 @@ apart are of this form."""
 from dataclasses import replace
 
 from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
-from app.ingest.columns.names import (
-    ONE_WAY,
+from app.ingest.columns.names import ONE_WAY, name_at, numbers_of
+from app.ingest.columns.of_words import column_that_sorts, column_that_takes_turns, refuse_to_mix
+from app.ingest.columns.plans import WidePlan
+from app.ingest.columns.plans_by_names import wide_from
+from app.ingest.columns.time_columns import (
     first_row_below,
     first_row_of_times,
     may_be_times,
-    name_at,
-    numbers_of,
     stamps_in,
-    time_columns,
     time_columns_in,
     times_assumed,
-    wide_from,
 )
-from app.ingest.columns.of_words import column_that_sorts, column_that_takes_turns, refuse_to_mix
-from app.ingest.columns.plans import WidePlan
+from app.ingest.columns.time_names import time_columns
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import AUDITED, place, share_like_tags

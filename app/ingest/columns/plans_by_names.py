@@ -1,0 +1,122 @@
+"""Plans of wide and long tables from their row of names."""
+
+from dataclasses import replace
+
+from app.ingest.columns.clocks import MOST, date_and_clock, stamp_of
+from app.ingest.columns.headings import below_names
+from app.ingest.columns.names import (
+    QUALITY_NAMES,
+    TAG_NAMES,
+    VALUE_NAMES,
+    may_hold_values,
+    mostly_numbers,
+    mostly_signals,
+    name_at,
+    of_series,
+    quality_of,
+)
+from app.ingest.columns.of_words import are_sorted_by
+from app.ingest.columns.plain_names import plain
+from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
+from app.ingest.columns.quality import with_quality
+from app.ingest.columns.time_columns import form_of, holds_times, stamps_in, times_of_rows
+from app.ingest.columns.time_names import is_full_time, time_columns
+from app.ingest.columns.widths import named_width
+from app.ingest.files.head import Head
+from app.ingest.model import IngestOptions
+from app.ingest.tags.grouping import place
+from app.ingest.tags.quality import holds_quality_words
+
+_OF_WINCC = "processvalue"
+
+
+def wide_from(
+    head: Head,
+    layout: str,
+    names: tuple[str, ...],
+    names_at: tuple[int, ...],
+    first_row: int,
+    options: IngestOptions,
+    time: tuple[int, ...] = (),
+) -> WidePlan | None:
+    """A wide plan from the names, the rows in which they stand, and the first row with a time."""
+    time = time or time_columns(names) or stamps_in(head, names, first_row, options, of_rows=True) or (0,)
+    time = date_and_clock(head, time, names, first_row, options)
+    form = form_of(head, time, first_row, options, name_at(names, time[0]))
+    if form is None:
+        return None
+    passed = of_series(head, names, first_row).union(time)
+    named = [
+        index for index in range(len(names)) if index not in passed and may_hold_values(head, names, index, first_row)
+    ]
+    stamps = [
+        index
+        for index in named
+        if (is_full_time(names[index]) or holds_times(head, index, first_row, options))
+        and place(names[index], "").signal == "OTHER"
+    ]
+    values = tuple(ValueColumn(index, names[index]) for index in named if index not in stamps)
+    further = tuple(ValueColumn(index, names[index]) for index in stamps)
+    if not values:
+        return None
+    below = below_names(head, names_at, first_row, [value.index for value in values])
+    width = named_width(head, names, below.first_row, time)
+    judged = with_quality(head, names, first_row, values, lambda name: plain(name) in QUALITY_NAMES)
+    groups = (TimedColumns(time, form, _called_after_file(head, judged, below.first_row)),)
+    written = head.row(names_at[0]) if len(names_at) == 1 else ()
+    return WidePlan(layout, below.first_row, width, groups, heading=below.heading, names=written, further_times=further)
+
+
+def _called_after_file(head: Head, values: tuple[ValueColumn, ...], first_row: int) -> tuple[ValueColumn, ...]:
+    """Of a file a tag, whose values are called just so, the tag is the file's name."""
+    called = [value for value in values if plain(value.tag) in VALUE_NAMES]
+    others = [value for value in values if value not in called]
+    if len(called) != 1 or any(
+        mostly_numbers(head.column(value.index, first_row), head.decimal_mark) for value in others
+    ):
+        return values
+    return tuple(replace(value, tag=head.stem) if value in called else value for value in values)
+
+
+def long_from(
+    head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions
+) -> LongPlan | None:
+    """A long plan from the row of names; None where tag, time or value are not among them."""
+    known = [plain(name) for name in names]
+    tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
+    values = [known.index(name) for name in VALUE_NAMES if name in known] or _of_wincc(names, known)
+    if not tags or not values:
+        return None
+    # names of signals go before other words, and TagIndex comes last
+    tags.sort(key=lambda at: (not mostly_signals(head.column(at, first_row)), known[at] == "tagindex"))
+    found = times_of_rows(head, names, first_row, options)
+    if found is None:
+        return None
+    time, form = found
+    quality = quality_of(head, known, first_row, {*time, tags[0], values[0]}, holds_quality_words)
+    zero = None if quality is None else _zero_is_good(known[quality], known)
+    width = named_width(head, names, first_row)
+    plan = LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
+    return None if known[values[0]] == _OF_WINCC and not _has_tags(plan, head, options) else plan
+
+
+def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
+    """The column of values that is called as a PV is: it is one where no further signal stands beside it."""
+    signals = [index for index, name in enumerate(names) if place(name, "").signal != "OTHER"]
+    return signals if [known[index] for index in signals] == [_OF_WINCC] else []
+
+
+def _has_tags(plan: LongPlan, head: Head, options: IngestOptions) -> bool:
+    """Whether words beside a process value are names of signals, or several stand at a time or have rows one after the
+    other: they may be of batches."""
+    rows = [row for row in head.rows[plan.first_row :] if any(row)]
+    stamps = [stamp_of(row, plan.time) for row in rows]
+    words = [name_at(row, plan.tag) for row in rows]
+    at_a_time = len(set(stamps)) < MOST * len(set(zip(stamps, words, strict=True)))
+    return at_a_time or mostly_signals(words) or are_sorted_by(words, stamps, plan, options, head.sampled)
+
+
+def _zero_is_good(quality: str, names: list[str]) -> bool | None:
+    if quality in ("opcquality", "confidence", "isgood", "isvalid"):
+        return False
+    return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None
