@@ -10,7 +10,8 @@ import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.clocks import date_and_clock, stamps_of
+from app.ingest.columns.clocks import date_and_clock
+from app.ingest.columns.joined_stamps import stamps_of
 from app.ingest.columns.plans import name_of
 from app.ingest.columns.time_columns import may_be_times, stamps_in, time_columns_in, times_assumed
 from app.ingest.columns.time_names import time_columns

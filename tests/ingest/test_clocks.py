@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from app.ingest import IngestOptions
-from app.ingest.columns.clocks import stamp_of, stamps_of
+from app.ingest.columns.joined_stamps import stamps_of, stamps_of_rows
 
 from .conftest import Read
 from .test_tables import workbook
@@ -73,7 +73,7 @@ def test_spreadsheets_write_dates_at_midnight_and_clocks_on_their_first_day() ->
     dates = ["2026-03-01 00:00:00", "2026-03-01", "2026-03-02 00:00:00.000"]
     clocks = ["1899-12-31 22:00:00", "22:00:10", "1899-12-30 00:00:00"]
     expected = ["2026-03-01 22:00:00", "2026-03-01 22:00:10", "2026-03-02 00:00:00"]
-    assert [stamp_of(parts, (0, 1)) for parts in zip(dates, clocks, strict=True)] == expected
+    assert stamps_of_rows(zip(dates, clocks, strict=True), (0, 1)) == expected
     frame = pl.DataFrame({"c0": dates, "c1": clocks})
     assert stamps_of(frame, (0, 1)).to_list() == expected
     assert stamps_of(frame, (0,)).to_list() == dates

@@ -1,7 +1,8 @@
 """Rows whose times are dates without a clock, or hours without minutes: many of one day, or hour, have no times."""
 
 from app.errors import DataError
-from app.ingest.columns.clocks import are_midnights, stamp_of
+from app.ingest.columns.clocks import are_midnights
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import LongPlan, Plan
 from app.ingest.files.head import Head
@@ -16,7 +17,7 @@ def refuse_dates_alone(plan: Plan, head: Head) -> None:
     time, keys = (plan.time, plan.keys) if isinstance(plan, LongPlan) else (plan.groups[0].time, ())
     different = dict.fromkeys(head.rows[plan.first_row :])  # the same row may be sent over and over
     rows = [row for row in different if len(row) > max(time) and row[time[0]]]
-    stamps = [stamp_of(row, time) for row in rows]
+    stamps = stamps_of_rows(rows, time)
     if plan.form.kind != "text" or not (plan.form.is_date or plan.form.is_of_hours or _are_of_days(stamps)):
         return
     days = {(stamp, *(name_at(row, key) for key in keys)) for stamp, row in zip(stamps, rows, strict=True)}

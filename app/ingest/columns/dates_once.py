@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.ingest.columns.clocks import stamps_of
+from app.ingest.columns.joined_stamps import stamps_of
 from app.ingest.columns.plans import name_of
 from app.ingest.model import NO_TIME, TimeArray
 

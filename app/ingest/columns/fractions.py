@@ -9,7 +9,8 @@ from types import MappingProxyType
 import numpy as np
 import polars as pl
 
-from app.ingest.columns.clocks import MOST, stamp_of
+from app.ingest.columns.clocks import MOST
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import ONE_WAY, name_at
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import Fraction, LongPlan, Plan, TimedColumns, WidePlan, name_of
@@ -103,7 +104,7 @@ def _sample(head: Head, plan: Plan, time: tuple[int, ...], column: int, options:
     keys = plan.keys if isinstance(plan, LongPlan) else ()
     different = dict.fromkeys(head.rows[plan.first_row :])  # the same row may be sent again
     rows = [row for row in different if len(row) > max(*time, *keys, 0)]
-    stamps = pl.Series([stamp_of(row, time) for row in rows], dtype=pl.String)
+    stamps = pl.Series(stamps_of_rows(rows, time), dtype=pl.String)
     time_ns = TimeReader(plan.form, options).read(stamps)
     timed = np.flatnonzero(time_ns != NO_TIME)
     given = [at for at in timed if name_at(rows[at], column)]

@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import polars as pl
 
-from app.ingest.columns.clocks import MOST, stamp_of
+from app.ingest.columns.clocks import MOST
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import ONE_WAY, TAG_NAMES
 from app.ingest.columns.of_words import lie_among, states_among, take_turns, times_by_word
 from app.ingest.columns.plain_names import plain
@@ -75,7 +76,7 @@ class Rows:
         time, form = times
         of_all = (*time, word) if word is not None else time
         self._rows = [row for row in head.rows[first_row:] if len(row) > max(of_all) and any(row[at] for at in time)]
-        stamps = [stamp_of(row, time) for row in self._rows]
+        stamps = stamps_of_rows(self._rows, time)
         self._time_ns = TimeReader(form, options).read(pl.Series(stamps, dtype=pl.String))
         self._keys = [(stamp, "" if word is None else row[word]) for stamp, row in zip(stamps, self._rows, strict=True)]
 

@@ -9,7 +9,8 @@ import numpy as np
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.clocks import MOST, stamp_of
+from app.ingest.columns.clocks import MOST
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import NO_TIME, IngestOptions
@@ -74,7 +75,7 @@ def column_that_sorts(plan: WidePlan, head: Head, options: IngestOptions) -> int
     """The column by whose words rows come before their times: these go back where one word follows another, and nowhere
     else; and the words have rows among each other's."""
     rows = [row for row in head.rows[plan.first_row :] if any(row)]
-    stamps = [stamp_of(row, plan.groups[0].time) for row in rows]
+    stamps = stamps_of_rows(rows, plan.groups[0].time)
     for index, words in word_columns(plan, head).items():
         if are_sorted_by(words, stamps, plan, options, head.sampled):
             return index

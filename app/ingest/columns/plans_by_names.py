@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
-from app.ingest.columns.clocks import MOST, date_and_clock, stamp_of
+from app.ingest.columns.clocks import MOST, date_and_clock
 from app.ingest.columns.headings import below_names
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import (
     QUALITY_NAMES,
     TAG_NAMES,
@@ -110,7 +111,7 @@ def _has_tags(plan: LongPlan, head: Head, options: IngestOptions) -> bool:
     """Whether words beside a process value are names of signals, or several stand at a time or have rows one after the
     other: they may be of batches."""
     rows = [row for row in head.rows[plan.first_row :] if any(row)]
-    stamps = [stamp_of(row, plan.time) for row in rows]
+    stamps = stamps_of_rows(rows, plan.time)
     words = [name_at(row, plan.tag) for row in rows]
     at_a_time = len(set(stamps)) < MOST * len(set(zip(stamps, words, strict=True)))
     return at_a_time or mostly_signals(words) or are_sorted_by(words, stamps, plan, options, head.sampled)

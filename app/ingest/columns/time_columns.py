@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, stamp_of
+from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock
 from app.ingest.columns.headings import is_data
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import SKIPPED_NAMES, name_at, numbers_of, numbers_rows, rises
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.stamp_parts import parts_of_stamps
@@ -138,7 +139,7 @@ def form_of(
     if len(time) == 1:
         return find_form(head.column(time[0], first_row), name, options)
     rows = [row for row in head.rows[first_row:] if len(row) > max(time) and all(row[index] for index in time)]
-    stamps = [stamp_of(row, time) for row in rows]
+    stamps = stamps_of_rows(rows, time)
     form = find_form(stamps, name, options)
     if form is None or (len(time) == _DATE_AND_CLOCK and not form.is_of_hours):
         return form

@@ -8,7 +8,7 @@ from dataclasses import replace
 import polars as pl
 
 from app.errors import DataError
-from app.ingest.columns.clocks import stamp_of
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.model import NO_TIME, IngestOptions, TimeArray
@@ -55,7 +55,7 @@ def _cut(plan: WidePlan, head: Head) -> bool:
     if len(plan.groups) > 1 or group.fraction is not None or group.form.kind not in ("text", "epoch"):
         return False
     rows = [row for row in head.rows[plan.first_row :] if len(row) > max(group.time)]
-    texts = [stamp_of(row, group.time) for row in rows]
+    texts = stamps_of_rows(rows, group.time)
     times = _times(texts, group.form)
     times = times[times != NO_TIME]
     if not stamps_are_cut(times, shown_resolution(times, group.form.resolution_ns)):

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from app.errors import DataError
-from app.ingest.columns.clocks import stamp_of
 from app.ingest.columns.dates_alone import refuse_dates_alone
 from app.ingest.columns.fractions import with_fraction
 from app.ingest.columns.further_down import tells_more
 from app.ingest.columns.headings import heading_notes, units_in
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES
 from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plain_names import plain
@@ -103,7 +103,7 @@ def recognise_again(plan: Plan, head: Head, options: IngestOptions, every: Every
 def _part_none(plan: WidePlan, column: int, options: IngestOptions, every: Every) -> bool:
     """Whether the words of a column, which some rows show to part them, do not by all rows."""
     rows = every((column, *plan.groups[0].time))
-    stamps = [stamp_of(stamp, range(len(stamp))) for _, *stamp in rows]
+    stamps = stamps_of_rows(rows, range(1, 1 + len(plan.groups[0].time)))
     return bool(rows) and not are_sorted_by([word for word, *_ in rows], stamps, plan, options)
 
 

@@ -1,0 +1,51 @@
+"""Stamps of rows whose parts stand in several columns: date and clock, or year, month, day, hour and so on."""
+
+from collections.abc import Iterable, Sequence
+
+import polars as pl
+
+from app.ingest.columns.plans import name_of
+
+DAY_OF_NO_DATE = r"^(1899-12-3[01]|1900-01-0[01]|1904-01-01)[ T]"  # a spreadsheet's clock is a part of its first day
+CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.]?m[.]?)$"  # its date
+_YEAR = r"^\d{4}$"
+_DAYS_OF_YEAR = 3  # columns: year, month and day
+_NO_DECIMALS = r"^(\d+)[.,]0+$"  # a data base's whole number
+_HOUR_OF_NUMBERS = r"^(\d{1,2})\.0$"  # where one of them is missing, whole ones have decimals
+_ONE_DIGIT = r"^(\d)([.,]\d+)?$"
+
+
+def stamps_of(frame: pl.DataFrame, time: Sequence[int]) -> pl.Series:
+    """(n,) the texts of the rows' times; one column alone as it is."""
+    if len(time) == 1:
+        return frame[name_of(time[0])]
+    date, *clock = (frame[name_of(index)].cast(pl.String).str.strip_chars() for index in time)
+    date = date.str.replace(CLOCK_OF_NO_CLOCK, "")
+    if len(clock) > 1:
+        return _of_parts((date, *clock))
+    hour = clock[0].str.replace(_HOUR_OF_NUMBERS, "${1}").str.replace(DAY_OF_NO_DATE, "")
+    return _joined((date, hour), " ")
+
+
+def stamps_of_rows(rows: Iterable[Sequence[str]], time: Sequence[int]) -> list[str]:
+    """The same of rows of fields; what lies behind a row's end is empty."""
+    fields = [[row[at] if at < len(row) else "" for at in time] for row in rows]
+    frame = pl.DataFrame(fields, schema={name_of(at): pl.String for at in range(len(time))}, orient="row")
+    return stamps_of(frame, range(len(time))).to_list()
+
+
+def _of_parts(parts: Sequence[pl.Series]) -> pl.Series:
+    """Of a date, or of year, month and day, and the parts of a clock."""
+    written = [part.str.replace(_NO_DECIMALS, "${1}").str.replace(_ONE_DIGIT, "0${1}${2}") for part in parts]
+
+    def joined(days: int) -> pl.Series:
+        return _joined((_joined(written[:days], "-"), _joined(written[days:], ":")), " ")
+
+    if len(parts) <= _DAYS_OF_YEAR:
+        return joined(1)
+    whole = written[0].str.contains(_YEAR)
+    return pl.select(pl.when(whole).then(joined(_DAYS_OF_YEAR)).otherwise(joined(1)).alias("t")).to_series()
+
+
+def _joined(parts: Sequence[pl.Series], separator: str) -> pl.Series:
+    return pl.select(pl.concat_str(parts, separator=separator).alias("t")).to_series()
