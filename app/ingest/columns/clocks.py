@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from app.ingest.columns.joined_stamps import CLOCK_OF_NO_CLOCK, DAY_OF_NO_DATE
+from app.ingest.columns.joined_stamps import CLOCK_OF_NO_CLOCK, DAY_OF_NO_DATE, stamps_of_rows
+from app.ingest.columns.names import name_at
 from app.ingest.columns.stamp_parts import clock_beside, days_beside
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
@@ -18,6 +19,8 @@ _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}
 _OUR_DATE = re.compile(
     r"((199\d|20[0-4]\d)([-/.])\d{1,2}\3\d{1,2}|\d{1,2}([/.])\d{1,2}\4(199\d|20[0-4]\d))(?P<clock>[T ].*)?"
 )
+_HALF_OF_DAY = re.compile(r"[ap]\.?m\.?", re.IGNORECASE)
+_TWELVE_HOURS = re.compile(r".*\d[ T](0?[1-9]|1[0-2])([:.]\d{2}){0,2}([.,]\d+)?\s[ap]\.?m\.?", re.IGNORECASE)
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
 """What begins so is no clock, however it is spelled: a cheap test before the dear one."""
 
@@ -26,22 +29,43 @@ def date_and_clock(
     head: Head, time: tuple[int, ...], names: Sequence[str], first_row: int, options: IngestOptions
 ) -> tuple[int, ...]:
     """The column of times with the one of clocks or of dates beside it where it has none itself, date before clock; or
-    with those of their parts, such as Hour."""
-    if len(time) != 1:
+    with those of their parts, such as Hour. Behind them the column of AM and PM, where it stands alone."""
+    found = _date_and_clock(head, time, names, first_row, options) if len(time) == 1 else time
+    return _with_half_of_day(head, found, first_row)
+
+
+def _with_half_of_day(head: Head, time: tuple[int, ...], first_row: int) -> tuple[int, ...]:
+    """With the column of AM and PM beside clocks of twelve hours."""
+    rows = [row for row in head.rows[first_row:] if any(row)]
+    width = max(map(len, rows[:SHOWN]), default=0)
+    halves = [at for at in range(width) if at not in time and _are_halves(head.column(at, first_row)[:SHOWN])]
+    if not halves:
         return time
+    hours = [_TWELVE_HOURS.fullmatch(stamp) for stamp in stamps_of_rows(rows, (*time, halves[0]))]
+    return (*time, halves[0]) if sum(map(bool, hours)) >= MOST * len(rows) else time
+
+
+def _are_halves(fields: list[str]) -> bool:
+    return bool(fields) and all(_HALF_OF_DAY.fullmatch(field) for field in fields)
+
+
+def _date_and_clock(
+    head: Head, time: tuple[int, ...], names: Sequence[str], first_row: int, options: IngestOptions
+) -> tuple[int, ...]:
     column, width = time[0], max(map(len, head.rows[first_row:]), default=0)
     others = sorted((index for index in range(width) if index != column), key=lambda index: abs(index - column))
 
-    def first(are: Callable[[list[str]], bool]) -> int | None:
-        return next((index for index in others if are(head.column(index, first_row)[:SHOWN])), None)
+    def first(are: Callable[[list[str], str], bool]) -> int | None:
+        each = ((index, head.column(index, first_row)[:SHOWN], name_at(names, index)) for index in others)
+        return next((index for index, fields, name in each if are(fields, name)), None)
 
     shown = head.column(column, first_row)[:SHOWN]
     if are_clocks(shown):
-        date = first(lambda fields: _are_dates(fields, options))
+        date = first(lambda fields, name: _are_dates(fields, name, options))
         return (*days_beside(head, names, first_row), column) if date is None else (date, column)
-    if not _are_dates(shown, options):
+    if not _are_dates(shown, name_at(names, column), options):
         return time
-    clock = first(are_clocks)
+    clock = first(lambda fields, _: are_clocks(fields))
     return (column, *clock_beside(head, names, column, first_row)) if clock is None else (column, clock)
 
 
@@ -68,8 +92,8 @@ def are_midnights(fields: Sequence[str]) -> bool:
     return sum(bool(re.search(CLOCK_OF_NO_CLOCK, field)) for field in fields) >= MOST * len(fields)
 
 
-def _are_dates(fields: list[str], options: IngestOptions) -> bool:
-    """Without a clock, or all of midnight."""
+def _are_dates(fields: list[str], name: str, options: IngestOptions) -> bool:
+    """Without a clock, or all of midnight. Numbers are some under such a name alone."""
     dates = [re.sub(CLOCK_OF_NO_CLOCK, "", field) for field in fields]
-    form = find_form(dates, "", options) if not any(":" in date for date in dates[:1]) else None
+    form = find_form(dates, name, options) if not any(":" in date for date in dates[:1]) else None
     return form is not None and form.is_date

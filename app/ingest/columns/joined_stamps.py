@@ -11,8 +11,10 @@ CLOCK_OF_NO_CLOCK = r"(?i)[\sT](0?0:00(:00([.,]0+)?)?|12:00(:00([.,]0+)?)?\s?a[.
 _YEAR = r"^\d{4}$"
 _DAYS_OF_YEAR = 3  # columns: year, month and day
 _NO_DECIMALS = r"^(\d+)[.,]0+$"  # a data base's whole number
-_HOUR_OF_NUMBERS = r"^(\d{1,2})\.0$"  # where one of them is missing, whole ones have decimals
+_HOUR_OF_NUMBERS = r"^(\d{1,6})\.0$"  # where one of them is missing, whole ones have decimals
 _ONE_DIGIT = r"^(\d)([.,]\d+)?$"
+_HALF = r"(?i):([ap])\.?m\.?$"  # of the day, in a column behind those of the clock
+_DAY_OF_YEAR = (r"^(\d{2}) (\d{4}):", "${2}-0${1} "), (r"^(\d{3}) (\d{4}):", "${2}-${1} ")  # before its year
 
 
 def stamps_of(frame: pl.DataFrame, time: Sequence[int]) -> pl.Series:
@@ -35,16 +37,19 @@ def stamps_of_rows(rows: Iterable[Sequence[str]], time: Sequence[int]) -> list[s
 
 
 def _of_parts(parts: Sequence[pl.Series]) -> pl.Series:
-    """Of a date, or of year, month and day, and the parts of a clock."""
+    """Of a date, or of year, month and day, or of day of the year and year, and the parts of a clock."""
     written = [part.str.replace(_NO_DECIMALS, "${1}").str.replace(_ONE_DIGIT, "0${1}${2}") for part in parts]
 
     def joined(days: int) -> pl.Series:
         return _joined((_joined(written[:days], "-"), _joined(written[days:], ":")), " ")
 
-    if len(parts) <= _DAYS_OF_YEAR:
-        return joined(1)
-    whole = written[0].str.contains(_YEAR)
-    return pl.select(pl.when(whole).then(joined(_DAYS_OF_YEAR)).otherwise(joined(1)).alias("t")).to_series()
+    stamps = joined(1)
+    for day, date in _DAY_OF_YEAR:
+        stamps = stamps.str.replace(day, date)
+    if len(parts) > _DAYS_OF_YEAR:
+        whole = written[0].str.contains(_YEAR)
+        stamps = pl.select(pl.when(whole).then(joined(_DAYS_OF_YEAR)).otherwise(stamps).alias("t")).to_series()
+    return stamps.str.replace(_HALF, " ${1}m")
 
 
 def _joined(parts: Sequence[pl.Series], separator: str) -> pl.Series:

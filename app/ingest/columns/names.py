@@ -76,7 +76,7 @@ def numbers_of(head: Head, column: int, first_row: int) -> FloatArray:
     return np.array([as_number(text) for text in texts])
 
 
-def name_at(names: tuple[str, ...], index: int) -> str:
+def name_at(names: Sequence[str], index: int) -> str:
     """Empty behind the last one."""
     return names[index] if index < len(names) else ""
 

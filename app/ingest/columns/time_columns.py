@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.errors import DataError
 from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock
 from app.ingest.columns.headings import is_data
 from app.ingest.columns.joined_stamps import stamps_of_rows
@@ -18,6 +19,7 @@ from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.tags.grouping import SIMULATED, place, without_unit
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
+from app.ingest.times.digit_clocks import IN_DOUBT, digits_of, digits_told
 from app.ingest.times.stamps import TimeForm, find_form
 from app.nanoseconds import NS_PER_S
 
@@ -140,11 +142,27 @@ def form_of(
         return find_form(head.column(time[0], first_row), name, options)
     rows = [row for row in head.rows[first_row:] if len(row) > max(time) and all(row[index] for index in time)]
     stamps = stamps_of_rows(rows, time)
-    form = find_form(stamps, name, options)
-    if form is None or (len(time) == _DATE_AND_CLOCK and not form.is_of_hours):
+    told = max(digits_told(cell) for row in (*head.rows[:first_row], ()) for cell in (name_at(row, time[-1]),))
+    form = find_form(stamps, name, options, told)
+    if form is None:
+        _refuse_doubtful_digits(stamps, told)
+        return None
+    apart = not any(":" in row[index] for row in rows[:SHOWN] for index in time)
+    form = replace(form, hours_apart=apart and not form.clock_digits)
+    if len(time) == _DATE_AND_CLOCK and not form.is_of_hours:
         return form
     note = f"the times were joined from their parts in {len(time)} columns, {stamps[0]!r} the first of them"
     return replace(form, notes=(note, *form.notes))
+
+
+def _refuse_doubtful_digits(stamps: list[str], told: int) -> None:
+    """Raises DataError where clocks of digits may be of hours and minutes or of minutes and seconds."""
+    if digits_of(stamps, told) == IN_DOUBT:
+        raise DataError(
+            "unknown_layout",
+            f"the clocks beside the dates are numbers, {stamps[0]!r} the first of them, that may be HHMM or HHMMSS; "
+            "needed are their zeros, as in 0600, a column named HHMM, rows of several days, or clocks such as 06:00",
+        )
 
 
 def first_row_of_times(head: Head, column: int, options: IngestOptions, name: str = "", start: int = 0) -> int:

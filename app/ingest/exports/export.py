@@ -160,6 +160,7 @@ class TableExport(Export):
         try:
             for batch in table.batches(self._source.reader(self._plan.width, table.types(), self._log)):
                 self._refuse_mixed()
+                self._refuse_half_clock()
                 yield batch
         except UNREADABLE as error:
             raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
@@ -171,6 +172,14 @@ class TableExport(Export):
         if lines is not None:
             read = partial(self._source.reader, self._plan.width, log=RejectLog(0))
             refuse_mixed(self._plan, self._source.head, lines, read)
+
+    def _refuse_half_clock(self) -> None:
+        if self._tally.lacks_half and self._plan.form.hours_apart:
+            raise DataError(
+                "unknown_layout",
+                "the hours, which stand in a column of their own, go to 12 and begin again, and nothing tells AM from "
+                "PM; needed are hours from 0 to 23, or a column with AM or PM in each row",
+            )
 
     def _table(self, plan: Plan) -> WideTable | LongTable:
         if isinstance(plan, WidePlan):

@@ -13,6 +13,11 @@ from app.nanoseconds import NS_PER_S
 
 NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _FEW_DIGITS = re.compile(r"[+-]?\d+([.](?P<decimals>\d*))?[eE][+](?P<exponent>\d+)")
+_DATE = r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])"
+_DATE_OF_DIGITS = re.compile(_DATE)
+_NAME_OF_DATES = re.compile(r"(?i)date|datum|fecha|日期")
+STAMP_OF_DIGITS = re.compile(rf"{_DATE}(?:[01]\d|2[0-4])(?:[0-5]\d(?:[0-5]\d\d{{3}})?)?")
+"""To the hour, the minute or the millisecond: as counts since 1970 they would be of 2034, 1976 or no time."""
 DAY_NS = 86_400 * NS_PER_S
 MILLIONTH_OF_DAY_NS = DAY_NS / 1e6
 WALL_SCALES = (DAY_NS, MILLIONTH_OF_DAY_NS)  # in which clocks on the wall are counted
@@ -54,7 +59,9 @@ def find_count(sample: Sequence[str], name: str) -> Count | None:
     texts = [text.replace(",", ".") for text in sample if NUMBER.fullmatch(text)]
     values = np.array([float(text) for text in texts])
     middle = float(np.median(values))
-    if re.fullmatch(r"(19|20)\d{12}", sample[0]):
+    if re.fullmatch(r"(19|20)\d{12}", sample[0]) or all(map(STAMP_OF_DIGITS.fullmatch, sample)):
+        return None
+    if _NAME_OF_DATES.search(name) and all(map(_DATE_OF_DIGITS.fullmatch, sample)):
         return None
     unit = told_unit(name)
     if unit is not None and middle * unit.seconds <= LEAST_EPOCH_S:

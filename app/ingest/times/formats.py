@@ -3,6 +3,8 @@
 import re
 from functools import lru_cache
 
+import polars as pl
+
 from app.ingest.remembering import remembered
 from app.ingest.times.date_order import DAY_FIRST, MONTH_FIRST, YEAR_FIRST
 
@@ -21,10 +23,15 @@ _TIMES = (
     " %H%M%S",
     " %H%M%S%.f",
     " %H",
+    " %I %p",
     "",
 )
 _PARTS = {"%Y": r"\d{4}", "%b": "[a-z]{3}", "%p": "[ap]m", "%.f": r"(\.\d+)?"}
+_PARTS |= {"%j": r"\d{3}"}
 _PARTS |= dict.fromkeys(("%m", "%d", "%H", "%I", "%M"), r" ?\d{1,2}") | dict.fromkeys(("%y", "%S"), r"\d{2}")
+_DAY_OF_YEAR = "%Y-%j"
+OF_HOURS = ("%H", "%I %p")
+"""How the formats of clocks of hours alone end."""
 LONGEST_PROBE = 64
 """Characters of a text with its separator whose formats are kept."""
 
@@ -35,11 +42,13 @@ def formats(separator: str, american: bool) -> tuple[str, ...]:
     dates = [*_ISO, *_OTHER, *DAY_FIRST]
     at = len(dates) if not american else len(_ISO) + len(_OTHER)
     dates = [*dates[:at], *MONTH_FIRST, *dates[at:], *YEAR_FIRST]
-    return tuple(
+    found = tuple(
         date + time.replace(" ", separator, 1) if time.startswith(" ") else date + time
         for date in dates
         for time in _TIMES
     )
+    # without a clock, or in one word with it, it may be the number of anything
+    return (*found, *(_DAY_OF_YEAR + time.replace(" ", separator, 1) for time in _TIMES if time.startswith(" ")))
 
 
 @remembered(1024, LONGEST_PROBE)
@@ -53,3 +62,10 @@ def _shape(form: str) -> re.Pattern[str]:
     """What a format can look like: a cheap test before the exact one."""
     parts = re.split(r"(%\.f|%[a-zA-Z])", form)
     return re.compile("".join(_PARTS.get(part, re.escape(part)) for part in parts), re.IGNORECASE)
+
+
+def with_minutes(texts: pl.Series, form: str) -> tuple[pl.Series, str]:
+    """Stamps with hours alone, and their format, with minutes behind the hours."""
+    if form.endswith("%H"):
+        return texts + ":00", form + ":%M"
+    return texts.str.replace(r"(?i) ([ap]m)$", ":00 ${1}"), form.replace("%I", "%I:%M")

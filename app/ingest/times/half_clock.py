@@ -22,6 +22,8 @@ class HalfClock:
         known = wall_ns[wall_ns >= 0]
         hours = known // HOUR_NS % 24
         self._possible = not np.any((hours == 0) | (hours > NOON))
+        if np.count_nonzero(np.diff(known) < 0) > np.count_nonzero(np.diff(known) > 0):
+            known, hours = known[::-1], hours[::-1]  # the newest row stands first
         back = (hours[:-1] == NOON) & (hours[1:] == FIRST) & (known[1:] < known[:-1])
         self._begins_again = self._begins_again or bool(back.any())
 

@@ -62,6 +62,8 @@ _IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(_OFFSETS)})$"
 _OF_DIGITS = (
     (r"(:\d{2}(?:\.\d+)?) ([+-]\d{2}):?(\d{2})$", "${1}${2}:${3}"),
     (r"(\d:\d{2}:\d{2})[:;](\d{3})$", "${1}.${2}"),
+    (r"^((?:19|20)\d{6})(\d{2})(\d{2})$", "${1} ${2}:${3}"),
+    (r"^((?:19|20)\d{12})(\d{3})$", "${1}.${2}"),
 )
 """All that is done to stamps of digits and their usual signs, as ISO 8601 has them."""
 _OTHER_SIGNS = r"[^0-9TZ :;.+/-]"

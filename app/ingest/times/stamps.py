@@ -12,9 +12,10 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.remembering import remembered
-from app.ingest.times.counted_times import NUMBER, WALL_SCALES, find_count
+from app.ingest.times.counted_times import NUMBER, STAMP_OF_DIGITS, WALL_SCALES, find_count
 from app.ingest.times.date_order import AMBIGUOUS, Reading, choose, in_other_order
-from app.ingest.times.formats import formats, of_shape
+from app.ingest.times.digit_clocks import BEHIND_DATE, UNKNOWN, digits_of, with_clock
+from app.ingest.times.formats import OF_HOURS, formats, of_shape, with_minutes
 from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.midnights import DAY_NS, MIDNIGHT, without_begins
 from app.ingest.times.spelled_times import respelled, tells_utc
@@ -54,6 +55,8 @@ class TimeForm:
     from_clock: numbers count from a start that the file tells by a clock on the wall.
     spelled: `format` is that of the text as `respelled`. decimal_comma: of the text with a point before the decimals of
         its seconds.
+    clock_digits: of clocks of digits alone behind a date, with their zeros; `format` is that of the text with colons
+        between them. hours_apart: the hours stand in a column of their own.
     resolution_ns: the smallest step that the text can show.
     rivals: other formats that fit the sample equally well.
     """
@@ -69,6 +72,8 @@ class TimeForm:
     from_clock: bool = False
     spelled: bool = False
     decimal_comma: bool = False
+    clock_digits: int = UNKNOWN
+    hours_apart: bool = False
     resolution_ns: int = 1
     rivals: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -86,7 +91,7 @@ class TimeForm:
     @property
     def is_of_hours(self) -> bool:
         """With a clock of hours alone."""
-        return self.kind == "text" and self.format.endswith("%H")
+        return self.kind == "text" and self.format.endswith(OF_HOURS)
 
     @property
     def shown(self) -> str:
@@ -107,12 +112,13 @@ def check_time_zone(name: str) -> None:
         raise DataError("unknown_time_zone", f"{name!r} is no time zone; an IANA name is needed") from error
 
 
-def find_form(sample: list[str], name: str, options: IngestOptions) -> TimeForm | None:
-    """The form of a column from some of its fields in order of the rows; None where they are no times."""
+def find_form(sample: list[str], name: str, options: IngestOptions, clock_digits: int = UNKNOWN) -> TimeForm | None:
+    """The form of a column from some of its fields in order of the rows; None where they are no times. clock_digits: of
+    clocks of digits alone, where these are told."""
     texts = _written(tuple(sample[:SAMPLE]))
     if not _have_digits(texts):
         return None
-    form = (_number_form(texts, name) if _are_numbers(texts) else None) or _form_of(texts, options)
+    form = (_number_form(texts, name) if _are_numbers(texts) else None) or _form_of(texts, options, clock_digits)
     return form and with_told_zone(form, name)
 
 
@@ -146,13 +152,28 @@ def _are_numbers(sample: tuple[str, ...]) -> bool:
 
 
 @remembered(256, LONGEST_KEPT)
-def _form_of(sample: tuple[str, ...], options: IngestOptions) -> TimeForm | None:
+def _form_of(sample: tuple[str, ...], options: IngestOptions, clock_digits: int) -> TimeForm | None:
     if _share(_PAIR, sample) > 0.8:
         return TimeForm("epoch_pair")
+    if _share(BEHIND_DATE, sample) > 0.8 and not all(map(_is_of_hour, sample)):
+        return _digits_form(sample, options, clock_digits)
     form = _text_form(sample, options)
-    if form is not None or _are_numbers(sample):
+    if form is not None or (_are_numbers(sample) and not all(map(STAMP_OF_DIGITS.fullmatch, sample))):
         return form
     return _comma_form(sample, options) or _spelled_form(sample, options)
+
+
+def _is_of_hour(stamp: str) -> bool:
+    return len(stamp.rpartition(" ")[2]) <= 2  # digits
+
+
+def _digits_form(sample: Sequence[str], options: IngestOptions, told: int) -> TimeForm | None:
+    """Without their zeros, these would be read as other clocks: 10000 as 10:00:00."""
+    digits = digits_of(sample, told)
+    if digits <= UNKNOWN:
+        return None
+    form = _text_form(with_clock(pl.Series(sample, dtype=pl.String), digits).to_list(), options)
+    return form and replace(form, clock_digits=digits)
 
 
 def normal(text: str) -> str:
@@ -188,6 +209,8 @@ def _with_point(texts: pl.Series) -> pl.Series:
 
 def as_formatted(texts: pl.Series, form: TimeForm) -> pl.Series:
     """Stamps in the writing that the form's `format` is of."""
+    if form.clock_digits:
+        return with_clock(texts, form.clock_digits)
     if form.spelled:
         return respelled(texts)
     return _with_point(texts) if form.decimal_comma else texts
@@ -212,7 +235,7 @@ def _text_form(sample: Sequence[str], options: IngestOptions, american: bool | N
     for candidate in _candidates(sample, zoned, _american(sample) if american is None else american):
         times = parse_text(series, candidate, zoned)
         share = float(np.mean(times != NO_TIME))
-        if share >= (LEAST_SHARE if not candidate.endswith("%H") else 1.0 - DAMAGED_SHARE):
+        if share >= (LEAST_SHARE if not candidate.endswith(OF_HOURS) else 1.0 - DAMAGED_SHARE):
             fits.append((share, Reading(candidate, times, times != NO_TIME)))
     if not fits:
         return None
@@ -282,10 +305,10 @@ def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
 
 
 def _parsed(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
-    if form.endswith("%H"):  # polars reads no hours alone
+    if form.endswith(OF_HOURS):  # polars reads no hours alone
         if zoned:
             return np.full(len(texts), NO_TIME)
-        texts, form = texts + ":00", form + ":%M"
+        texts, form = with_minutes(texts, form)
     if zoned:
         parsed = texts.str.to_datetime(form + "%#z", strict=False, time_unit="us").dt.replace_time_zone(None)
     elif "%H" not in form and "%I" not in form:
