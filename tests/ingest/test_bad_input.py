@@ -154,7 +154,7 @@ def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
 @pytest.mark.parametrize("last", ["", "never,1,2\n", "   \n"])
 def test_thousands_of_blank_lines_at_the_end_are_no_rows(read: Read, end: str, last: str) -> None:
     content = read((HEADER + GOOD + last + "\n" * 20_000).replace("\n", end))
-    assert content.loops["A"].samples == content.summary.rows_read - len(last.splitlines()) == 4
+    assert content.loops["A"].samples == content.summary.rows_read - ("never" in last) == 4
     assert [reject.line for reject in content.rejects.listed] == ([6] if "never" in last else [])
 
 

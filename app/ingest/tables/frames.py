@@ -20,12 +20,12 @@ from app.ingest.files.opening import Lines, TextFile
 from app.ingest.numbers.kinds import WITH, kinds_of
 from app.ingest.numbers.marks import has_points, pointed
 from app.ingest.rejecting import RejectLog
+from app.ingest.tables.blank_lines import count_blank, parts_between
 from app.ingest.tables.line_widths import Uneven, uneven_lines
 from app.ingest.tables.scanning import Scan, Scanner
 
 LEAST_BYTES = 4 << 20  # of a chunk; for less it takes longer to load what is compiled
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
-BLANK_TAIL = 1 << 14  # bytes of blank lines at the end of a chunk from which on they are not read
 MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
 NO_ROW = (b"", b"*", b"#", b"[")  # how a line begins that holds nothing or a comment
@@ -67,7 +67,7 @@ class Rows:
     long table all is in `scan`. `pointed`: by column, where numbers that were read have a point that may part
     thousands. `kinds` (width,), where marks are in doubt: of each column's fields; then all numbers were read as if
     marks stood before decimals, and none is in `pointed`. `fewer`: the rows of too few fields, where these were
-    counted because not all columns are in `frame`."""
+    counted because not all columns are in `frame`. `blank`: how many of them are blank lines."""
 
     frame: pl.DataFrame
     first: int
@@ -78,10 +78,16 @@ class Rows:
     pointed: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     kinds: NDArray[np.uint8] | None = None
     fewer: NDArray[np.int64] | None = None
+    blank: int = 0
 
     @property
     def height(self) -> int:
         return self.frame.height if self.scan is None else len(self.scan.codes)
+
+    @property
+    def filled(self) -> int:
+        """How many rows there are but for blank lines."""
+        return self.height - self.blank
 
     def lines(self, rows: NDArray[np.int64]) -> list[int]:
         return (rows + self.first).tolist()
@@ -147,15 +153,6 @@ class Numbers:
         if len(columns) and list(columns) == list(range(columns[0], columns[-1] + 1)):
             at = slice(columns[0], columns[-1] + 1)
         return Numbers(self.values[:, at], self.missing[:, at])
-
-
-def _without_blank_tail(lines: Lines) -> Lines:
-    """Without thousands of blank lines at the end: as rows of nulls, millions of them took seconds and gigabytes."""
-    data = lines.data
-    if not (data[-BLANK_TAIL:].isspace() and data.endswith(b"\n")):
-        return lines
-    end = data.find(b"\n", len(data.rstrip(b"\r\n"))) + 1
-    return lines if len(data) - end < BLANK_TAIL else Lines(data[:end], lines.first, data.count(b"\n", 0, end))
 
 
 UNREADABLE = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
@@ -233,9 +230,7 @@ class FrameReader:
                 lines = Lines(lines.data[end:], lines.first + 1, lines.count - 1)
                 to_skip -= 1
             self._compiled = self._compiled or len(lines.data) >= LEAST_BYTES
-            lines = _without_blank_tail(lines)
-            if lines.data and not lines.data.isspace():
-                yield lines
+            yield from (part for part in parts_between(lines) if part.data and not part.data.isspace())
 
     def texts(self, rows: Rows, columns: Sequence[int]) -> pl.DataFrame:
         """Columns of the rows as the text they were written in."""
@@ -279,7 +274,8 @@ class FrameReader:
 
     def _read(self, lines: Lines) -> Rows:
         scan = self._scanner.read(lines) if self._scanner and self._compiled else None
-        return self._part(lines) if scan is None else Rows(pl.DataFrame(), lines.first, lines.data, scan=scan)
+        rows = self._part(lines) if scan is None else Rows(pl.DataFrame(), lines.first, lines.data, scan=scan)
+        return replace(rows, blank=count_blank(lines.data))
 
     def _part(self, lines: Lines) -> Rows:
         rows = self._read_in_kinds(lines) or self._read_chunk(lines, self._dialect.decimal_comma)

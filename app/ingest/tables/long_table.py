@@ -115,7 +115,7 @@ class LongTable:
         batch: list[Gathered] = []
         try:
             for rows in reader.rows(self._plan.first_row):
-                self._tally.rows_read += rows.height
+                self._tally.rows_read += rows.filled
                 batch.append(self._gather(rows, reader))
                 self._unsized.append(batch[-1])
                 if sum(map(len, batch)) * VALUES_A_ROW >= most_values:

@@ -132,7 +132,7 @@ class WideTable:
         spread = self._plan.spread
         self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
         for rows in reader.rows(self._plan.first_row, _columns(groups)):
-            self._tally.rows_read += rows.frame.height if first else 0
+            self._tally.rows_read += rows.filled if first else 0
             short = self._short_rows(rows, reader)
             for number, group in enumerate(groups):
                 chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None

@@ -1,0 +1,54 @@
+"""Blank lines, with blanks in them or without, are no rows: not in memory, and not in what is counted."""
+
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from app.ingest import IngestOptions, read_export
+from app.ingest.files.opening import Lines
+from app.ingest.tables.blank_lines import LONG_RUN, count_blank, parts_between
+from tests.ingest.conftest import Read
+
+HEADER = "Time,FIC1.PV,FIC1.OP\n"
+
+
+def row(k: int) -> str:
+    return f"2026-01-31 00:{k // 60:02d}:{k % 60:02d},{k % 9}.5,{k % 7}.5\n"
+
+
+@pytest.mark.parametrize("blank", ["\n", "   \n", " \r\n"])
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=300)])
+@pytest.mark.parametrize("many", [1, 40, 20_000])
+def test_they_are_no_rows_whatever_the_chunks_are(read: Read, blank: str, options: IngestOptions, many: int) -> None:
+    text = HEADER + "".join(map(row, range(50))) + many * blank + "never,1,2\n" + row(50) + many * blank
+    content = read(text, options=options)
+    assert (content.summary.rows_read, content.summary.rows_kept) == (52, 51)
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(52 + many, "bad_time")]
+
+
+def test_those_with_blanks_take_no_more_memory_than_those_without(tmp_path: Path) -> None:
+    peaks = []
+    for blank in ("\n", "   \n"):
+        path = tmp_path / "blank.csv"
+        path.write_text(HEADER + "".join(map(row, range(500))) + 500_000 * blank + "".join(map(row, range(500, 999))))
+        tracemalloc.start()
+        assert sum(stretch.samples for stretch in read_export(path).loops()) == 999
+        peaks.append(tracemalloc.get_traced_memory()[1] - path.stat().st_size)
+        tracemalloc.stop()
+    assert peaks[1] < 1.5 * peaks[0] + 3 * 500_000
+
+
+@pytest.mark.parametrize("before", [b"", b"1,2\n", b"1,2\n" * 9000])
+@pytest.mark.parametrize("blank", [b"\n", b"  \n", b"\t\r\n"])
+@pytest.mark.parametrize("after", [b"", b"  3,4\n", b"3,4\n" * 9000])
+def test_parts_keep_their_lines(before: bytes, blank: bytes, after: bytes) -> None:
+    many = LONG_RUN // len(blank) + 1 + len(before) // 3
+    data = before + many * blank + after + many * blank + after
+    parts = list(parts_between(Lines(data, 7, data.count(b"\n"))))
+    assert b"".join(part.data for part in parts) == before + after + after
+    lines = data.split(b"\n")
+    for part in parts:
+        assert part.count == part.data.count(b"\n")
+        assert part.data.split(b"\n")[:-1] == lines[part.first - 7 : part.first - 7 + part.count]
+    assert count_blank(data) == 2 * many
