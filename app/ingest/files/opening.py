@@ -25,7 +25,13 @@ SAMPLES, SAMPLE_BYTES = 16, 1 << 14
 MOST_ROWS = 2_000_000  # that are asked one by one for what samples leave open
 PROBED_BYTES = 1 << 18
 COUNTED_BYTES = 1 << 18
-_BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # it begins with that of UTF-16
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
 _DOUBLE_BYTES = re.compile(rb"[\x80-\xff]{2,}")
 _CHINESE = re.compile(r"[\u4e00-\u9fff]+")
 _INSIDE_A_WORD = re.compile(r"(?<=[a-z])[\u4e00-\u9fff](?=[a-z])")  # two accented letters, as in Stellgröße
@@ -58,11 +64,11 @@ class TextFile:
         self._taken = 0
         first = self._first_bytes()
         _refuse_archive(first)
-        if not first.strip():
-            raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self.encoding = detect_encoding(first)
         self._bare_returns = self._doubled_returns = False
         head = self._decode_head(first)
+        if not head.strip():
+            raise DataError("empty_file", "the file holds nothing; an export with a time column and signals is needed")
         self._heading = whole_heading(head)
         self.head = self._heading.text + after_lines(head, self._heading.count)
         _refuse_binary(self.head)
