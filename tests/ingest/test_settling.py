@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.ingest import IngestOptions, LoopTags, TagMapping, group
+from app.ingest import IngestOptions, LoopTags, TagMapping, group, names_no_measurement
 
 from .conftest import Read
 
@@ -84,3 +84,15 @@ def test_what_a_mapping_says_stays() -> None:
     mapping = TagMapping.from_bytes(b"tag,loop,signal\nF1,F1,OTHER\nF2.DACA.PV,F2.DACA,PV\n")
     assert group(["F1", "F1.OP"], mapping) == (LoopTags("F1", op="F1.OP", others=("F1",)),)
     assert {loop.loop for loop in group(["F2.DACA.PV", "F2.PIDA.OP"], mapping)} == {"F2.DACA", "F2.PIDA"}
+
+
+@pytest.mark.parametrize("word", ["ERR", "Error", "DEV", "DESC", "Description"])
+def test_control_errors_and_descriptions_are_no_loops(read: Read, word: str) -> None:
+    rows = [f"2026-01-01 00:{k:02d}:00,{k}.5,{k % 7},{k % 3},{k % 5}" for k in range(40)]
+    content = read(f"Time,FIC101.PV,FIC101.OP,FIC101.{word},FIC102.{word}\n" + "\n".join(rows))
+    assert list(content.loops) == ["FIC101", f"FIC102.{word}"], "one beside no signals of its loop stays what it is"
+    assert list(content.loops["FIC101"].others) == [f"FIC101.{word}"]
+    assert any("beside the signals of their loops" in note for note in content.summary.notes)
+    long = [f"FIC101.{s},2026-01-01 00:{k:02d}:00,{k % 7}" for s in ("PV", "OP", word) for k in range(40)]
+    assert list(read("Tag,Time,Value\n" + "\n".join(long)).loops) == ["FIC101"]
+    assert names_no_measurement(f"FIC101.{word}")

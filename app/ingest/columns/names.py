@@ -11,6 +11,7 @@ from app.ingest.model import FloatArray
 from app.ingest.numbers.units import as_number
 from app.ingest.tags.grouping import place
 from app.ingest.tags.quality import tell_good_from_bad
+from app.ingest.tags.settling import tells_of_controller
 
 TAG_NAMES = frozenset(
     (
@@ -133,8 +134,11 @@ def of_series(head: Head, names: Sequence[str], first_row: int) -> frozenset[int
 
 
 def names_no_measurement(name: str) -> bool:
-    """Whether a column is by its name a mode, a quality or a number of the row: nothing that could move a PV."""
-    return not _may_name_values(name) or _OF_A_LOGGER.search(name) is not None or place(name, "").signal == "MODE"
+    """Whether a column is by its name a mode, a quality, a control error or a number of the row: nothing that could
+    move a PV."""
+    if not _may_name_values(name) or _OF_A_LOGGER.search(name) is not None:
+        return True
+    return tells_of_controller(name) or place(name, "").signal == "MODE"
 
 
 def quality_of(

@@ -14,6 +14,10 @@ _BLOCK = re.compile(r"(?i)(?P<loop>.+)[._/](?:DACA|PIDA|AI\d*|PID\d*)")
 _JOINED = re.compile(r"(?i)(?P<loop>.*\d[A-Z]?)(?P<word>PV|OP|SP|MV|SV)")
 _WORDS: Mapping[str, Signal] = {"PV": "PV", "OP": "OP", "MV": "OP", "SP": "SP", "SV": "SP"}
 _SHOWN = 5
+_OF_CONTROLLER = re.compile(
+    r"(?i)(?P<loop>.+)[._\-/:|\\ ](?:ERR|ERROR|DEV|DEVIATION|DESC|DESCR|DESCRIPTOR|DESCRIPTION)"
+)
+"""The control error, which PV and SP make, and what a controller is called."""
 
 
 def bare_name(tag: str) -> str:
@@ -77,6 +81,19 @@ def _are_halves(signals: list[set[Signal]]) -> bool:
     return len(signals) == 2 and signals[0].isdisjoint(signals[1]) and all(len(one & AUDITED) == 1 for one in signals)
 
 
+def of_controllers(places: Mapping[str, Place], taken: Taken) -> dict[str, Place]:
+    """FIC101.ERR and FIC101.DESC beside FIC101.PV or FIC101.OP."""
+    loops = {loop.casefold(): loop for loop, signal in taken if signal in AUDITED}
+    named = ((tag, _OF_CONTROLLER.fullmatch(bare_name(tag))) for tag in _unplaced(places))
+    found = ((tag, loops.get(match["loop"].casefold())) for tag, match in named if match)
+    return {tag: Place(tag, loop, "OTHER") for tag, loop in found if loop is not None}
+
+
+def tells_of_controller(name: str) -> bool:
+    """Whether a name is that of a control error or a description of a loop, which moves no PV."""
+    return _OF_CONTROLLER.fullmatch(bare_name(name)) is not None
+
+
 def _unplaced(places: Mapping[str, Place]) -> list[str]:
     """Tags of which their names alone tell nothing."""
     return [tag for tag, at in places.items() if at.signal == "OTHER" and at.loop.casefold() == tag.casefold()]
@@ -86,6 +103,7 @@ STEPS: Mapping[str, Step] = {
     "names that end in PV and OP without a separator were read as": of_words_joined,
     "read as the PV of the loop of its name, which has OP and no other": of_bare_tags,
     "blocks of one module, one with PV and one with OP, were read as one loop": of_blocks,
+    "control errors and descriptions were kept beside the signals of their loops": of_controllers,
 }
 """What is to be said of each, in the order in which they are looked for."""
 
