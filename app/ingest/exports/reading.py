@@ -30,6 +30,8 @@ _NO_TEXT = (GZIP, b"PK\x03\x04", b"PAR1")
 _NO_NAME = "\ue000\ue001"  # of private letters
 _JSON = re.compile(r'\s*(\[\s*)*(\{\s*"|\[\s*[\["\d])')
 _MARKUP = re.compile(r"(?i)\s*<(\?xml|!doctype|html|table|meta|style)\b")
+_LINE_PROTOCOL = re.compile(r"[^\s,=]+(?:,[^\s,=]+=[^\s,=]+)* [^\s,=]+=[^\s,=]+(?:,[^\s,=]+=[^\s,=]+)* \d{10,19}")
+_MOST_LINES, _SHOWN = 0.8, 1 << 14  # share of the lines, and characters that are looked at
 SUFFIXES = (
     *(".csv", ".tsv", ".txt", ".tab", ".dat", ".asc", ".lvm"),
     *(".parquet", ".pq", ".xls", ".xlsx", ".xlsm", ".xlsb", ".mat", ".gz"),
@@ -99,10 +101,16 @@ def _fields(file: TextFile, head: Head, columns: Sequence[int]) -> list[tuple[st
 
 def _refuse_other_text(head: str) -> None:
     kind = "JSON" if _JSON.match(head) else "XML or HTML" if _MARKUP.match(head) else ""
+    kind = kind or ("InfluxDB line protocol" if _is_line_protocol(head) else "")
     if kind:
         raise DataError(
             "not_an_export", f"this is {kind}, which is not read; CSV or TSV text, parquet or xlsx is needed"
         )
+
+
+def _is_line_protocol(head: str) -> bool:
+    lines = head[:_SHOWN].rpartition("\n")[0].split("\n")
+    return sum(bool(_LINE_PROTOCOL.fullmatch(line)) for line in lines) >= max(1.0, _MOST_LINES * len(lines))
 
 
 def is_export_name(name: str) -> bool:
