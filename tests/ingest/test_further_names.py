@@ -104,3 +104,11 @@ def test_the_same_names_in_other_units(
     content = read(f"{first}\n{rows(0, 450)}{again}\n{rows(450, 500)}", options=options)
     assert content.loops["A"].pv.tolist() == list(range(450 if others else 500))
     assert content.rejects.counts.get("other_names", 0) == (50 if others else 0)
+
+
+def test_names_that_come_again_with_their_times_behind_columns_that_are_not_read(read: Read) -> None:
+    names = "id,row,index,ndx,FIC1.PV,FIC1.OP,Time"
+    rows = [f"{k},{k},{k},{k},{k % 9}.5,{k % 7}.5,2026-01-01 00:{k:02d}:00" for k in range(40)]
+    again = names.replace("FIC1.PV", "FIC2.PV")
+    content = read("\n".join((names, *rows[:20], again, *rows[20:])) + "\n")
+    assert dict(content.rejects.counts) == {"bad_time": 1, "other_names": 20}

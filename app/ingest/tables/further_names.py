@@ -25,7 +25,7 @@ class FurtherNames:
         """names: the first ones; empty where it is not known which these are."""
         group = groups[0]
         self._first = {at: _plain(names[at]) if at < len(names) else "" for at in (*group.time, *_columns(group))}
-        self._time = stamps_of_rows([self._first], group.time)[0]
+        self._time = stamps_of_rows([[self._first[at] for at in group.time]], range(len(group.time)))[0]
         self._possible = len(groups) == 1 and all(self._first[at] for at in group.time)
         self._names = {at: without_unit(self._first[at]) for at in _columns(group) if self._first[at]}
         units = {value.index: unit_of(self._first[value.index]) or value.unit for value in group.values}
