@@ -1,7 +1,8 @@
 """Lines that hold nothing but blanks: they are no rows, and thousands of them are not read."""
 
-import re
 from collections.abc import Iterator
+
+import numpy as np
 
 from app.ingest.files.opening import Lines, count_lines
 
@@ -9,8 +10,6 @@ LONG_RUN = 1 << 14
 """Bytes of blank lines from which on they are not read: as rows of nulls, millions of them took gigabytes."""
 _STEP = LONG_RUN // 2  # such a run has a whole step, wherever it begins
 _PROBE = 16  # bytes of a step that are looked at before all of it
-_MAY_BEGIN_BLANK = tuple(b"\n" + blank for blank in (b"\n", b"\r", b" ", b"\t", b"\v", b"\f"))
-_BLANK = re.compile(rb"(?m)^[^\S\n]*\n")
 
 
 def parts_between(lines: Lines) -> Iterator[Lines]:
@@ -58,6 +57,11 @@ def _to(data: bytes, at: int) -> int:
 
 def count_blank(data: bytes) -> int:
     """How many whole lines hold nothing but blanks."""
-    if not (data[:1].isspace() or any(pair in data for pair in _MAY_BEGIN_BLANK)):
-        return 0
-    return sum(1 for _ in _BLANK.finditer(data))
+    text = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(text == ord("\n"))
+    begins = np.concatenate(([0], ends[:-1] + 1))[: len(ends)]
+    may_be = text[begins] <= ord(" ")
+    begins, ends = begins[may_be], ends[may_be]
+    longer = begins < ends
+    bounds = zip(begins[longer].tolist(), ends[longer].tolist(), strict=True)
+    return int(np.count_nonzero(~longer)) + sum(data[begin:end].isspace() for begin, end in bounds)
