@@ -7,7 +7,7 @@ import pytest
 
 from app.ingest import IngestOptions, read_export
 from app.ingest.files.opening import Lines
-from app.ingest.tables.blank_lines import LONG_RUN, count_blank, parts_between
+from app.ingest.tables.blank_lines import LONG_RUN, parts_between, with_empty_lines
 from tests.ingest.conftest import Read
 
 HEADER = "Time,FIC1.PV,FIC1.OP\n"
@@ -51,4 +51,19 @@ def test_parts_keep_their_lines(before: bytes, blank: bytes, after: bytes) -> No
     for part in parts:
         assert part.count == part.data.count(b"\n")
         assert part.data.split(b"\n")[:-1] == lines[part.first - 7 : part.first - 7 + part.count]
-    assert count_blank(data) == 2 * many
+    assert with_empty_lines(data) == (before + (many * b"\n" + after) * 2, 2 * many)
+
+
+@pytest.mark.parametrize("blank", ["\n", "   \n", " \t\r\n"])
+@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=300)])
+@pytest.mark.parametrize("names", ["Tag,Time,Value", "Time,Tag,Value"])
+def test_those_of_a_table_of_a_tag_a_row_are_not_refused(
+    read: Read, blank: str, options: IngestOptions, names: str
+) -> None:
+    stamps = [f"2026-01-31 00:{k:02d}:00" for k in range(50)]
+    rows = [(tag, at, f"{k % 7}.5") for k, at in enumerate(stamps) for tag in ("FIC1.PV", "FIC1.OP")]
+    lines = [f"{row[0]},{row[1]},{row[2]}\n" if names[1] == "a" else f"{row[1]},{row[0]},{row[2]}\n" for row in rows]
+    lines[50:50] = [3 * blank, "never,never,1\n"]
+    content = read("".join((f"{names}\n", *lines, 2 * blank)), options=options)
+    assert (content.summary.rows_read, content.summary.rows_kept) == (101, 100)
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(55, "bad_time")]

@@ -55,8 +55,9 @@ def _to(data: bytes, at: int) -> int:
     return data.rfind(b"\n", 0, at + len(step) - len(step.lstrip())) + 1
 
 
-def count_blank(data: bytes) -> int:
-    """How many whole lines hold nothing but blanks."""
+def with_empty_lines(data: bytes) -> tuple[bytes, int]:
+    """The same with nothing in whole lines that hold nothing but blanks, which may else be taken for a tag, and how
+    many these are."""
     text = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(text == ord("\n"))
     begins = np.concatenate(([0], ends[:-1] + 1))[: len(ends)]
@@ -64,4 +65,9 @@ def count_blank(data: bytes) -> int:
     begins, ends = begins[may_be], ends[may_be]
     longer = begins < ends
     bounds = zip(begins[longer].tolist(), ends[longer].tolist(), strict=True)
-    return int(np.count_nonzero(~longer)) + sum(data[begin:end].isspace() for begin, end in bounds)
+    blank = [(begin, end) for begin, end in bounds if data[begin:end].isspace()]
+    count = int(np.count_nonzero(~longer)) + len(blank)
+    if not blank:
+        return data, count
+    froms, tos = zip((0, 0), *blank, strict=True)
+    return b"".join(data[end:begin] for end, begin in zip(tos, (*froms[1:], len(data)), strict=True)), count

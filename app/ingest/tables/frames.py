@@ -20,7 +20,7 @@ from app.ingest.files.opening import Lines, TextFile
 from app.ingest.numbers.kinds import WITH, kinds_of
 from app.ingest.numbers.marks import has_points, pointed
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.blank_lines import count_blank, parts_between
+from app.ingest.tables.blank_lines import parts_between, with_empty_lines
 from app.ingest.tables.line_widths import Uneven, uneven_lines
 from app.ingest.tables.scanning import Scan, Scanner
 
@@ -273,9 +273,11 @@ class FrameReader:
         }
 
     def _read(self, lines: Lines) -> Rows:
+        data, blank = with_empty_lines(lines.data)
+        lines = lines if data is lines.data else replace(lines, data=data)
         scan = self._scanner.read(lines) if self._scanner and self._compiled else None
         rows = self._part(lines) if scan is None else Rows(pl.DataFrame(), lines.first, lines.data, scan=scan)
-        return replace(rows, blank=count_blank(lines.data))
+        return replace(rows, blank=blank)
 
     def _part(self, lines: Lines) -> Rows:
         rows = self._read_in_kinds(lines) or self._read_chunk(lines, self._dialect.decimal_comma)
