@@ -46,6 +46,17 @@ def test_times_that_are_one_are_read_as_any_wide_table(read: Read) -> None:
     assert content.loops["FIC101"].op is not None
 
 
+def test_columns_without_times_of_their_own_are_not_lost(read: Read) -> None:
+    names, *rows = log("_", 5).splitlines()
+    content = read(
+        "\n".join((f"{names},FIC101_SP_VALUE,TIC7.PV", *(f"{row},50.0,{k}.5" for k, row in enumerate(rows))))
+    )
+    assert content.summary.layout == "wide"
+    assert content.loops["FIC101"].sp is not None
+    assert content.loops["TIC7"].pv is not None
+    assert any("further times were not read" in note for note in content.summary.notes)
+
+
 @pytest.mark.parametrize(
     "line",
     [

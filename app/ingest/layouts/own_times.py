@@ -3,21 +3,27 @@ FIC101_PV_QUALITY. Where the times of a row are one, the usual wide layout reads
 
 import re
 
-from app.ingest.columns.names import name_at
+from app.ingest.columns.names import name_at, names_no_measurement
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.time_columns import form_of
+from app.ingest.columns.time_names import is_full_time
 from app.ingest.columns.widths import named_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import IngestOptions
 
 _PART = re.compile(r"(?i)(?P<tag>.*[^._ ])[._ ](?P<part>value|timestamp|quality)")
+_BESIDE = re.compile(r"(?i)(?:.*[._ ])?(?:numericid|timestamp|quality)")
 _VALUE, _TIME, _QUALITY = "value", "timestamp", "quality"
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     for at, names in enumerate(head.rows[:PREAMBLE_ROWS]):
         tags = _parts_of_tags(names)
-        if len(tags) > 1 and _times_differ(head, [parts[_TIME] for parts in tags.values()], at + 1):
+        if (
+            len(tags) > 1
+            and not _others_have_values(names, tags)
+            and _times_differ(head, [parts[_TIME] for parts in tags.values()], at + 1)
+        ):
             groups = [_group(head, names, at + 1, tag, parts, options) for tag, parts in tags.items()]
             known = tuple(group for group in groups if group is not None)
             if len(known) == len(groups):
@@ -32,6 +38,15 @@ def _parts_of_tags(names: tuple[str, ...]) -> dict[str, dict[str, int]]:
         if match := _PART.fullmatch(name):
             found.setdefault(match["tag"], {}).setdefault(match["part"].lower(), index)
     return {tag: parts for tag, parts in found.items() if parts.keys() >= {_VALUE, _TIME}}
+
+
+def _others_have_values(names: tuple[str, ...], tags: dict[str, dict[str, int]]) -> bool:
+    """Whether a column beside those of the tags may hold values, which have no times of their own."""
+    taken = {index for parts in tags.values() for index in parts.values()}
+    others = (name for index, name in enumerate(names) if index not in taken)
+    return any(
+        name and not (_BESIDE.fullmatch(name) or is_full_time(name) or names_no_measurement(name)) for name in others
+    )
 
 
 def _times_differ(head: Head, times: list[int], first_row: int) -> bool:
