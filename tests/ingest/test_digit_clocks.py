@@ -68,6 +68,30 @@ def test_am_and_pm_beside_a_clock_of_24_hours_are_not_joined(read: Read) -> None
     assert content.loops["FIC1"].time_ns.tolist() == times(3600)
 
 
+@pytest.mark.parametrize("start", [START.replace(hour=hour) for hour in (0, 1, 8, 12, 13)])
+@pytest.mark.parametrize(
+    ("names", "stamp"),
+    [
+        ("Date,Time,AM/PM", lambda at: f"{at:%Y-%m-%d},{at:%H:%M:%S},{at:%p}"),
+        ("Time,AM/PM", lambda at: f"{at:%Y-%m-%d %H:%M:%S},{at:%p}"),
+        ("Date,Hour,Minute,Second,Half", lambda at: f"{at:%Y-%m-%d},{at.hour},{at.minute},{at.second},{at:%p}"),
+    ],
+)
+def test_am_and_pm_beside_24_hours_of_which_the_first_rows_show_one_half(
+    read: Read, names: str, stamp: Stamp, start: datetime
+) -> None:
+    content = read(table(names, stamp, 10, 9000, start))
+    assert content.loops["FIC1"].time_ns.tolist() == times(10, 9000, start)
+    assert not content.rejects.counts
+
+
+@pytest.mark.parametrize(("name", "hour"), [("Shift", 1), ("Shift", 5), ("Watch", 0), ("Watch", 5)])
+def test_shifts_that_are_called_so_are_no_halves_of_the_day(read: Read, name: str, hour: int) -> None:
+    start, shift = START.replace(hour=hour, minute=30), ("PM", "AM")
+    content = read(table(f"Time,{name}", lambda at: f"{at},{shift[6 <= at.hour < 18]}", 60, 1200, start))
+    assert content.loops["FIC1"].time_ns.tolist() == times(60, 1200, start)
+
+
 @pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=1000, buffered_values=100)])
 @pytest.mark.parametrize("back", [False, True])
 @pytest.mark.parametrize(
@@ -181,3 +205,17 @@ def test_stamps_to_the_hour_in_digits_are_no_seconds_since_1970(read: Read) -> N
 
 def test_dates_in_digits_are_no_seconds(read: Read) -> None:
     assert read(table("Date", "{:%Y%m%d}".format, 86400)).loops["FIC1"].time_ns.tolist() == times(86400)
+
+
+def test_a_damaged_stamp_in_digits_does_not_make_counts_of_the_others(read: Read) -> None:
+    lines = table("Time", "{:%Y%m%d%H%M}".format, 60).splitlines()
+    lines[5] = lines[5].replace("202403", "202499", 1)
+    content = read("\n".join(lines) + "\n")
+    assert dict(content.rejects.counts) == {"bad_time": 1}
+    assert content.loops["FIC1"].time_ns.tolist() == [at for k, at in enumerate(times(60)) if k != 4]
+
+
+@pytest.mark.parametrize("name", ["Batch date", "Update"])
+def test_a_number_that_is_no_date_of_the_rows_is_none_by_its_name(read: Read, name: str) -> None:
+    content = read(table(f"{name},Time,Date", lambda at: f"20240301,{at:%H:%M:%S},{at:%Y-%m-%d}", 60))
+    assert content.loops["FIC1"].time_ns.tolist() == times(60)

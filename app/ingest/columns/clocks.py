@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import polars as pl
 
@@ -10,6 +11,7 @@ from app.ingest.columns.names import name_at
 from app.ingest.columns.stamp_parts import clock_beside, days_beside
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
+from app.ingest.times.half_clock import NOON
 from app.ingest.times.spelled_times import respelled
 from app.ingest.times.stamps import find_form
 
@@ -20,7 +22,11 @@ _OUR_DATE = re.compile(
     r"((199\d|20[0-4]\d)([-/.])\d{1,2}\3\d{1,2}|\d{1,2}([/.])\d{1,2}\4(199\d|20[0-4]\d))(?P<clock>[T ].*)?"
 )
 _HALF_OF_DAY = re.compile(r"[ap]\.?m\.?", re.IGNORECASE)
-_TWELVE_HOURS = re.compile(r".*\d[ T](0?[1-9]|1[0-2])([:.]\d{2}){0,2}([.,]\d+)?\s[ap]\.?m\.?", re.IGNORECASE)
+_HOUR_WITH_HALF = re.compile(
+    r"(?P<day>.*\d)[ T](?P<hour>\d{1,2})([:.]\d{2}){0,2}([.,]\d+)?\s(?P<half>[ap])\.?m\.?", re.IGNORECASE
+)
+_MOST_DAMAGED = 0.02  # of the rows
+_SHIFTS = re.compile(r"(?i)shift|schicht|turno|équipe|equipe|crew|班")  # those of the morning work at noon too
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
 """What begins so is no clock, however it is spelled: a cheap test before the dear one."""
 
@@ -31,22 +37,41 @@ def date_and_clock(
     """The column of times with the one of clocks or of dates beside it where it has none itself, date before clock; or
     with those of their parts, such as Hour. Behind them the column of AM and PM, where it stands alone."""
     found = _date_and_clock(head, time, names, first_row, options) if len(time) == 1 else time
-    return _with_half_of_day(head, found, first_row)
+    return _with_half_of_day(head, found, names, first_row)
 
 
-def _with_half_of_day(head: Head, time: tuple[int, ...], first_row: int) -> tuple[int, ...]:
+def _with_half_of_day(head: Head, time: tuple[int, ...], names: Sequence[str], first_row: int) -> tuple[int, ...]:
     """With the column of AM and PM beside clocks of twelve hours."""
     rows = [row for row in head.rows[first_row:] if any(row)]
     width = max(map(len, rows[:SHOWN]), default=0)
-    halves = [at for at in range(width) if at not in time and _are_halves(head.column(at, first_row)[:SHOWN])]
-    if not halves:
+    others = (at for at in range(width) if at not in time and not _SHIFTS.search(name_at(names, at)))
+    half = next((at for at in others if _are_halves(head.column(at, first_row)[:SHOWN])), None)
+    if half is None:
         return time
-    hours = [_TWELVE_HOURS.fullmatch(stamp) for stamp in stamps_of_rows(rows, (*time, halves[0]))]
-    return (*time, halves[0]) if sum(map(bool, hours)) >= MOST * len(rows) else time
+    stamps = stamps_of_rows([[name_at(row, at) for at in (*time, half)] for row in rows], range(len(time) + 1))
+    found = [match for stamp in stamps if (match := _HOUR_WITH_HALF.fullmatch(stamp))]
+    return (*time, half) if len(found) >= MOST * len(rows) and _are_of_twelve_hours(found) else time
+
+
+def _are_of_twelve_hours(stamps: Sequence[re.Match[str]]) -> bool:
+    """Whether clocks beside AM and PM are such ones: no hour is above 12, and halves of a day follow each other as its
+    hours do, as those of shifts do not."""
+    hours = [(stamp["day"], int(stamp["hour"]), 12 * (stamp["half"] in "pP")) for stamp in stamps]
+    of_24 = sum(hour > NOON or (hour == 0 and half > 0) for _, hour, half in hours)
+    pairs = [(one[1:], other[1:]) for one, other in pairwise(hours) if one[0] == other[0]]
+    within = [hour % 12 - before % 12 for (before, half), (hour, other) in pairs if half == other]
+    goes_up = sum(step > 0 for step in within) >= sum(step < 0 for step in within)
+    between = [other > half for (_, half), (_, other) in pairs if half != other]
+    against = sum(up != goes_up for up in between)
+    return of_24 <= _MOST_DAMAGED * len(hours) and 2 * against <= len(between)
+
+
+def is_half_of_day(text: str) -> bool:
+    return _HALF_OF_DAY.fullmatch(text) is not None
 
 
 def _are_halves(fields: list[str]) -> bool:
-    return bool(fields) and all(_HALF_OF_DAY.fullmatch(field) for field in fields)
+    return bool(fields) and all(map(is_half_of_day, fields))
 
 
 def _date_and_clock(

@@ -14,6 +14,9 @@ _NO_DECIMALS = r"^(\d+)[.,]0+$"  # a data base's whole number
 _HOUR_OF_NUMBERS = r"^(\d{1,6})\.0$"  # where one of them is missing, whole ones have decimals
 _ONE_DIGIT = r"^(\d)([.,]\d+)?$"
 _HALF = r"(?i):([ap])\.?m\.?$"  # of the day, in a column behind those of the clock
+_SHOWN = 1000  # rows, of which one tells whether a column is of AM and PM
+_IS_HALF = r"(?i)^[ap]\.?m\.?$"
+_OF_24_HOURS = r"(?i)^(?P<before>.*\d[ T])(?P<hour>\d{1,2})(?P<behind>([:.]\d{2}){0,2}([.,]\d+)? )(?P<half>[ap])"
 _DAY_OF_YEAR = (r"^(\d{2}) (\d{4}):", "${2}-0${1} "), (r"^(\d{3}) (\d{4}):", "${2}-${1} ")  # before its year
 
 
@@ -22,11 +25,15 @@ def stamps_of(frame: pl.DataFrame, time: Sequence[int]) -> pl.Series:
     if len(time) == 1:
         return frame[name_of(time[0])]
     date, *clock = (frame[name_of(index)].cast(pl.String).str.strip_chars() for index in time)
-    date = date.str.replace(CLOCK_OF_NO_CLOCK, "")
+    half = clock[-1].drop_nulls().head(_SHOWN).str.contains(_IS_HALF)
+    if not (len(clock) == 1 and half.any()):
+        date = date.str.replace(CLOCK_OF_NO_CLOCK, "")
     if len(clock) > 1:
-        return _of_parts((date, *clock))
-    hour = clock[0].str.replace(_HOUR_OF_NUMBERS, "${1}").str.replace(DAY_OF_NO_DATE, "")
-    return _joined((date, hour), " ")
+        stamps = _of_parts((date, *clock))
+    else:
+        hour = clock[0].str.replace(_HOUR_OF_NUMBERS, "${1}").str.replace(DAY_OF_NO_DATE, "")
+        stamps = _joined((date, hour), " ")
+    return _of_twelve_hours(stamps) if half.any() else stamps
 
 
 def stamps_of_rows(rows: Iterable[Sequence[str]], time: Sequence[int]) -> list[str]:
@@ -50,6 +57,19 @@ def _of_parts(parts: Sequence[pl.Series]) -> pl.Series:
         whole = written[0].str.contains(_YEAR)
         stamps = pl.select(pl.when(whole).then(joined(_DAYS_OF_YEAR)).otherwise(stamps).alias("t")).to_series()
     return stamps.str.replace(_HALF, " ${1}m")
+
+
+def _of_twelve_hours(stamps: pl.Series) -> pl.Series:
+    """With 01:05 PM for 13:05 PM and 12:05 AM for 00:05 AM, as clocks of 24 hours stand beside a column of AM and PM;
+    what contradicts itself, as 13:05 AM, stays, and is no time."""
+    parts = stamps.str.extract_groups(_OF_24_HOURS).struct.unnest()
+    hour, half = parts["hour"].cast(pl.Int64), parts["half"].str.to_lowercase()
+    begins = (hour == 0) & (half == "a")
+    odd = (begins | (hour.is_between(13, 23) & (half == "p"))).fill_null(False)
+    if not odd.any():
+        return stamps
+    of_twelve = ((hour + 11) % 12 + 1).cast(pl.String).str.zfill(2)
+    return _joined((parts["before"], of_twelve, parts["behind"], half + "m"), "").zip_with(odd, stamps)
 
 
 def _joined(parts: Sequence[pl.Series], separator: str) -> pl.Series:

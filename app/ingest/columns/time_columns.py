@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.errors import DataError
-from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock
+from app.ingest.columns.clocks import MOST, SHOWN, are_clocks, are_midnights, date_and_clock, is_half_of_day
 from app.ingest.columns.headings import is_data
 from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import SKIPPED_NAMES, name_at, numbers_of, numbers_rows, rises
@@ -149,7 +149,7 @@ def form_of(
         return None
     apart = not any(":" in row[index] for row in rows[:SHOWN] for index in time)
     form = replace(form, hours_apart=apart and not form.clock_digits)
-    if len(time) == _DATE_AND_CLOCK and not form.is_of_hours:
+    if len(time) == _DATE_AND_CLOCK and not form.is_of_hours and not is_half_of_day(rows[0][time[-1]]):
         return form
     note = f"the times were joined from their parts in {len(time)} columns, {stamps[0]!r} the first of them"
     return replace(form, notes=(note, *form.notes))

@@ -108,7 +108,9 @@ def _dated(fields: list[str], options: IngestOptions) -> TimeForm | None:
     if 2 * sum(_is_too_small(field) for field in fields[:SHOWN]) > len(fields[:SHOWN]):
         return None
     form = find_form(fields, "date", options)
-    return form if form is not None and form.kind != "relative" else None
+    if form is None or form.kind == "relative" or (form.is_date and _PLAIN.fullmatch(fields[0])):
+        return None  # 20240301 may count anything: no name says here that it is a date
+    return form
 
 
 def _is_too_small(field: str) -> bool:

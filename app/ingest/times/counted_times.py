@@ -15,7 +15,8 @@ NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _FEW_DIGITS = re.compile(r"[+-]?\d+([.](?P<decimals>\d*))?[eE][+](?P<exponent>\d+)")
 _DATE = r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])"
 _DATE_OF_DIGITS = re.compile(_DATE)
-_NAME_OF_DATES = re.compile(r"(?i)date|datum|fecha|日期")
+_NAME_OF_DATES = re.compile(r"(?i)\W*(?:date|datum|fecha|日期)\W*(?:[(\[].*)?")  # no Update, no Batch date
+_MOST_STAMPS = 0.9  # of a sample
 STAMP_OF_DIGITS = re.compile(rf"{_DATE}(?:[01]\d|2[0-4])(?:[0-5]\d(?:[0-5]\d\d{{3}})?)?")
 """To the hour, the minute or the millisecond: as counts since 1970 they would be of 2034, 1976 or no time."""
 DAY_NS = 86_400 * NS_PER_S
@@ -52,6 +53,11 @@ class Count:
     notes: tuple[str, ...] = ()
 
 
+def are_stamps_of_digits(sample: Sequence[str]) -> bool:
+    """But for damaged ones."""
+    return sum(map(bool, map(STAMP_OF_DIGITS.fullmatch, sample))) >= _MOST_STAMPS * len(sample)
+
+
 def find_count(sample: Sequence[str], name: str) -> Count | None:
     """Of a column from some of its fields and its name; None where they can be no times, or where those of a date are
     written so short that seconds are lost, as 1.772402E+09. A unit in the name goes before the size of the numbers, but
@@ -59,9 +65,9 @@ def find_count(sample: Sequence[str], name: str) -> Count | None:
     texts = [text.replace(",", ".") for text in sample if NUMBER.fullmatch(text)]
     values = np.array([float(text) for text in texts])
     middle = float(np.median(values))
-    if re.fullmatch(r"(19|20)\d{12}", sample[0]) or all(map(STAMP_OF_DIGITS.fullmatch, sample)):
+    if re.fullmatch(r"(19|20)\d{12}", sample[0]) or are_stamps_of_digits(sample):
         return None
-    if _NAME_OF_DATES.search(name) and all(map(_DATE_OF_DIGITS.fullmatch, sample)):
+    if _NAME_OF_DATES.fullmatch(name) and all(map(_DATE_OF_DIGITS.fullmatch, sample)):
         return None
     unit = told_unit(name)
     if unit is not None and middle * unit.seconds <= LEAST_EPOCH_S:

@@ -12,7 +12,7 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.remembering import remembered
-from app.ingest.times.counted_times import NUMBER, STAMP_OF_DIGITS, WALL_SCALES, find_count
+from app.ingest.times.counted_times import NUMBER, WALL_SCALES, are_stamps_of_digits, find_count
 from app.ingest.times.date_order import AMBIGUOUS, Reading, choose, in_other_order
 from app.ingest.times.digit_clocks import BEHIND_DATE, UNKNOWN, digits_of, with_clock
 from app.ingest.times.formats import OF_HOURS, formats, of_shape, with_minutes
@@ -158,7 +158,7 @@ def _form_of(sample: tuple[str, ...], options: IngestOptions, clock_digits: int)
     if _share(BEHIND_DATE, sample) > 0.8 and not all(map(_is_of_hour, sample)):
         return _digits_form(sample, options, clock_digits)
     form = _text_form(sample, options)
-    if form is not None or (_are_numbers(sample) and not all(map(STAMP_OF_DIGITS.fullmatch, sample))):
+    if form is not None or (_are_numbers(sample) and not are_stamps_of_digits(sample)):
         return form
     return _comma_form(sample, options) or _spelled_form(sample, options)
 
