@@ -46,14 +46,12 @@ def test_times_that_are_one_are_read_as_any_wide_table(read: Read) -> None:
     assert content.loops["FIC101"].op is not None
 
 
-def test_columns_without_times_of_their_own_are_not_lost(read: Read) -> None:
+@pytest.mark.parametrize(("other", "field"), [("FIC101_SP_VALUE", "sp"), ("FIC101_MODE_VALUE", "automatic")])
+def test_columns_without_times_of_their_own_are_not_lost(read: Read, other: str, field: str) -> None:
     names, *rows = log("_", 5).splitlines()
-    content = read(
-        "\n".join((f"{names},FIC101_SP_VALUE,TIC7.PV", *(f"{row},50.0,{k}.5" for k, row in enumerate(rows))))
-    )
+    content = read("\n".join((f"{names},{other}", *(f"{row},{1 + k // 30}" for k, row in enumerate(rows)))))
     assert content.summary.layout == "wide"
-    assert content.loops["FIC101"].sp is not None
-    assert content.loops["TIC7"].pv is not None
+    assert getattr(content.loops["FIC101"], field) is not None
     assert any("further times were not read" in note for note in content.summary.notes)
 
 

@@ -3,7 +3,8 @@ FIC101_PV_QUALITY. Where the times of a row are one, the usual wide layout reads
 
 import re
 
-from app.ingest.columns.names import name_at, names_no_measurement
+from app.ingest.columns.names import SKIPPED_NAMES, name_at, numbers_rows
+from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.time_columns import form_of
 from app.ingest.columns.time_names import is_full_time
@@ -44,9 +45,11 @@ def _others_have_values(names: tuple[str, ...], tags: dict[str, dict[str, int]])
     """Whether a column beside those of the tags may hold values, which have no times of their own."""
     taken = {index for parts in tags.values() for index in parts.values()}
     others = (name for index, name in enumerate(names) if index not in taken)
-    return any(
-        name and not (_BESIDE.fullmatch(name) or is_full_time(name) or names_no_measurement(name)) for name in others
-    )
+    return any(name and not (_BESIDE.fullmatch(name) or is_full_time(name) or _tells_rows(name)) for name in others)
+
+
+def _tells_rows(name: str) -> bool:
+    return plain(name) in SKIPPED_NAMES or numbers_rows(name)
 
 
 def _times_differ(head: Head, times: list[int], first_row: int) -> bool:
