@@ -158,6 +158,16 @@ def test_clocks_that_may_be_hhmm_or_hhmmss_are_refused(read: Read) -> None:
     assert named.loops["FIC1"].time_ns.tolist() == times(600, 100)
 
 
+def test_values_beside_a_date_that_are_called_time_are_no_clock(read: Read) -> None:
+    times = [START + timedelta(minutes=10 * k) for k in range(400)]
+    lines = [
+        f"{at:%Y-%m-%d},{of_twelve(at)},{at:%p},{50 + k % 9}.25,{40 + k % 7}.5,{100 + k * 37 % 50}"
+        for k, at in enumerate(times)
+    ]
+    with pytest.raises(DataError):
+        read("\n".join(("Date,Hour,AM/PM,FIC1.PV,FIC1.OP,Time", *lines)) + "\n")
+
+
 def test_running_hours_beside_a_date_are_no_clock(read: Read) -> None:
     with pytest.raises(DataError, match="dates without a clock"):
         read(table("Date,Hours", lambda at: f"{at:%Y-%m-%d},{100 * (at.day - 1)}", 3600))

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import polars as pl
 
@@ -14,6 +15,7 @@ HHMM, HHMMSS = 4, 6
 UNKNOWN, IN_DOUBT = 0, -1
 _FEWEST = 3  # digits of what is no hour
 _MOST = 0.98  # of a sample; the others are damaged
+_ONE_WAY = 0.9  # of the steps within a day
 _TOLD = re.compile(r"(?i)\bhh?:?mm(?P<seconds>:?ss)?\b")
 
 
@@ -47,6 +49,14 @@ def _is_clock(text: str, digits: int) -> bool:
     whole = text.zfill(digits)
     hour, *others = (int(whole[at : at + 2]) for at in range(0, digits, 2))
     return len(whole) == digits and max(others) < 60 and (hour < 24 or (hour == 24 and not any(others)))
+
+
+def go_one_way(stamps: Sequence[str]) -> bool:
+    """Whether the clocks of stamps in the order of the rows go one way within a day, as those of values do not."""
+    found = [match for stamp in stamps if (match := BEHIND_DATE.fullmatch(stamp))]
+    steps = [int(b["clock"]) - int(a["clock"]) for a, b in pairwise(found) if a["date"] == b["date"]]
+    ways = sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)
+    return not steps or (any(steps) and max(ways) >= _ONE_WAY * len(steps))
 
 
 def with_clock(stamps: pl.Series, digits: int) -> pl.Series:

@@ -14,7 +14,7 @@ from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
 from app.ingest.remembering import remembered
 from app.ingest.times.counted_times import NUMBER, WALL_SCALES, are_stamps_of_digits, find_count
 from app.ingest.times.date_order import AMBIGUOUS, Reading, choose, in_other_order
-from app.ingest.times.digit_clocks import BEHIND_DATE, UNKNOWN, digits_of, with_clock
+from app.ingest.times.digit_clocks import BEHIND_DATE, UNKNOWN, digits_of, go_one_way, with_clock
 from app.ingest.times.formats import OF_HOURS, formats, of_shape, with_minutes
 from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.midnights import DAY_NS, MIDNIGHT, without_begins
@@ -170,7 +170,7 @@ def _is_of_hour(stamp: str) -> bool:
 def _digits_form(sample: Sequence[str], options: IngestOptions, told: int) -> TimeForm | None:
     """Without their zeros, these would be read as other clocks: 10000 as 10:00:00."""
     digits = digits_of(sample, told)
-    if digits <= UNKNOWN:
+    if digits <= UNKNOWN or not go_one_way(sample):
         return None
     form = _text_form(with_clock(pl.Series(sample, dtype=pl.String), digits).to_list(), options)
     return form and replace(form, clock_digits=digits)
