@@ -112,6 +112,17 @@ def beside_no_resonance() -> Comparison:
     return replace(swings(60.0), trace=None, simulation=given)
 
 
+def travels(up: float, down: float) -> Comparison:
+    """A lag behind a stem that goes up and down by no more than that a sample, beside a simulation without it."""
+    op = [50.0 + 20.0 * drawn for drawn in noise(SAMPLES) for _ in range(40)][:SAMPLES]
+    stem, pv = [50.0], [50.0]
+    for t in range(1, SAMPLES):
+        stem.append(stem[-1] + min(max(op[t] - stem[-1], -down), up))
+        pv.append(pv[-1] + 0.2 * (stem[-2] - pv[-1]))
+    made = np.array(pv) + 0.05 * np.array(noise(SAMPLES))
+    return Comparison("made up", INTERVAL_S, np.array(op), made, simulation=SIMULATION)
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks": lambda: loop(S=6.0, J=2.0),
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
@@ -180,6 +191,7 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
     yield "explain: clipped, beside its simulation that swings", lambda: explained(swings(6.0))
     yield "explain: passed on, beside its simulation that swings", lambda: explained(swings(60.0))
     yield "explain: swings, beside a simulation that does not", lambda: explained(beside_no_resonance())
+    yield "explain: up faster than down, beside its simulation", lambda: explained(travels(0.9, 0.6))
 
 
 QUESTIONS = dict(asked())
