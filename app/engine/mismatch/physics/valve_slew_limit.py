@@ -1,4 +1,8 @@
-"""Slew limit: the stem follows OP no faster than its actuator can travel."""
+"""Slew limit: the stem follows OP no faster than its actuator can travel, the same to either side or not: a spring
+takes a stem back at another speed than air moves it.
+"""
+
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -8,6 +12,8 @@ from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
 from app.engine.recording import BoolArray, FloatArray
 
 STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
+MOST_UNEVEN = 3.0
+UNEVEN_STARTS = (0.8, 1.25)  # how many times as fast down as up
 
 
 @njit(cache=True, nogil=True)
@@ -47,16 +53,43 @@ def active(signal: FloatArray, values: FloatArray, context: Context) -> BoolArra
     return np.abs(follow(signal, values, context) - signal) > 1e-3 * context.record.op_span
 
 
-BLOCKS = (
-    Block(
-        "valve.slew_limit",
-        "valve",
-        "valve",
-        "while OP moves fast",
-        parameters,
-        starts,
-        apply=follow,
-        penalty=15.0 + PENALTY,
-        rough=True,
-    ),
+EVEN = Block(
+    "valve.slew_limit",
+    "valve",
+    "valve",
+    "while OP moves fast",
+    parameters,
+    starts,
+    apply=follow,
+    penalty=15.0 + PENALTY,
+    rough=True,
 )
+
+
+def uneven_parameters(context: Context) -> tuple[Parameter, ...]:
+    rate, start = parameters(context)
+    down = Parameter("down", "of rate", 1.0 / MOST_UNEVEN, MOST_UNEVEN, 1.0, log=True)
+    return (replace(rate, name="rate_up"), down, start)
+
+
+def uneven_starts(context: Context, _: FloatArray) -> FloatArray:
+    slow, fast = rates(context)
+    return grid(np.geomspace(slow, 0.9 * fast, 30), np.array(UNEVEN_STARTS), np.zeros(1))
+
+
+def follow_unevenly(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """OP (N,), followed at values[0] OP/s upwards and values[1] times as fast downwards."""
+    up = float(values[0]) * context.record.sampling_interval_s
+    start = float(signal[0]) + (float(values[2]) if len(values) > 2 else 0.0)
+    return _limited(np.ascontiguousarray(signal), up, up * float(values[1]), start)
+
+
+UNEVEN = replace(
+    EVEN,
+    form="uneven",
+    parameters=uneven_parameters,
+    starts=uneven_starts,
+    apply=follow_unevenly,
+    penalty=17.0 + PENALTY,
+)
+BLOCKS = (EVEN, UNEVEN)
