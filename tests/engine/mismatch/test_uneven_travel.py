@@ -1,5 +1,5 @@
-"""A stem that travels faster one way than the other, as one that a spring takes back: told as such, where a level swings
-behind it and one speed for both ways would walk away with the free run.
+"""A stem that travels faster one way than the other, as one that a spring takes back: told as such, where a level
+swings behind it and one speed for both ways would walk away with the free run.
 """
 
 import numpy as np

@@ -14,6 +14,7 @@ from app.engine.recording import BoolArray, FloatArray
 STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
 MOST_UNEVEN = 3.0
 UNEVEN_STARTS = (0.8, 1.25)  # how many times as fast down as up
+UNEVEN_PENALTY = 8.0  # nat; two fifths of it are more than 15 stems that are even gained by it (2.9 at most)
 
 
 @njit(cache=True, nogil=True)
@@ -90,6 +91,6 @@ UNEVEN = replace(
     parameters=uneven_parameters,
     starts=uneven_starts,
     apply=follow_unevenly,
-    penalty=17.0 + PENALTY,
+    penalty=EVEN.penalty + UNEVEN_PENALTY,
 )
 BLOCKS = (EVEN, UNEVEN)
