@@ -6,18 +6,20 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain, simulate_again
-from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.compete.ranking import ranked
+from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant
-from app.engine.mismatch.physics import by_name
+from app.engine.mismatch.physics import by_name, valve_slew_limit
 from app.engine.recording import FloatArray
 
 N, K, LATE, UP, DOWN = 1500, 0.02, 4, 0.9, 0.7
 
 
-def level() -> Comparison:
+def level(up: float = UP, down: float = DOWN, load: float = 0.01, seed: int = 1) -> Comparison:
     """A PI loop around a level at 1 s whose stem is too slow for it."""
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(seed)
     sp = np.repeat(rng.uniform(-5.0, 5.0, N // 150), 150)
     op, pv, v = np.zeros(N), np.zeros(N), np.zeros(N)
     x, y, summed = 0.0, 0.0, 0.0
@@ -25,10 +27,35 @@ def level() -> Comparison:
         pv[t] = y + 0.1 * rng.standard_normal()
         summed += 0.03 * (sp[t] - pv[t])
         op[t] = np.clip(4.0 * (sp[t] - pv[t]) + summed, -40.0, 40.0)
-        x = v[t] = x + min(max(op[t] - x, -DOWN), UP)
-        y += K * v[max(t - LATE, 0)] + 0.01 * rng.standard_normal()
+        x = v[t] = x + min(max(op[t] - x, -down), up)
+        y += K * v[max(t - LATE, 0)] + load * rng.standard_normal()
     given = LinearSimulation(1.04 * K, (), 4.0, integrating=True)
     return Comparison("level", 1.0, 50.0 + op, 50.0 + pv, 50.0 + sp, simulation=given)
+
+
+def best(comparison: Comparison) -> Part:
+    """The better of both forms."""
+    return ranked(prepare(comparison).base, valve_slew_limit.BLOCKS)[0].fit.parts[-1]
+
+
+@pytest.mark.parametrize("times", [0.2, 5.0])
+def test_a_quick_exhaust_is_found_as_quick_as_it_is(times: float) -> None:
+    slow = 0.6
+    up, down = (slow, times * slow) if times > 1.0 else (slow / times, slow)
+    part = best(level(up, down))
+    assert part.block.form == "uneven"
+    assert part.values[:2] == pytest.approx([up, times], rel=0.1)
+
+
+def test_speeds_that_hardly_differ_are_one() -> None:
+    uneven, context = (
+        valve_slew_limit.UNEVEN,
+        Context(experiment(1.0, np.arange(9.0), np.arange(9.0)), Plant(1.0, 5.0, 0.0)),
+    )
+    apart = {
+        down: Part(uneven, np.array([0.5, down, 0.0])).makes_sense(context) for down in (0.97, 0.99999, 1.00002, 1.03)
+    }
+    assert apart == {0.97: True, 0.99999: False, 1.00002: False, 1.03: True}
 
 
 @pytest.fixture(scope="module")

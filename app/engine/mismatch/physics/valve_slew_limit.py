@@ -12,7 +12,7 @@ from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
 from app.engine.recording import BoolArray, FloatArray
 
 STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
-MOST_UNEVEN = 3.0
+LEAST_UNEVEN, MOST_UNEVEN = 1.01, 10.0  # times as fast to one side as to the other; a quick exhaust opens at once
 UNEVEN_STARTS = (0.8, 1.25)  # how many times as fast down as up
 UNEVEN_PENALTY = 8.0  # nat; two fifths of it are more than 15 stems that are even gained by it (2.9 at most)
 
@@ -69,7 +69,7 @@ EVEN = Block(
 
 def uneven_parameters(context: Context) -> tuple[Parameter, ...]:
     rate, start = parameters(context)
-    down = Parameter("down", "of rate", 1.0 / MOST_UNEVEN, MOST_UNEVEN, 1.0, log=True)
+    down = Parameter("down", "of rate_up", 1.0 / MOST_UNEVEN, MOST_UNEVEN, 1.0, log=True)
     return (replace(rate, name="rate_up"), down, start)
 
 
@@ -85,6 +85,11 @@ def follow_unevenly(signal: FloatArray, values: FloatArray, context: Context) ->
     return _limited(np.ascontiguousarray(signal), up, up * float(values[1]), start)
 
 
+def is_uneven(values: FloatArray, _: Context) -> bool:
+    """An even stem that is followed closely may run nearer to PV with speeds a hundred-thousandth apart."""
+    return bool(abs(np.log(values[1])) > np.log(LEAST_UNEVEN))
+
+
 UNEVEN = replace(
     EVEN,
     form="uneven",
@@ -92,5 +97,6 @@ UNEVEN = replace(
     starts=uneven_starts,
     apply=follow_unevenly,
     penalty=EVEN.penalty + UNEVEN_PENALTY,
+    sensible=is_uneven,
 )
 BLOCKS = (EVEN, UNEVEN)
