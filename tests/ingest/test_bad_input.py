@@ -150,21 +150,6 @@ def test_blank_lines_keep_the_numbers_of_lines(read: Read) -> None:
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(11, "bad_time")]
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"])
-@pytest.mark.parametrize("text", ["", " ", "\n\n", " \r\n" * 40])
-def test_a_blank_file_is_empty_in_any_encoding(read: Read, encoding: str, text: str) -> None:
-    assert code_of(read, text.encode(encoding)) == "empty_file"
-
-
-@pytest.mark.parametrize("order", ["little", "big"])
-def test_utf_32_with_its_mark_is_read(read: Read, order: str) -> None:
-    text = "\ufeff" + (HEADER + GOOD).replace("\n", "\r\n")
-    content = read(text.encode("utf-32-le" if order == "little" else "utf-32-be"))
-    assert content.summary.encoding == "utf-32"
-    assert content.loops["A"].samples == 4
-    assert not content.rejects.counts
-
-
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 @pytest.mark.parametrize("last", ["", "never,1,2\n", "   \n"])
 def test_thousands_of_blank_lines_at_the_end_are_no_rows(read: Read, end: str, last: str) -> None:
