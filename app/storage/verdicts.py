@@ -8,7 +8,6 @@ from datetime import datetime
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import zstandard
 from sqlalchemy import (
     BigInteger,
     ColumnElement,
@@ -21,13 +20,13 @@ from sqlalchemy import (
     select,
 )
 
-from app.json_texts import read_json, short_json
+from app.json_texts import read_json
 from app.storage.bulk import among, among_many
 from app.storage.database import in_driver
 from app.storage.loops import IN_SERVICE, found_by, retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, of_cause, priority, unanswered
 from app.storage.notes import has_open_order
-from app.storage.tables import audits, loops, newest_rows, verdict_details, verdicts
+from app.storage.tables import audits, loops, newest_rows, verdicts
 from app.storage.word_order import by_words
 
 KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
@@ -55,7 +54,6 @@ QUICK = (
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
 _OF_LOOPS = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
 ROWS_OF = "SELECT loop_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
-LONGEST_DETAIL = 64 << 20
 
 
 @dataclass(frozen=True)
@@ -180,10 +178,6 @@ def said(connection: Connection) -> list[SaidRow]:
     told = (newest_rows.c[name] for name in SaidRow._fields[2:])
     query = select(loops.c.tag, loops.c.moves_valve, *told).select_from(NEWEST_ROWS)
     return [SaidRow._make(row) for row in connection.execute(query.where(IN_SERVICE).order_by(loops.c.tag))]
-
-
-def pack_detail(detail: dict[str, Any]) -> bytes:
-    return zstandard.ZstdCompressor(3).compress(short_json(detail))
 
 
 def table(
@@ -402,30 +396,11 @@ def newest_state(connection: Connection) -> tuple[Any, ...]:
     return (*connection.execute(query).one(), told, retired(connection))
 
 
-def detail(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any] | None:
-    query = select(verdict_details.c.packed)
-    packed = connection.scalar(
-        query.where(verdict_details.c.loop_id == loop_id, verdict_details.c.audit_id == audit_id)
-    )
-    return None if packed is None else _unpacked(packed)
-
-
-def details(connection: Connection, loop_ids: Collection[int], audit_id: int) -> dict[int, dict[str, Any]]:
-    """Of one run, by loop; a loop without one is left out."""
-    query = select(verdict_details.c.loop_id, verdict_details.c.packed)
-    mine = (among(connection, verdict_details.c.loop_id, loop_ids), verdict_details.c.audit_id == audit_id)
-    return {loop_id: _unpacked(packed) for loop_id, packed in connection.execute(query.where(*mine))}
-
-
 def extras(connection: Connection, loop_ids: Collection[int], audit_id: int) -> dict[int, dict[str, Any]]:
     """Of one run, by loop: the fields of its row without a column of their own, with what is kept beside them."""
     query = select(verdicts.c.loop_id, verdicts.c.extra_json)
     mine = (among(connection, verdicts.c.loop_id, loop_ids), verdicts.c.audit_id == audit_id)
     return {loop_id: json.loads(extra) for loop_id, extra in connection.execute(query.where(*mine))}
-
-
-def _unpacked(packed: bytes) -> dict[str, Any]:
-    return json.loads(zstandard.ZstdDecompressor().decompress(packed, max_output_size=LONGEST_DETAIL))
 
 
 def _rows_of(wanted: RowFilter) -> Any:

@@ -8,6 +8,7 @@ import pytest
 from sqlalchemy import insert, update
 
 from app.storage import Database, digests, judged, loops, plant, shelvings, verdict_writing, verdicts
+from app.storage.details import pack_detail
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
 from app.storage.tables import verdicts as verdicts_table
@@ -45,7 +46,7 @@ def said(loop_id: int, audit_id: int, verdict: str, health: float | None, end_ns
         **{"stiction_probability": None, "input_end_ns": end_ns},
     }
     swing = json.dumps({"audit": audit_id})
-    return NewVerdict(loop_id, audit_id, columns, verdicts.pack_detail({}), "{}", "{}", "f", swing)
+    return NewVerdict(loop_id, audit_id, columns, pack_detail({}), "{}", "{}", "f", swing)
 
 
 @pytest.fixture

@@ -32,6 +32,7 @@ from app.storage import (
 )
 from app.storage import plant as plants
 from app.storage.audits import LoopFilter
+from app.storage.details import detail_of
 from app.storage.samples import Samples, pack
 from app.storage.verdicts import RowFilter
 from tests.conftest import own_postgres
@@ -102,7 +103,7 @@ def plant(filled_postgres: Database) -> Iterator[Connection]:
 
 def _one_detail(connection: Connection) -> None:
     with pytest.raises(ZstdError):  # what is stored here is no detail; how it is found is what counts
-        verdicts.detail(connection, 77, 3)
+        detail_of(connection, 77, 3)
 
 
 ASKED = {

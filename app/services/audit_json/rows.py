@@ -21,9 +21,9 @@ from app.services.recency import of_old_record
 from app.services.telling.next_steps import Ask, as_table, next_step
 from app.services.telling.repair_sides import of_before
 from app.services.telling.stored_evidence import MEASURED
+from app.storage.details import pack_detail
 from app.storage.tables import verdicts
 from app.storage.verdict_writing import NewVerdict
-from app.storage.verdicts import pack_detail
 
 FIELDS = tuple(ReliabilityRow.model_fields)
 TIMES = ("window_start", "window_end", "audited_at")

@@ -19,9 +19,9 @@ from app.services.backend import DATABASE_AWAY, Backend
 from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts
+from app.storage.details import details_of, pack_detail
 from app.storage.unanswered import unanswered, unanswered_before
 from app.storage.verdict_writing import Reworded, reword
-from app.storage.verdicts import pack_detail
 
 AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
 
@@ -103,7 +103,7 @@ def _all_reworded(
 ) -> Iterator[Reworded]:
     """Of these loops, tags by key, those whose newest verdict is of the run."""
     rows = verdicts.newest_of(connection, list(some))
-    details, extras = verdicts.details(connection, some, audit_id), verdicts.extras(connection, some, audit_id)
+    details, extras = details_of(connection, some, audit_id), verdicts.extras(connection, some, audit_id)
     for loop_id, tag in some.items():
         if tag in rows and rows[tag]["audit_id"] == audit_id:
             stored = Stored(rows[tag], details.get(loop_id, {}), extras.get(loop_id, {}))

@@ -11,6 +11,7 @@ from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.services.stating.shelving import Shelf
 from app.storage import continuing, items, verdicts
+from app.storage.details import detail_of
 
 
 def loop_health(backend: Backend, tag: str, shelved: Shelf | None = None) -> dict[str, Any]:
@@ -26,7 +27,7 @@ def loop_health(backend: Backend, tag: str, shelved: Shelf | None = None) -> dic
     figures = newest.get(KEY_FIGURES)
     if figures is None:  # a verdict that an older version wrote
         with backend.database.read() as connection:
-            figures = (verdicts.detail(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
+            figures = (detail_of(connection, loop_id, newest["audit_id"]) or {}).get(KEY_FIGURES, {})
     row = as_row(newest)
     return written_of(backend, [row], shelved).beside(row) | figures
 
@@ -76,7 +77,7 @@ def verdict_detail(backend: Backend, loop: OneLoop, audit_id: str | None = None)
     row = find(backend, loop)
     run = row.newest_audit_id if audit_id is None else identifier(audit_id)
     with backend.database.read() as connection:
-        found = verdicts.detail(connection, row.id, run or 0)
+        found = detail_of(connection, row.id, run or 0)
     if found is None:
         raise NotFoundError("not_audited", f"loop {row.tag!r} has no verdict from this run")
     return found
