@@ -286,12 +286,13 @@ Serve = Callable[[FastAPI], "contextmanager[httpx.Client]"]
 
 
 @contextmanager
-def served(app: FastAPI) -> Iterator[httpx.Client]:
-    """A real server on a free port: paths, headers and bodies arrive as a client's do."""
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        server = uvicorn.Server(uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=1))
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+def listening(app: FastAPI, **options: Any) -> Iterator[tuple[str, int]]:
+    """A real server on a free port, and its address; options: of uvicorn."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=1, **options)
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()
         deadline = time.monotonic() + 20
         while not server.started:
@@ -299,11 +300,17 @@ def served(app: FastAPI) -> Iterator[httpx.Client]:
             assert thread.is_alive(), "the server ended"
             time.sleep(0.01)
         try:
-            with httpx.Client(base_url=f"http://127.0.0.1:{listening.getsockname()[1]}", timeout=30) as client:
-                yield client
+            yield listener.getsockname()
         finally:
             server.should_exit = True
             thread.join(timeout=20)
+
+
+@contextmanager
+def served(app: FastAPI) -> Iterator[httpx.Client]:
+    """A client of a real server: paths, headers and bodies arrive as a client's do."""
+    with listening(app) as (host, port), httpx.Client(base_url=f"http://{host}:{port}", timeout=30) as client:
+        yield client
 
 
 @pytest.fixture(scope="session")

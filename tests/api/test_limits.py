@@ -17,6 +17,7 @@ from app.main import create_app
 from app.services.plant import reliability
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests.conftest import listening
 
 
 @pytest.fixture
@@ -284,29 +285,15 @@ def test_a_draft_on_a_really_full_device_is_taken_away(client, settings, monkeyp
 
 
 def test_a_head_that_does_not_end_closes_the_connection(settings, monkeypatch):
-    import uvicorn
-
     monkeypatch.setattr(connections, "HEAD_DEADLINE_S", 0.3)
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        config = uvicorn.Config(create_app(settings), http=connections.HeadDeadline, log_level="critical")
-        server = uvicorn.Server(config)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
-        thread.start()
-        while not server.started:
-            time.sleep(0.01)
-        try:
-            address = listening.getsockname()
-            for sent in (b"", b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nX-A: "):
-                with socket.create_connection(address, timeout=10) as connection:
-                    connection.sendall(sent)
-                    assert connection.recv(1000) == b""
+    with listening(create_app(settings), http=connections.HeadDeadline) as address:
+        for sent in (b"", b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nX-A: "):
             with socket.create_connection(address, timeout=10) as connection:
-                connection.sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-                assert connection.recv(1000).startswith(b"HTTP/1.1 200")
-        finally:
-            server.should_exit = True
-            thread.join(timeout=20)
+                connection.sendall(sent)
+                assert connection.recv(1000) == b""
+        with socket.create_connection(address, timeout=10) as connection:
+            connection.sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            assert connection.recv(1000).startswith(b"HTTP/1.1 200")
 
 
 def test_a_client_that_does_not_read_its_answer_is_given_up(client, monkeypatch):

@@ -1,17 +1,15 @@
 """Connections that ask for nothing: they take neither the files of the process nor the places of other addresses."""
 
 import socket
-import threading
-import time
 from collections.abc import Iterator
 
 import pytest
-import uvicorn
 
 from app.http import connections
 from app.main import create_app
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests.conftest import listening
 
 MOST = 8
 ASKED = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
@@ -21,21 +19,8 @@ ASKED = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 def address(tmp_path) -> Iterator[tuple[str, int]]:
     settings = Settings(data_dir=tmp_path)
     migrate(settings)
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        config = uvicorn.Config(
-            create_app(settings), http=connections.HeadDeadline, limit_concurrency=MOST, log_level="critical"
-        )
-        server = uvicorn.Server(config)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
-        thread.start()
-        while not server.started:
-            time.sleep(0.01)
-        try:
-            yield listening.getsockname()
-        finally:
-            server.should_exit = True
-            thread.join(timeout=20)
+    with listening(create_app(settings), http=connections.HeadDeadline, limit_concurrency=MOST) as found:
+        yield found
 
 
 def connected(address: tuple[str, int], source: str) -> socket.socket:
