@@ -6,7 +6,13 @@ from itertools import pairwise
 
 import polars as pl
 
-from app.ingest.columns.joined_stamps import CLOCK_OF_NO_CLOCK, DAY_OF_NO_DATE, stamps_of_rows
+from app.ingest.columns.joined_stamps import (
+    CLOCK_OF_NO_CLOCK,
+    CLOCK_WITH_HALF,
+    DAY_OF_NO_DATE,
+    HALF_OF_DAY,
+    stamps_of_rows,
+)
 from app.ingest.columns.names import name_at
 from app.ingest.columns.stamp_parts import clock_beside, days_beside
 from app.ingest.files.head import Head
@@ -21,10 +27,7 @@ _CLOCK = re.compile(r"\d{1,2}[:.]\d{2}([:.]\d{2}([.,]\d+)?)?( ?[ap]m)?([+-]\d{2}
 _OUR_DATE = re.compile(
     r"((199\d|20[0-4]\d)([-/.])\d{1,2}\3\d{1,2}|\d{1,2}([/.])\d{1,2}\4(199\d|20[0-4]\d))(?P<clock>[T ].*)?"
 )
-_HALF_OF_DAY = re.compile(r"[ap]\.?m\.?", re.IGNORECASE)
-_HOUR_WITH_HALF = re.compile(
-    r"(?P<day>.*\d)[ T](?P<hour>\d{1,2})([:.]\d{2}){0,2}([.,]\d+)?\s(?P<half>[ap])\.?m\.?", re.IGNORECASE
-)
+_HOUR_WITH_HALF = re.compile(rf"(?P<day>.*\d)[ T]{CLOCK_WITH_HALF}\.?m\.?", re.IGNORECASE)
 _MOST_DAMAGED = 0.02  # of the rows
 _SHIFTS = re.compile(r"(?i)shift|schicht|turno|équipe|equipe|crew|班")  # those of the morning work at noon too
 _DATE = re.compile(r"[\s\"]*\d{1,4}[/-]")
@@ -48,7 +51,7 @@ def _with_half_of_day(head: Head, time: tuple[int, ...], names: Sequence[str], f
     half = next((at for at in others if _are_halves(head.column(at, first_row)[:SHOWN])), None)
     if half is None:
         return time
-    stamps = stamps_of_rows([[name_at(row, at) for at in (*time, half)] for row in rows], range(len(time) + 1))
+    stamps = stamps_of_rows(rows, (*time, half))
     found = [match for stamp in stamps if (match := _HOUR_WITH_HALF.fullmatch(stamp))]
     return (*time, half) if len(found) >= MOST * len(rows) and _are_of_twelve_hours(found) else time
 
@@ -67,7 +70,7 @@ def _are_of_twelve_hours(stamps: Sequence[re.Match[str]]) -> bool:
 
 
 def is_half_of_day(text: str) -> bool:
-    return _HALF_OF_DAY.fullmatch(text) is not None
+    return re.search(HALF_OF_DAY, text) is not None
 
 
 def _are_halves(fields: list[str]) -> bool:

@@ -15,8 +15,9 @@ _HOUR_OF_NUMBERS = r"^(\d{1,6})\.0$"  # where one of them is missing, whole ones
 _ONE_DIGIT = r"^(\d)([.,]\d+)?$"
 _HALF = r"(?i):([ap])\.?m\.?$"  # of the day, in a column behind those of the clock
 _SHOWN = 1000  # rows, of which one tells whether a column is of AM and PM
-_IS_HALF = r"(?i)^[ap]\.?m\.?$"
-_OF_24_HOURS = r"(?i)^(?P<before>.*\d[ T])(?P<hour>\d{1,2})(?P<behind>([:.]\d{2}){0,2}([.,]\d+)? )(?P<half>[ap])"
+HALF_OF_DAY = r"(?i)^[ap]\.?m\.?$"
+CLOCK_WITH_HALF = r"(?P<hour>\d{1,2})(?P<behind>([:.]\d{2}){0,2}([.,]\d+)?\s)(?P<half>[ap])"
+_OF_24_HOURS = rf"(?i)^(?P<before>.*\d[ T]){CLOCK_WITH_HALF}"
 _DAY_OF_YEAR = (r"^(\d{2}) (\d{4}):", "${2}-0${1} "), (r"^(\d{3}) (\d{4}):", "${2}-${1} ")  # before its year
 
 
@@ -25,7 +26,7 @@ def stamps_of(frame: pl.DataFrame, time: Sequence[int]) -> pl.Series:
     if len(time) == 1:
         return frame[name_of(time[0])]
     date, *clock = (frame[name_of(index)].cast(pl.String).str.strip_chars() for index in time)
-    half = clock[-1].drop_nulls().head(_SHOWN).str.contains(_IS_HALF)
+    half = clock[-1].drop_nulls().head(_SHOWN).str.contains(HALF_OF_DAY)
     if not (len(clock) == 1 and half.any()):
         date = date.str.replace(CLOCK_OF_NO_CLOCK, "")
     if len(clock) > 1:

@@ -7,11 +7,10 @@ from itertools import chain, pairwise
 from app.ingest.columns.plain_names import plain
 from app.ingest.files.head import Head, is_number
 from app.ingest.numbers.units import as_number
-from app.ingest.times.digit_clocks import digits_of, digits_told
+from app.ingest.times.digit_clocks import ONE_WAY, digits_of, digits_told, to_one_side
 
 _ANY_DATE = "2024-01-01"
 _MOST = 0.8  # of the rows
-_ONE_WAY = 0.9  # of the steps of hours within a day
 _YEARS = frozenset(("year", "yr", "jahr", "annee", "ano", "anno", "jaar", "年"))
 _MONTHS = frozenset(("month", "monat", "mois", "mes", "mese", "maand", "月"))
 _DAYS = frozenset(("day", "dayofmonth", "tag", "jour", "dia", "giorno", "dag", "日"))
@@ -81,7 +80,7 @@ def _are_digits(head: Head, names: Sequence[str], date: Sequence[int], column: i
     turns = [other[1] - one[1] for one, other in pairwise(days) if one[0] != other[0]]
     goes_up = sum(other[1] - one[1] for one, other in pairwise(days) if one[0] == other[0]) >= 0
     begin_again = sum(step < 0 if goes_up else step > 0 for step in turns)
-    return _go_on_in_days(head, names, date, (column,), first_row) and begin_again >= _ONE_WAY * len(turns)
+    return _go_on_in_days(head, names, date, (column,), first_row) and begin_again >= ONE_WAY * len(turns)
 
 
 def _go_on_in_days(head: Head, names: Sequence[str], date: Sequence[int], clock: Sequence[int], first_row: int) -> bool:
@@ -94,9 +93,8 @@ def _go_on_in_days(head: Head, names: Sequence[str], date: Sequence[int], clock:
     days = {(day, *(row[at] for at in words if at < len(row))) for (day, _), row in zip(hours, rows, strict=True)}
     steps = [other[1] - one[1] for one, other in pairwise(hours) if one[0] == other[0]]
     shared = 2 * len(days) <= len(rows)
-    ways = sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)
     moves = any(steps) or len(clock) > 1
-    return shared and moves and max(ways) >= _ONE_WAY * len(steps)
+    return shared and moves and to_one_side(steps)
 
 
 def _begins_with_words(head: Head, rows: Sequence[Sequence[str]], column: int) -> bool:

@@ -19,7 +19,7 @@ from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import FloatArray, IngestOptions
 from app.ingest.tags.grouping import SIMULATED, place, without_unit
 from app.ingest.times.counted_times import OURS_FROM_S, OURS_TO_S
-from app.ingest.times.digit_clocks import IN_DOUBT, digits_of, digits_told
+from app.ingest.times.digit_clocks import IN_DOUBT, UNKNOWN, digits_of, digits_told
 from app.ingest.times.stamps import TimeForm, find_form
 from app.nanoseconds import NS_PER_S
 
@@ -142,7 +142,7 @@ def form_of(
         return find_form(head.column(time[0], first_row), name, options)
     rows = [row for row in head.rows[first_row:] if len(row) > max(time) and all(row[index] for index in time)]
     stamps = stamps_of_rows(rows, time)
-    told = max(digits_told(cell) for row in (*head.rows[:first_row], ()) for cell in (name_at(row, time[-1]),))
+    told = max((digits_told(name_at(row, time[-1])) for row in head.rows[:first_row]), default=UNKNOWN)
     form = find_form(stamps, name, options, told)
     if form is None:
         _refuse_doubtful_digits(stamps, told)

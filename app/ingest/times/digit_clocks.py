@@ -15,7 +15,7 @@ HHMM, HHMMSS = 4, 6
 UNKNOWN, IN_DOUBT = 0, -1
 _FEWEST = 3  # digits of what is no hour
 _MOST = 0.98  # of a sample; the others are damaged
-_ONE_WAY = 0.9  # of the steps within a day
+ONE_WAY = 0.9  # of the steps within a day
 _TOLD = re.compile(r"(?i)\bhh?:?mm(?P<seconds>:?ss)?\b")
 
 
@@ -30,7 +30,7 @@ def digits_of(stamps: Sequence[str], told: int = UNKNOWN) -> int:
     IN_DOUBT where 600 may be 6:00:00 or 0:06:00. Within a day nothing but a zero before it tells them apart; several
     days of which only the first 24 minutes are known are not sent. A clock of five digits among many shorter ones may
     be damaged."""
-    found = [match for stamp in stamps if (match := BEHIND_DATE.fullmatch(stamp))]
+    found = _behind_dates(stamps)
     clocks = [match["clock"] for match in found]
     if max(map(len, clocks), default=0) < _FEWEST:
         return UNKNOWN
@@ -53,10 +53,18 @@ def _is_clock(text: str, digits: int) -> bool:
 
 def go_one_way(stamps: Sequence[str]) -> bool:
     """Whether the clocks of stamps in the order of the rows go one way within a day, as those of values do not."""
-    found = [match for stamp in stamps if (match := BEHIND_DATE.fullmatch(stamp))]
-    steps = [int(b["clock"]) - int(a["clock"]) for a, b in pairwise(found) if a["date"] == b["date"]]
-    ways = sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)
-    return not steps or (any(steps) and max(ways) >= _ONE_WAY * len(steps))
+    pairs = pairwise(_behind_dates(stamps))
+    steps = [int(other["clock"]) - int(one["clock"]) for one, other in pairs if one["date"] == other["date"]]
+    return not steps or (any(steps) and to_one_side(steps))
+
+
+def to_one_side(steps: Sequence[float]) -> bool:
+    """Whether nearly all steps, those that stand too, go to one side."""
+    return max(sum(step >= 0 for step in steps), sum(step <= 0 for step in steps)) >= ONE_WAY * len(steps)
+
+
+def _behind_dates(stamps: Sequence[str]) -> list[re.Match[str]]:
+    return [match for stamp in stamps if (match := BEHIND_DATE.fullmatch(stamp))]
 
 
 def with_clock(stamps: pl.Series, digits: int) -> pl.Series:
