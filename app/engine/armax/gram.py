@@ -47,7 +47,7 @@ def lagged_dots(x: FloatArray, y: FloatArray, i: int, j: int, first: int, out: F
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def add_lagged(out: FloatArray, weights: FloatArray, x: FloatArray, first: int) -> None:
-    """out(t) += the sum of weights[k] x(t - 1 - k) over k, for t = first..N-1; four lags in one pass over out."""
+    """out(t) += the sum of weights[k] x(t - 1 - k) over k, t = first..N-1; four lags in one pass over out, then two."""
     late_out, end = out[first:], len(x) - 1
     whole = len(weights) - len(weights) % 4
     for k in range(0, whole, 4):
@@ -56,7 +56,12 @@ def add_lagged(out: FloatArray, weights: FloatArray, x: FloatArray, first: int) 
         x2, x3 = x[first - 3 - k : end - k - 2], x[first - 4 - k : end - k - 3]
         for t in range(len(late_out)):
             late_out[t] += w0 * x0[t] + w1 * x1[t] + w2 * x2[t] + w3 * x3[t]
-    for k in range(whole, len(weights)):
+    pairs = len(weights) - len(weights) % 2
+    for k in range(whole, pairs, 2):
+        w0, w1, x0, x1 = weights[k], weights[k + 1], x[first - 1 - k : end - k], x[first - 2 - k : end - k - 1]
+        for t in range(len(late_out)):
+            late_out[t] = late_out[t] + w0 * x0[t] + w1 * x1[t]
+    for k in range(pairs, len(weights)):
         weight, late_x = weights[k], x[first - 1 - k : end - k]
         for t in range(len(late_out)):
             late_out[t] += weight * late_x[t]

@@ -19,7 +19,7 @@ def mean_of(v: FloatArray) -> FloatArray:
     """Means (...) of v (..., N); of a v that never moves its very value, so that nothing is left of it. What rounding
     would leave is the same at each sample, as an intercept is, and is fitted or not by the last bit.
     """
-    return np.where(np.ptp(v, axis=-1) > 0.0, v.mean(axis=-1), v[..., 0])
+    return np.where((v != v[..., :1]).any(axis=-1), v.mean(axis=-1), v[..., 0])
 
 
 @dataclass(frozen=True)

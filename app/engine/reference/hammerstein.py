@@ -230,8 +230,8 @@ class _Stems:
         """
         known = len(self._rows)
         places = np.array([self._place(row, total) for row, total in zip(v, v.sum(axis=1).tolist(), strict=True)])
-        if len(self._rows) > known:
-            self._search(np.stack(self._rows[known:]))
+        if new := self._rows[known:]:
+            self._search(np.concatenate(new).reshape(len(new), -1))
         return places
 
     def model(self, place: int) -> ArmaxModel:

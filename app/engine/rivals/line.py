@@ -39,8 +39,9 @@ def line(x: FloatArray) -> Line | None:
     n = len(x)
     if n < FEWEST_CYCLES * PER_CYCLE:
         return None
-    amplitude = np.abs(np.fft.rfft(x * hann(n), _FINER * n))
     low, high = (round(_FINER * n / PER_CYCLE * (1.0 + off)) for off in (-_OFF_PERIOD, _OFF_PERIOD))
+    beyond_third = 3 * high + _FINER * (int(_NOISE_BINS[-1]) + 1)
+    amplitude = np.abs(np.fft.rfft(x * hann(n), _FINER * n)[:beyond_third])
     first = low + int(np.argmax(amplitude[low : high + 1]))
     fundamental = float(amplitude[first]) or 1.0
     (second, second_noise), (third, third_noise) = (_harmonic(amplitude, order * first) for order in (2, 3))

@@ -22,6 +22,16 @@ def he_stems_by_sample(op: FloatArray, S: FloatArray, J: FloatArray, x: FloatArr
 
 
 @njit(cache=True, nogil=True)
+def write_transposed(by_sample: FloatArray, begin: int, rows: FloatArray) -> None:
+    """Writes by_sample (n, M) into the rows of rows (M, N), from the sample `begin` on."""
+    # Unsigned, because a signed index is checked for its sign at every element.
+    first = np.uint64(begin)
+    for m in range(np.uint64(rows.shape[0])):
+        for t in range(np.uint64(len(by_sample))):
+            rows[m, first + t] = by_sample[t, m]
+
+
+@njit(cache=True, nogil=True)
 def he_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> FloatArray:
     """v (M, N) of He's valves in the unit of OP, at rest at the first sample, all abreast; returns their means (M,)."""
     x, total = np.full(len(S), op[0]), np.zeros(len(S))
@@ -32,9 +42,7 @@ def he_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> Flo
         for t in range(len(part)):
             for m in range(len(x)):
                 total[m] += moved[t, m]
-        for m in range(len(x)):
-            for t in range(len(part)):
-                v[m, begin + t] = moved[t, m]
+        write_transposed(moved[: len(part)], begin, v)
     return total / len(op)
 
 
@@ -67,7 +75,5 @@ def kano_stems(op: FloatArray, S: FloatArray, J: FloatArray, v: FloatArray) -> F
                 moved[t, m] = x[m]
                 total[m] += x[m]
             before, step_before = u, step
-        for m in range(len(x)):
-            for t in range(len(part)):
-                v[m, begin + t] = moved[t, m]
+        write_transposed(moved[: len(part)], begin, v)
     return total / len(op)
