@@ -6,6 +6,7 @@ import numpy as np
 
 from app.engine.audit import audit
 from app.engine.audit_config import AuditConfig
+from app.engine.causality.outside_corners import outside_corners
 from app.engine.causality.own_cycle import own_cycle
 from app.engine.long_records.stretches import newest_moving
 from app.engine.preparation import prepare
@@ -39,11 +40,15 @@ def verdicts() -> None:
 
 
 def search_for_stems() -> None:
-    """Of a record with noise: those below foretell themselves so well that no stem is sought in them."""
+    """Of a record with noise, as its own cycle and corners from outside are: those below foretell themselves so well
+    that no stem is sought in them.
+    """
     steps = np.arange(SEARCHED_SAMPLES)
     noise = np.random.default_rng(0).normal(size=(2, len(steps)))
     pv, op = np.sin(steps / 6.0) + noise
-    own_cycle(UniformRecord(1.0, pv, op, None, np.zeros(len(steps), dtype=np.bool_)), 38.0)
+    record = UniformRecord(1.0, pv, op, None, np.zeros(len(steps), dtype=np.bool_))
+    own_cycle(record, 38.0)
+    outside_corners(record, 38.0)
 
 
 def recordings() -> Iterator[Recording]:

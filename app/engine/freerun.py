@@ -7,6 +7,7 @@ the same slow drift first, so that load changes slower than some three cycles do
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -14,7 +15,7 @@ from numba import njit
 from app.engine.recording import FloatArray, IntArray
 from app.engine.signals.sampled import deviation, dot, mean, median, piece_ranges, without_drift
 from app.engine.valve import he_stem
-from app.engine.valve.abreast import SAMPLES_ABREAST, he_stems_by_sample
+from app.engine.valve.abreast import SAMPLES_ABREAST, he_stems_by_sample, write_transposed
 
 INTEGRATOR = -1.0  # as any lag below 0, in whatever unit
 _LAGS = (0.0, 0.04, 0.1, 0.25, 0.6, INTEGRATOR)
@@ -74,14 +75,8 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     """
     op = (op - op.mean()) / (cycle_range(op, per_cycle) or 1.0)
     drift = int(1.5 * per_cycle)
-    y = without_drift(pv, drift)
-    action, integral_share = controller_action(y, without_drift(op, drift))
-    lags, dead_times = process_grid(per_cycle)
-    yy, xy, xx = _bank(y, op, _S, _J, lags, dead_times, drift)
-    misfit, causal_misfit = _misfit(yy, xy, xx, 0.0), _misfit(yy, xy, xx, -action)
-    any_sign, causal, level = (_least(x) for x in (misfit, causal_misfit, causal_misfit[:, -1:]))
-    held = _held_out(yy, xy, xx, -action)
-    best = 1 + int(np.argmin(misfit[1:])) // misfit[0].size
+    found = _misfits(pv, op, _S, _J, *process_grid(per_cycle), drift)
+    any_sign, causal, level, held, best, integral_share = found
     return FreeRun(
         fit_linear=1.0 - any_sign[0],
         fit_sticky=1.0 - any_sign[1],
@@ -101,11 +96,28 @@ def free_run(pv: FloatArray, op: FloatArray, per_cycle: int) -> FreeRun:
     )
 
 
+@njit(cache=True, nogil=True)
+def _misfits(pv, op, S, J, lags, dead_times, drift):  # type: ignore[no-untyped-def]
+    """Least misfits of the linear valve and of the sticky ones: of any gain, of causal ones, of those of an integrating
+    process, on halves that were not fitted; then which valve is the best sticky one, and the integral share.
+    """
+    y = without_drift(pv, drift)
+    action, integral_share = _action(y, without_drift(op, drift))
+    yy, xy, xx = _bank(y, op, S, J, lags, dead_times, drift)
+    misfit, causal_misfit = _misfit(yy, xy, xx, 0.0), _misfit(yy, xy, xx, -action)
+    any_sign, causal, level = _least(misfit), _least(causal_misfit), _least(causal_misfit[:, -1:])
+    best = 1 + np.argmin(misfit[1:]) // misfit[0].size
+    return any_sign, causal, level, _held_out(yy, xy, xx, -action), best, integral_share
+
+
+@lru_cache(maxsize=64)
 def process_grid(per_cycle: int) -> tuple[FloatArray, IntArray]:
     """(lags,) and (dead times,) in samples that are tried at `per_cycle` samples a cycle; of the lags INTEGRATOR, in
     whatever unit, is below 0.
     """
-    return per_cycle * np.array(_LAGS), np.round(np.array(_DEAD_TIMES) * per_cycle).astype(np.int64)
+    lags, dead_times = per_cycle * np.array(_LAGS), np.round(np.array(_DEAD_TIMES) * per_cycle).astype(np.int64)
+    lags.flags.writeable = dead_times.flags.writeable = False
+    return lags, dead_times
 
 
 def cycle_range(op: FloatArray, per_cycle: int) -> float:
@@ -120,10 +132,15 @@ def controller_action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
 
     pv, op: (n,) without drift. A set point that moves blurs both.
     """
+    action, share = _action(pv, op)
+    return float(action), float(share)
+
+
+@njit(cache=True, nogil=True)
+def _action(pv: FloatArray, op: FloatArray) -> tuple[float, float]:
     proportional, integrating = _acted(pv, op)
     strongest = proportional if abs(proportional) > abs(integrating) else integrating
-    share = abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
-    return float(np.sign(strongest)), float(share)
+    return np.sign(strongest), abs(integrating) / (abs(proportional) + abs(integrating) + 1e-12)
 
 
 @njit(cache=True, nogil=True)
@@ -350,7 +367,4 @@ def _without_drift_abreast(total: FloatArray, half: int, out: FloatArray) -> Non
             if beside != 0.0:  # elsewhere the moving average takes the line off with it
                 for m in range(abreast):
                     left[m] -= slopes[m] * beside
-        for m in range(abreast):
-            kept = out[m, begin:end]
-            for t in range(len(kept)):
-                kept[t] = part[t, m]
+        write_transposed(part[: end - begin], begin, out)

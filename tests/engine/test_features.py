@@ -9,7 +9,7 @@ from app.engine.features import NAMES, extract, shape_windows, standing
 from app.engine.features.shape import bicoherence, harmonic_shares, triangle_index
 from app.engine.oscillation import detect
 from app.engine.recording import UniformRecord
-from app.engine.signals.sampled import log_kurtosis, moving_average, resample, without_drift
+from app.engine.signals.sampled import log_kurtosis, moving_average, quantiles, resample, without_drift
 
 PERIOD = 50
 N = 1000
@@ -104,6 +104,12 @@ def test_triangle_index_tells_a_triangle_from_a_sine():
 )
 def test_kurtosis_knows_square_sine_triangle_and_noise(x, expected):
     assert log_kurtosis(x) == pytest.approx(expected, abs=0.03)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 21, 1000])
+def test_quantiles_lie_on_straight_lines_between_sorted_values(n):
+    x, shares = np.random.default_rng(n).normal(size=n), (0.0, 0.01, 0.05, 0.5, 0.99, 1.0)
+    assert quantiles(x, shares) == pytest.approx(np.quantile(x, shares), abs=1e-12)
 
 
 def test_harmonic_shares_add_up_and_find_the_third_of_the_one_and_the_second_of_the_other():

@@ -57,7 +57,8 @@ def extract(record: UniformRecord, oscillation: Oscillation, most_windows: int =
         return None
     regularity = math.log(min(max(oscillation.regularity, _LEAST_REGULAR), _MOST_REGULAR))
     table = np.array([[*_row(window), oscillation.strength, regularity] for window in windows])
-    np.nan_to_num(table, copy=False)
+    if not np.isfinite(table).all():
+        np.nan_to_num(table, copy=False)
     weights = np.full(len(windows), 1.0 / len(windows))
     overlap = sum(len(window.raw_pv) for window in windows) > record.samples
     return Features(table.mean(axis=0), table, weights, overlap, windows)

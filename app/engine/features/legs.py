@@ -8,11 +8,10 @@ from numba import njit
 from app.engine.features.travel import REVERSAL, reversals
 from app.engine.features.window import ShapeWindow
 from app.engine.recording import FloatArray, IntArray
-from app.engine.signals.sampled import burstiness, deviation, peak_to_peak, quantiles, slope
+from app.engine.signals.sampled import burstiness, deviation, peak_to_peak, quantile, slope
 
 _FEWEST_LEGS = 4
 _BINS = 8
-_EDGES = tuple(k / _BINS for k in range(1, _BINS))
 _UNKNOWN_SPREAD = 0.6
 
 
@@ -39,23 +38,73 @@ class Legs:
 
 def legs(window: ShapeWindow) -> Legs:
     """The features of `Legs` for one window."""
-    pv, op = window.pv_smooth, window.op_smooth
-    dpv, dop = window.pv_slope, window.op_slope
-    ends = reversals(op, REVERSAL * float(deviation(op)))
-    sizes = np.abs(np.diff(op[ends]))
-    swings = _ranges(pv, ends)
-    way, travelled = _travelled(op, ends)
-    between = slice(ends[0], ends[-1]) if len(sizes) >= _FEWEST_LEGS else None
-    path, path_slope = (0.0, 0.0) if between is None else _paths(way * pv[between], way * dpv[between], travelled)
-    return Legs(
-        leg_size_spread=_spread(sizes),
-        leg_time_spread=_spread(np.diff(ends).astype(np.float64)),
-        swing_spread=_spread(swings),
-        path=path,
-        path_slope=path_slope,
-        pv_corners=burstiness(slope(dpv)),
-        op_corners=burstiness(slope(dop)),
+    ends, travelled = _travelled(window.op_smooth)
+    ordered = np.sort(travelled)  # NumPy's is several times as fast as a kernel's
+    return Legs(*_alike(window.pv_smooth, window.op_smooth, window.pv_slope, window.op_slope, ends, travelled, ordered))
+
+
+@njit(cache=True, nogil=True)
+def _travelled(op: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Where OP turns, and its travel since the last turn at the samples between the first and the last one."""
+    ends, place = reversals(op, REVERSAL * deviation(op)), 0
+    travelled = np.empty(ends[-1] - ends[0] if len(ends) > 1 else 0)
+    for k in range(len(ends) - 1):
+        direction = np.sign(op[ends[k + 1]] - op[ends[k]])
+        for i in range(ends[k], ends[k + 1]):
+            travelled[place] = direction * (op[i] - op[ends[k]])
+            place += 1
+    return ends, travelled
+
+
+@njit(cache=True, nogil=True)
+def _alike(
+    pv: FloatArray,
+    op: FloatArray,
+    dpv: FloatArray,
+    dop: FloatArray,
+    ends: IntArray,
+    travelled: FloatArray,
+    ordered: FloatArray,
+) -> tuple[float, ...]:
+    """What `Legs` has, in its order; ordered: travelled, sorted."""
+    sizes, times = np.abs(_steps(op, ends)), np.empty(max(len(ends) - 1, 0))
+    for k in range(len(times)):
+        times[k] = ends[k + 1] - ends[k]
+    path = path_slope = 0.0
+    if len(sizes) >= _FEWEST_LEGS:
+        edges = np.array([quantile(ordered, k / _BINS) for k in range(1, _BINS)])
+        path = _between_bins(_along(pv, op, ends), travelled, edges)
+        path_slope = _between_bins(_along(dpv, op, ends), travelled, edges)
+    return (
+        _spread(sizes),
+        _spread(times),
+        _spread(_ranges(pv, ends)),
+        path,
+        path_slope,
+        burstiness(slope(dpv)),
+        burstiness(slope(dop)),
     )
+
+
+@njit(cache=True, nogil=True)
+def _steps(x: FloatArray, ends: IntArray) -> FloatArray:
+    """What x (n,) moves from each of the indices `ends` to the next."""
+    steps = np.empty(max(len(ends) - 1, 0))
+    for k in range(len(steps)):
+        steps[k] = x[ends[k + 1]] - x[ends[k]]
+    return steps
+
+
+@njit(cache=True, nogil=True)
+def _along(x: FloatArray, op: FloatArray, ends: IntArray) -> FloatArray:
+    """x (n,) from the first to the last turn of OP, times the direction of OP then."""
+    along, place = np.empty(ends[-1] - ends[0]), 0
+    for k in range(len(ends) - 1):
+        direction = np.sign(op[ends[k + 1]] - op[ends[k]])
+        for i in range(ends[k], ends[k + 1]):
+            along[place] = direction * x[i]
+            place += 1
+    return along
 
 
 @njit(cache=True, nogil=True)
@@ -67,34 +116,11 @@ def _ranges(x: FloatArray, ends: IntArray) -> FloatArray:
     return ranges
 
 
+@njit(cache=True, nogil=True)
 def _spread(x: FloatArray) -> float:
     if len(x) < _FEWEST_LEGS:
         return _UNKNOWN_SPREAD
-    return float(_spread_of_logarithms(x))
-
-
-@njit(cache=True, nogil=True)
-def _spread_of_logarithms(x: FloatArray) -> float:
     return deviation(np.log(np.maximum(x, 1e-3 * x.max() + 1e-12)))
-
-
-@njit(cache=True, nogil=True)
-def _travelled(op: FloatArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Direction (1 or -1) and travel since the last reversal of the samples between the first and the last turn."""
-    between = ends[-1] - ends[0] if len(ends) > 1 else 0
-    way, travelled, place = np.empty(between), np.empty(between), 0
-    for k in range(len(ends) - 1):
-        direction = np.sign(op[ends[k + 1]] - op[ends[k]])
-        for i in range(ends[k], ends[k + 1]):
-            way[place], travelled[place] = direction, direction * (op[i] - op[ends[k]])
-            place += 1
-    return way, travelled
-
-
-def _paths(pv: FloatArray, pv_slope: FloatArray, travelled: FloatArray) -> tuple[float, float]:
-    """Of PV and of its slope (n,), each along OP's legs, what bins of equal counts of travelled (n,) hold."""
-    edges = quantiles(travelled, _EDGES)
-    return float(_between_bins(pv, travelled, edges)), float(_between_bins(pv_slope, travelled, edges))
 
 
 @njit(cache=True, nogil=True)

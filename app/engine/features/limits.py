@@ -35,16 +35,22 @@ class Limits:
 
 def limits(window: ShapeWindow) -> Limits:
     """The features of `Limits` for one window."""
-    at_limit, moves_at_limit = _at_limits(window.even_op, moving_average(window.even_pv, 2))
-    pv_steps, op_steps = _steps(window.raw_pv), _steps(window.raw_op)
-    moved = np.sort(pv_steps[pv_steps > ROUNDING])
-    return Limits(
-        op_at_limit=at_limit,
-        pv_moves_at_limit=moves_at_limit,
-        pv_quantum=_quantum(moved),
-        pv_least_step=math.log10(quantile(moved, 0.05) + 1e-3) if len(moved) else 0.0,
-        pv_held=1.0 - len(moved) / len(pv_steps),
-        op_held=1.0 - np.count_nonzero(op_steps > ROUNDING) / len(op_steps),
+    return Limits(*_limits(window.even_pv, window.even_op, window.raw_pv, window.raw_op))
+
+
+@njit(cache=True, nogil=True)
+def _limits(pv: FloatArray, op: FloatArray, raw_pv: FloatArray, raw_op: FloatArray) -> tuple[float, ...]:
+    """What `Limits` has, in its order."""
+    at_limit, moves_at_limit = _at_limits(op, moving_average(pv, 2))
+    pv_steps, op_steps = _steps(raw_pv), _steps(raw_op)
+    moved = pv_steps[pv_steps > ROUNDING]
+    return (
+        at_limit,
+        moves_at_limit,
+        _quantum(moved),
+        math.log10(_low_quantile(moved) + 1e-3) if len(moved) else 0.0,
+        1.0 - len(moved) / len(pv_steps),
+        1.0 - np.count_nonzero(op_steps > ROUNDING) / len(op_steps),
     )
 
 
@@ -80,11 +86,17 @@ def _at_limits(op: FloatArray, pv: FloatArray) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def _quantum(steps: FloatArray) -> float:
-    """steps: (n,) sorted."""
     if len(steps) < _FEWEST_STEPS:
         return 0.0
-    whole = 0
+    whole, least = 0, steps.min()
     for step in steps:
-        multiple = step / steps[0]
+        multiple = step / least
         whole += abs(multiple - np.round(multiple)) < _SAME_STEP
-    return steps[0] if whole / len(steps) > 0.95 else 0.0
+    return least if whole / len(steps) > 0.95 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _low_quantile(steps: FloatArray) -> float:
+    """The 5 % quantile of steps (n,), n at least 1: it lies between two of them, and no others need their order."""
+    below = int(0.05 * (len(steps) - 1))
+    return quantile(np.partition(steps, np.array([below, min(below + 1, len(steps) - 1)])), 0.05)

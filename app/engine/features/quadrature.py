@@ -48,25 +48,41 @@ class Quadrature:
 
 def quadrature(window: ShapeWindow) -> Quadrature:
     """The features of `Quadrature` for one window. Every sign is dropped: the sign of PV and OP is free."""
-    pv, op = window.pv_smooth, window.op_smooth
-    dpv, dop = window.pv_slope, window.op_slope
-    odd, even, zero = _cross_correlation(window.pv, window.op)
-    coherency = _coherency(window.pv, window.op)
-    return Quadrature(
-        ccf_odd=odd,
-        ccf_even=max(even, zero),
-        ccf_zero=zero,
-        op_dpv=abs(correlation(op, dpv)),
-        pv_dop=abs(correlation(pv, dop)),
-        dpv_dop=abs(correlation(dpv, dop)),
-        loop_area=abs(float(op @ dpv)) / len(pv) * PER_CYCLE / (2 * np.pi),
-        pv_direction=abs(correlation(window.pv, _direction(dop))),
-        dpv_direction=abs(correlation(dpv, _direction(dop))),
-        op_pv_direction=abs(correlation(window.op, _direction(dpv))),
-        coherence_odd=abs(coherency.imag),
-        coherence_even=abs(coherency.real),
-        odd_share=odd / (odd + zero + 1e-9),
-        phase_sine=abs(coherency.imag) / (abs(coherency) + 1e-9),
+    pv, op, dpv, dop = window.pv_smooth, window.op_smooth, window.pv_slope, window.op_slope
+    area = abs(float(op @ dpv)) / len(pv) * PER_CYCLE / (2 * np.pi)
+    waves = _tapered(min(_SEGMENT, len(pv)))
+    return Quadrature(*_in_quadrature(window.pv, window.op, pv, op, dpv, dop, waves, area))
+
+
+@njit(cache=True, nogil=True)
+def _in_quadrature(
+    pv: FloatArray,
+    op: FloatArray,
+    pv_smooth: FloatArray,
+    op_smooth: FloatArray,
+    dpv: FloatArray,
+    dop: FloatArray,
+    waves: FloatArray,
+    area: float,
+) -> tuple[float, ...]:
+    """What `Quadrature` has, in its order."""
+    odd, even, zero = _cross_correlation(pv, op)
+    coherency, op_direction = _coherency(pv, op, waves), _direction(dop)
+    return (
+        odd,
+        max(even, zero),
+        zero,
+        abs(correlation(op_smooth, dpv)),
+        abs(correlation(pv_smooth, dop)),
+        abs(correlation(dpv, dop)),
+        area,
+        abs(correlation(pv, op_direction)),
+        abs(correlation(dpv, op_direction)),
+        abs(correlation(op, _direction(dpv))),
+        abs(coherency.imag),
+        abs(coherency.real),
+        odd / (odd + zero + 1e-9),
+        abs(coherency.imag) / (abs(coherency) + 1e-9),
     )
 
 
@@ -97,11 +113,6 @@ def _lagged_means(late: FloatArray, early: FloatArray) -> FloatArray:
     return means
 
 
-def _coherency(pv: FloatArray, op: FloatArray) -> complex:
-    size = min(_SEGMENT, len(pv))
-    return _coherency_by(pv, op, _tapered(size))
-
-
 @lru_cache(maxsize=64)
 def _tapered(size: int) -> FloatArray:
     """(2 lines, size) cosines and sines of the lines of the fundamental over a segment of so many samples, tapered."""
@@ -112,7 +123,7 @@ def _tapered(size: int) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def _coherency_by(pv: FloatArray, op: FloatArray, waves: FloatArray) -> complex:
+def _coherency(pv: FloatArray, op: FloatArray, waves: FloatArray) -> complex:
     """waves: `_tapered`. Over segments of their length that overlap by half."""
     lines, size = len(waves) // 2, waves.shape[1]
     pv_power = op_power = 0.0

@@ -60,35 +60,39 @@ class Shape:
 
 def shape(window: ShapeWindow) -> Shape:
     """The features of `Shape` for one window."""
-    pv, op = window.pv_smooth, window.op_smooth
-    dpv, dop = np.diff(pv), np.diff(op)
     pv_power, op_power = harmonic_shares(window.pv, window.op)
-    return Shape(
-        pv_kurtosis=log_kurtosis(window.pv),
-        op_kurtosis=log_kurtosis(window.op),
-        pv_slope_kurtosis=log_kurtosis(dpv),
-        op_slope_kurtosis=log_kurtosis(dop),
-        pv_triangle=triangle_index(pv),
-        op_triangle=triangle_index(op),
-        pv_skewness=skewness(pv),
-        op_skewness=skewness(op),
-        pv_slope_skewness=skewness(dpv),
-        op_slope_skewness=skewness(dop),
-        pv_slow=float(pv_power[0]),
-        pv_fundamental=float(pv_power[1]),
-        pv_second=float(pv_power[2]),
-        pv_third=float(pv_power[3]),
-        pv_fast=float(pv_power[4]),
-        op_slow=float(op_power[0]),
-        op_fundamental=float(op_power[1]),
-        op_second=float(op_power[2]),
-        op_third=float(op_power[3]),
-        op_fast=float(op_power[4]),
-        pv_roughness=float(np.log10(deviation(window.pv - pv) ** 2 + 1e-4)),
-        op_roughness=float(np.log10(deviation(window.op - op) ** 2 + 1e-4)),
-        pv_bicoherence=bicoherence(window.pv),
-        op_bicoherence=bicoherence(window.op),
+    values: list[float] = [
+        *_wave_forms(window.pv, window.op, window.pv_smooth, window.op_smooth),
+        *pv_power.tolist(),
+        *op_power.tolist(),
+        _roughness(window.pv, window.pv_smooth),
+        _roughness(window.op, window.op_smooth),
+        bicoherence(window.pv),
+        bicoherence(window.op),
+    ]
+    return Shape(*values)
+
+
+@njit(cache=True, nogil=True)
+def _wave_forms(pv: FloatArray, op: FloatArray, pv_smooth: FloatArray, op_smooth: FloatArray) -> tuple[float, ...]:
+    """What `Shape` has up to the spectra, in its order."""
+    dpv, dop = pv_smooth[1:] - pv_smooth[:-1], op_smooth[1:] - op_smooth[:-1]
+    return (
+        log_kurtosis(pv),
+        log_kurtosis(op),
+        log_kurtosis(dpv),
+        log_kurtosis(dop),
+        triangle_index(pv_smooth),
+        triangle_index(op_smooth),
+        skewness(pv_smooth),
+        skewness(op_smooth),
+        skewness(dpv),
+        skewness(dop),
     )
+
+
+def _roughness(x: FloatArray, smooth: FloatArray) -> float:
+    return float(np.log10(deviation(x - smooth) ** 2 + 1e-4))
 
 
 def harmonic_shares(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -96,10 +100,17 @@ def harmonic_shares(one: FloatArray, other: FloatArray) -> tuple[FloatArray, Flo
 
     Real and imaginary part of one transform, whose lines at k and -k tell the two apart.
     """
-    taper = hann(len(one))
-    lines = fft.fft(one * taper + 1j * (other * taper), overwrite_x=True)
+    lines = fft.fft(_side_by_side(one, other, hann(len(one))), overwrite_x=True)
     shares: tuple[FloatArray, FloatArray] = _shares_between(lines, _HARMONIC_EDGES)
     return shares
+
+
+@njit(cache=True, nogil=True)
+def _side_by_side(one: FloatArray, other: FloatArray, taper: FloatArray) -> ComplexArray:
+    both = np.empty(len(taper), dtype=np.complex128)
+    for i in range(len(taper)):
+        both[i] = complex(one[i] * taper[i], other[i] * taper[i])
+    return both
 
 
 @njit(cache=True, nogil=True)

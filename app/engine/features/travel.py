@@ -64,26 +64,31 @@ class Travel:
 
 def travel(window: ShapeWindow) -> Travel:
     """The features of `Travel` for one window."""
-    pv, op = window.pv_smooth, window.op_smooth
+    return Travel(*_travels(window.pv_smooth, window.op_smooth, window.pv_slope, window.op_slope))
+
+
+@njit(cache=True, nogil=True)
+def _travels(pv: FloatArray, op: FloatArray, dpv: FloatArray, dop: FloatArray) -> tuple[float, ...]:
+    """What `Travel` has, in its order, of smoothed signals (n,) and their slopes."""
     op_eighth, pv_eighth = _pieces(pv, op, _EIGHTH)
     op_quarter, pv_quarter = _pieces(pv, op, PER_CYCLE // 4)
-    spread = float(deviation(pv))
-    legs = _legs(pv, op, REVERSAL * float(deviation(op)), _STILL_BAND * spread)
+    spread = deviation(pv)
+    legs = _legs(pv, op, REVERSAL * deviation(op), _STILL_BAND * spread)
     some = len(legs) >= 2
-    return Travel(
-        flat_eighth=_flat_share(op_eighth, pv_eighth),
-        flat_quarter=_flat_share(op_quarter, pv_quarter),
-        pv_moves_alone=_share(pv_eighth, op_eighth < 0.15),
-        together_eighth=correlation(op_eighth, pv_eighth),
-        together_quarter=correlation(op_quarter, pv_quarter),
-        leg_still=float(median(legs[:, 0])) if some else 0.0,
-        leg_sharpness=float(median(legs[:, 1])) if some else 0.0,
-        leg_spread=float(deviation(legs[:, 0])) if some else 0.0,
-        leg_contrast=_contrast(legs, spread),
-        pv_bursts=burstiness(window.pv_slope),
-        op_bursts=burstiness(window.op_slope),
-        sticking=rho_3(op[::_STRIDE], pv[::_STRIDE]),
-        sticking_fine=rho_3(op[:: _STRIDE // 2], pv[:: _STRIDE // 2]),
+    return (
+        _flat_share(op_eighth, pv_eighth),
+        _flat_share(op_quarter, pv_quarter),
+        _share(pv_eighth, op_eighth < 0.15),
+        correlation(op_eighth, pv_eighth),
+        correlation(op_quarter, pv_quarter),
+        median(legs[:, 0]) if some else 0.0,
+        median(legs[:, 1]) if some else 0.0,
+        deviation(legs[:, 0]) if some else 0.0,
+        _contrast(legs, spread),
+        burstiness(dpv),
+        burstiness(dop),
+        rho_3(op[::_STRIDE], pv[::_STRIDE]),
+        rho_3(op[:: _STRIDE // 2], pv[:: _STRIDE // 2]),
     )
 
 

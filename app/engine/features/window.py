@@ -1,9 +1,9 @@
 """The windows on which shapes are looked at: some fifteen periods, brought to forty samples a period."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from app.engine.oscillation import Oscillation
 from app.engine.recording import FloatArray, UniformRecord
@@ -27,6 +27,7 @@ class ShapeWindow:
 
     pv, op: (n,) at PER_CYCLE samples a cycle, without drift, at unit standard deviation.
     pv_smooth, op_smooth: (n,) the same, smoothed over about an eighth of a cycle.
+    pv_slope, op_slope: (n,) the slopes of these, a sample.
     raw_pv, raw_op: (m,) as recorded. even_pv, even_op: (n,) at PER_CYCLE samples a cycle, with their drift.
     """
 
@@ -34,20 +35,12 @@ class ShapeWindow:
     op: FloatArray
     pv_smooth: FloatArray
     op_smooth: FloatArray
+    pv_slope: FloatArray
+    op_slope: FloatArray
     raw_pv: FloatArray
     raw_op: FloatArray
     even_pv: FloatArray
     even_op: FloatArray
-
-    @cached_property
-    def pv_slope(self) -> FloatArray:
-        """(n,) slope of pv_smooth, a sample."""
-        return slope(self.pv_smooth)
-
-    @cached_property
-    def op_slope(self) -> FloatArray:
-        """(n,) slope of op_smooth, a sample."""
-        return slope(self.op_smooth)
 
 
 def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = MOST_WINDOWS) -> list[ShapeWindow]:
@@ -64,9 +57,10 @@ def shape_windows(record: UniformRecord, oscillation: Oscillation, most: int = M
 def spans(record: UniformRecord, per_cycle: float, most: int) -> list[slice]:
     """The samples of each window: up to `most`, some fifteen cycles of `per_cycle` samples each."""
     length = int(min(record.samples, max(CYCLES * per_cycle, _FEWEST_SAMPLES)))
-    count = int(np.clip(record.samples // length, 2 if record.samples > 1.3 * length else 1, most))
-    starts = np.linspace(0, record.samples - length, count).astype(int) if count > 1 else [0]
-    return [slice(int(start), int(start) + length) for start in starts]
+    count = min(max(record.samples // length, 2 if record.samples > 1.3 * length else 1), most)
+    last = record.samples - length
+    starts = [*(int(k * (last / (count - 1))) for k in range(count - 1)), last] if count > 1 else [0]
+    return [slice(start, start + length) for start in starts]
 
 
 def cycle_samples(record: UniformRecord, oscillation: Oscillation) -> float:
@@ -90,20 +84,26 @@ def _fast_share(x: FloatArray, half: int) -> float:
 def window_of(raw_pv: FloatArray, raw_op: FloatArray, per_cycle: float) -> ShapeWindow | None:
     """raw_pv, raw_op: (m,) as recorded, per_cycle samples a cycle. None where PV or OP does not vary."""
     even_pv, even_op = resample(raw_pv, per_cycle, PER_CYCLE), resample(raw_op, per_cycle, PER_CYCLE)
-    pv, op = _unit(even_pv), _unit(even_op)
-    if pv is None or op is None:
+    pv, op = _swings(even_pv), _swings(even_op)
+    if len(pv) == 0 or len(op) == 0:
         return None
-    return ShapeWindow(pv, op, _smooth(pv), _smooth(op), raw_pv, raw_op, even_pv, even_op)
+    return ShapeWindow(pv[0], op[0], pv[1], op[1], pv[2], op[2], raw_pv, raw_op, even_pv, even_op)
 
 
-def _unit(x: FloatArray) -> FloatArray | None:
+@njit(cache=True, nogil=True)
+def _swings(x: FloatArray) -> FloatArray:
+    """(3, n): x (n,) without drift at unit deviation, the same smoothed, and the slope of that; none where x does not
+    vary. In one kernel, as the features of a window are: to hand its array over costs more than most of them.
+    """
     swing = without_drift(x, _DRIFT_HALF)
-    spread = float(deviation(swing))
+    spread, largest = deviation(swing), 0.0
+    for value in x:
+        largest = max(largest, abs(value))
     # What remains of a constant is rounding, not a signal.
-    if spread <= 1e-9 * float(np.max(np.abs(x))):
-        return None
-    return swing / spread
-
-
-def _smooth(x: FloatArray) -> FloatArray:
-    return moving_average(moving_average(x, _SMOOTHING_HALF), _SMOOTHING_HALF)
+    if spread <= 1e-9 * largest:
+        return np.empty((0, len(x)))
+    swings = np.empty((3, len(x)))
+    swings[0] = swing / spread
+    swings[1] = moving_average(moving_average(swings[0], _SMOOTHING_HALF), _SMOOTHING_HALF)
+    swings[2] = slope(swings[1])
+    return swings

@@ -9,6 +9,7 @@ from app.engine.recording import FloatArray
 _MOVES_FROM = 1.0
 
 
+@njit(cache=True, nogil=True)
 def rho_3(op: FloatArray, pv: FloatArray) -> float:
     """rho_3 of OP and PV (n,), for the sign of the process gain that gives more: 0..1.
 
@@ -17,7 +18,7 @@ def rho_3(op: FloatArray, pv: FloatArray) -> float:
     Source: Yamashita 2006, Control Engineering Practice 14, 503-510.
     """
     op_moves, pv_moves = _moves(op), _moves(pv)
-    counted = int(np.count_nonzero((op_moves != 0) | (pv_moves != 0)))
+    counted = np.count_nonzero((op_moves != 0) | (pv_moves != 0))
     if counted == 0:
         return 0.0
     return max(_followed(op_moves, pv_moves), _followed(op_moves, -pv_moves)) / counted

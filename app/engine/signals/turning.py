@@ -1,6 +1,7 @@
 """What tells by how much a signal has turned, and on which side it is: stems and relays of many sizes."""
 
 import numpy as np
+from numba import njit
 
 from app.engine.recording import FloatArray
 from app.engine.signals.sampled import quantiles
@@ -33,9 +34,20 @@ def relays(x: FloatArray, sizes: FloatArray) -> FloatArray:
     """(M, N): 1 since a signal was last above half of each of these sizes (M,) over its usual range, -1 since it was
     last below minus that, 0 before it was either.
     """
-    side = np.where(np.abs(x) > 0.5 * usual_range(x) * sizes[:, None], np.sign(x), 0.0)
-    last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(x)), 0), axis=1)
-    return np.take_along_axis(side, last, axis=1)
+    sides: FloatArray = _last_sides(x, 0.5 * usual_range(x) * sizes)
+    return sides
+
+
+@njit(cache=True, nogil=True)
+def _last_sides(x: FloatArray, beyond: FloatArray) -> FloatArray:
+    sides = np.empty((len(beyond), len(x)))
+    for m in range(len(beyond)):
+        side = 0.0
+        for t in range(len(x)):
+            if abs(x[t]) > beyond[m]:
+                side = 1.0 if x[t] > 0.0 else -1.0
+            sides[m, t] = side
+    return sides
 
 
 def since_reversal(x: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import special
@@ -100,6 +101,7 @@ def _needed(of_one_window: int, chance: float, drawn: Sequence[Features]) -> int
     return needed
 
 
+@lru_cache(maxsize=256)  # at each draw it is asked of the same few numbers
 def _reach(count: int, freedom_each: float, chance: float) -> float:
     """Standard deviations above the mean of so many surrogates from which on one more has at most this chance."""
     return -float(special.stdtrit((count - 1) * freedom_each, chance)) * math.sqrt(1.0 + 1.0 / count)
