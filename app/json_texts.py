@@ -1,9 +1,11 @@
-"""What is written as JSON for each loop of a night: short, and a fifth of the time that `json` takes.
+"""What is written as JSON for each loop of a night: short, and a fifth of the time that `json` takes; and what others
+write as JSON.
 
 Null says "not known", on purpose, by whoever measured (`number`, `numbers`): a NaN that became one would hide a fault.
 """
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from math import isfinite
 from typing import Any
@@ -33,6 +35,28 @@ def read_json(text: str | bytes) -> Any:
         return orjson.loads(text)
     except ValueError:  # an older release may have kept what is no number
         return json.loads(text)
+
+
+class DoubledNameError(ValueError):
+    """An object of a JSON text gives one name several values; `name` is it, `times` how often it is given."""
+
+    def __init__(self, name: str, times: int) -> None:
+        super().__init__(f"{name[:60]!r} is given {times} times and takes one value")
+        self.name = name
+        self.times = times
+
+
+def given_json(text: str | bytes) -> Any:
+    """Of what people and programs send. Raises DoubledNameError where a name is given twice in one object: the first
+    value would be passed over in silence; ValueError or RecursionError where it is no JSON."""
+    return json.loads(text, object_pairs_hook=_once_each)
+
+
+def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise DoubledNameError(*Counter(name for name, _ in pairs).most_common(1)[0])
+    return found
 
 
 def check_finite(value: Any, name: str = "") -> None:

@@ -1,6 +1,5 @@
 """Many loops changed in one request, as JSON or as the list that a spreadsheet has."""
 
-import json
 from typing import Any
 
 from fastapi import APIRouter, Request
@@ -11,6 +10,7 @@ from app.api.models import LoopPatch, LoopsChangedOut
 from app.errors import DataError, RequestError, in_our_words
 from app.http.backend import Services
 from app.http.problems import responses
+from app.json_texts import given_json
 from app.services.backend import Backend
 from app.services.results import LoopsChanged
 from app.services.stating import loop_list
@@ -56,7 +56,7 @@ def _taken(backend: Backend, body: bytes, kind: str) -> LoopsChanged:
 
 def _from_json(body: bytes) -> LoopList:
     try:
-        sent = json.loads(body)
+        sent = given_json(body)
     except (ValueError, RecursionError) as error:
         raise DataError("bad_loop_list", f"the loop list is not JSON: {error}") from error
     lines = sent.get("loops") if isinstance(sent, dict) else None

@@ -16,6 +16,7 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
 from app.errors import RequestError, in_our_words
+from app.json_texts import DoubledNameError, given_json
 
 JSON_KIND = re.compile(r"application/([\w.-]+\+)?json")
 
@@ -46,11 +47,17 @@ async def no_zero_bytes(request: Request) -> None:
 
 
 async def json_alone(request: Request) -> None:
-    """Refuses a body that says it is something else than JSON: the framework would read its text as one value."""
+    """Refuses a body that says it is something else than JSON: the framework would read its text as one value. And one
+    that gives a field twice, of which the framework takes the last."""
     kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
     sent = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
     if sent and kind and not JSON_KIND.fullmatch(kind):
         raise RequestError("media_type", f"this takes application/json, not {kind[:60]!r}")
+    try:
+        given_json(await request.body() or b"{}")
+    except DoubledNameError as doubled:
+        text = f"it is given {doubled.times} times and takes one value"
+        raise RequestValidationError([{"loc": ("body", doubled.name), "msg": text}]) from doubled
 
 
 def declared(route: APIRoute) -> dict[str, Any]:

@@ -49,6 +49,7 @@ def test_inspect_says_where_a_mapping_names_no_tag_of_the_file(strange):
         (None, "no_such_file"),
         ("tag,loop,signal\n", "bad_mapping"),
         ("[{", "bad_mapping"),
+        ('[{"tag": "TI-7", "loop": "TIC7", "signal": "PV", "signal": "OP"}]', "bad_mapping"),
         ("tag,loop,signal\nTI-7,TIC7,WHAT\n", "bad_mapping"),
     ],
 )

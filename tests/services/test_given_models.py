@@ -55,6 +55,7 @@ def test_a_model_may_swing(name: str) -> None:
         ('{"gain": 1.5, "tau": 30, "damping": 0.4, "zeta": 0.7}', "the model has 'damping' and 'zeta'"),
         ('{"gain": 1.5, "controller": {"gain": 1, "Ti": 30, "Kc": 2}}', "its controller has 'gain' and 'Kc'"),
         ("{}", "the model has no gain"),
+        ('{"gain": 1.5, "gain": 2.5}', "'gain' is given 2 times"),
     ],
 )
 def test_a_slip_in_a_model_is_said(told: str, words: str) -> None:

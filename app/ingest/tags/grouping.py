@@ -17,6 +17,7 @@ from app.ingest.numbers.units import is_unit
 from app.ingest.remembering import remembered
 from app.ingest.tags.lists import MAY_PART_THOUSANDS, list_rows, list_text
 from app.ingest.telling import without_controls
+from app.json_texts import given_json
 
 _MAPPING = ("the mapping", "bad_mapping")
 """What it is called, and the code of all that is wrong with it."""
@@ -193,7 +194,7 @@ def _csv_rows(text: str) -> list[dict[str, str]]:
 
 def _json_rows(text: str) -> list[dict[str, str]]:
     try:
-        rows = json.loads(text)
+        rows = given_json(text)
     except (ValueError, RecursionError) as error:
         raise DataError("bad_mapping", f"the mapping is not JSON: {error}") from error
     rows = rows.get("tags", []) if isinstance(rows, dict) else rows

@@ -1,12 +1,12 @@
 """The model of a simulation as somebody writes it down, in JSON: a linear process, and perhaps its controller."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from app.engine.mismatch import Controller, LinearSimulation
 from app.errors import DataError
+from app.json_texts import given_json
 
 # The first name of each row is ours; the others are what people write as well.
 MODEL = {
@@ -47,7 +47,7 @@ def simulation_from_json(text: str) -> LinearSimulation:
 def json_of(text: str) -> object:
     """JSON, or what a file of that name holds. Raises DataError("model_invalid") where it is none."""
     try:
-        return json.loads(Path(text).read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text)
+        return given_json(Path(text).read_text(encoding="utf-8") if not text.lstrip().startswith("{") else text)
     except (OSError, ValueError, RecursionError) as error:
         raise not_understood(error) from error
 

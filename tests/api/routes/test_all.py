@@ -132,6 +132,22 @@ def test_a_field_that_a_body_does_not_have_is_refused_with_those_that_it_has(cli
 
 
 @pytest.mark.parametrize(
+    ("method", "path", "body", "name"),
+    [
+        ("POST", "/v1/audits", '{"tags": ["FIC101"], "tags": ["LIC7"]}', "tags"),
+        ("PATCH", "/v1/loops/FIC101", '{"unit": "a", "unit": "a"}', "unit"),
+        ("POST", "/v1/loops/FIC101/notes", '{"text": "x", "work_order": "1", "text": "y"}', "text"),
+        ("POST", "/v1/loops/FIC101/explanations", '{"model": {"gain": 1, "gain": 2}}', "gain"),
+    ],
+)
+def test_a_field_that_a_body_has_twice_is_refused_as_a_parameter_is(client, plant, method, path, body, name):
+    """The first of them would be passed over in silence."""
+    answer = client.request(method, path, content=body, headers={"Content-Type": "application/json"})
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request"), answer.text
+    assert answer.json()["errors"] == [{"where": f"body.{name}", "what": "it is given 2 times and takes one value"}]
+
+
+@pytest.mark.parametrize(
     ("method", "path", "asked", "told"),
     [
         ("POST", "/v1/audits", {"json": {"loops": ["FIC101"]}}, "body: loops are named in `tags`"),

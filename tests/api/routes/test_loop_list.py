@@ -236,6 +236,7 @@ def test_words_come_back_as_they_were(client, text):
         (b"\x00\x01\x02\xff\xfe" * 9, CSV, 422, "bad_loop_list"),
         (b"[{", {"Content-Type": "application/json"}, 422, "bad_loop_list"),
         (b'{"loops": [3]}', {"Content-Type": "application/json"}, 422, "bad_loop_list"),
+        (b'{"loops": [{"tag": "A", "tag": "B"}]}', {"Content-Type": "application/json"}, 422, "bad_loop_list"),
         (b"[" * 100_000, {"Content-Type": "application/json"}, 422, "bad_loop_list"),
         (b'{"loops": []}', {"Content-Type": "application/xml"}, 415, "media_type"),
         (
