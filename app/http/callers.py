@@ -10,7 +10,7 @@ from fastapi.concurrency import run_in_threadpool
 from app.http.asked import Asked, key_of, session_of
 from app.http.noting import note
 from app.http.problems import AWAY, Refusal
-from app.services.access.authentication import Authenticator
+from app.services.access.authentication import Authenticator, Via, may_be_token
 from app.services.access.identity import ANYONE, NOBODY, Identity
 from app.services.access.rates import Rates
 
@@ -39,24 +39,37 @@ class Callers:
         key = key_of(asked.headers)
         if key is not None:
             found = self._access.remembered(key)
-            identity = found.identity if found else await self._looked_up(key, asked)
+            identity = found.identity if found else await self._looked_up(key, "key", asked)
             if identity is None and asked.permission.needs is not None:
                 await self._refuse_key(asked)
             return identity
         token = session_of(asked.headers)
         if token is not None:
-            found = self._access.remembered(token, "session")
-            identity = found.identity if found else await run_in_threadpool(self._access.session, token)
+            identity = await self._of_session(token, asked)
             if identity is not None:
                 return identity
         return None if closed else ANYONE
 
-    async def _looked_up(self, key: str, asked: Asked) -> Identity | None:
-        """Of addresses that sent too many wrong keys one after the other: they take one thread and one connection. A
+    async def _of_session(self, token: str, asked: Asked) -> Identity | None:
+        """A wrong one counts as a wrong key does, and is not refused for it: the browser of somebody whose session has
+        ended sends it too, and is led to the login."""
+        found = self._access.remembered(token, "session")
+        if found:
+            return found.identity
+        if not may_be_token(token):
+            return None
+        identity = await self._looked_up(token, "session", asked)
+        if identity is None:
+            await run_in_threadpool(self._rates.refusal_wait_s, asked.address)
+        return identity
+
+    async def _looked_up(self, secret: str, via: Via, asked: Asked) -> Identity | None:
+        """Of addresses that sent too many wrong ones one after the other: they take one thread and one connection. A
         proxy may be such an address, with good keys behind it."""
-        wait_s = 0 if self._access.was_good(key) else await run_in_threadpool(self._rates.refused_s, asked.address)
+        good = self._access.was_good(secret, via)
+        wait_s = 0 if good else await run_in_threadpool(self._rates.refused_s, asked.address)
         async with self._one_by_one if wait_s else nullcontext():
-            return await run_in_threadpool(self._access.key, key)
+            return await run_in_threadpool(self._access.key if via == "key" else self._access.session, secret)
 
     async def _refuse_key(self, asked: Asked) -> None:
         wait_s = await run_in_threadpool(self._rates.refusal_wait_s, asked.address)

@@ -38,7 +38,7 @@ async def open_session(request: Request) -> Response:
             429,
             wait_s,
         )
-    session = await run_in_threadpool(access.open_session, key) if owner else None
+    session = await run_in_threadpool(access.open_session, owner) if owner else None
     if session is None:
         address = request.client.host if request.client else "unknown"
         wait_s = await run_in_threadpool(rates.refusal_wait_s, address)

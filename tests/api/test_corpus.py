@@ -60,7 +60,8 @@ def test_what_was_once_found_stays_mended(fuzzed: Fuzzed, path: Path) -> None:
 
 def test_new_requests_find_nothing(fuzzed: Fuzzed) -> None:
     requests = Requests(fuzzed.app.openapi(), fuzzed.plant.keys, fuzzed.plant.tags, seed=NEW_SEED)
-    session = fuzzed.app.state.access.open_session(fuzzed.plant.keys["admin"])
+    access = fuzzed.app.state.access
+    session = access.open_session(access.key(fuzzed.plant.keys["admin"]))
     requests.session = session.token, session.identity.form_token
     fuzzed.judge.finds.clear()
 

@@ -6,6 +6,7 @@ That is the delay with which a running service learns of a revocation: `key_rech
 import base64
 import hashlib
 import hmac
+import re
 import secrets
 import time
 from collections.abc import Callable
@@ -23,6 +24,9 @@ from app.storage.types import now
 
 LARGEST_CACHE = 10_000
 USE_NOTED_EVERY_S = 60.0
+TOKEN_BYTES = 32
+TOKEN = re.compile(r"[\w-]{43}", re.ASCII)
+"""So many bytes in base64, as `secrets` writes them."""
 
 Via = Literal["key", "session"]
 
@@ -66,9 +70,9 @@ class Authenticator:
             return Believed(None, found.until_s)
         return found
 
-    def was_good(self, secret: str) -> bool:
+    def was_good(self, secret: str, via: Via = "key") -> bool:
         """Whether it was, when the data base was last asked, however long ago."""
-        return kept_as(secret, "key") in self._good
+        return kept_as(secret, via) in self._good
 
     def key(self, text: str) -> Identity | None:
         """Whose key this is; None where it is none, or has ended."""
@@ -98,12 +102,11 @@ class Authenticator:
         idle, age = timedelta(minutes=settings.session_idle_min), timedelta(hours=settings.session_h)
         return min(now() + idle, created_at + age)
 
-    def open_session(self, text: str) -> Session | None:
-        """A session for the owner of this key; None where the key is not good."""
-        owner = self.key(text)
-        if owner is None or owner.key_id is None:
+    def open_session(self, owner: Identity) -> Session | None:
+        """A session for the owner of a key that was found good; None where it has ended in the meantime."""
+        if owner.key_id is None:
             return None
-        token = secrets.token_urlsafe(32)
+        token = secrets.token_urlsafe(TOKEN_BYTES)
         opened_at = now()
         with self._backend.database.write() as connection:
             keys.open_session(connection, hashed(token), owner.key_id, self._session_ends(opened_at))
@@ -148,6 +151,11 @@ def kept_as(secret: str, via: Via) -> str:
 
 def hashed(secret: str) -> str:
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def may_be_token(text: str) -> bool:
+    """Whether a session's token is written so."""
+    return TOKEN.fullmatch(text) is not None
 
 
 def form_token(session_token: str) -> str:

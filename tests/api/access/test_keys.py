@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import secrets
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +19,7 @@ from app.services.access.authentication import Authenticator
 from app.services.access.identity import Role
 from app.services.access.rates import REFUSALS_PER_MINUTE, Rates
 from app.services.access.trail import list_trail
+from app.storage import keys as stored_keys
 from app.storage import trail as stored_trail
 from tests.api.access.conftest import bearer, logged_in
 
@@ -151,6 +153,13 @@ def test_a_wrong_login_is_looked_up_once(browser, monkeypatch):
     assert asked == [wrong]
 
 
+def test_a_right_login_is_looked_up_once(browser, texts, monkeypatch):
+    asked, look_up = [], stored_keys.by_public_id
+    monkeypatch.setattr(stored_keys, "by_public_id", lambda *told: asked.append(told) or look_up(*told))
+    assert browser.post("/login", data={"key": texts[Role.read]}).status_code == 303
+    assert len(asked) == 1
+
+
 def test_a_session_is_no_key_and_a_key_no_session(serve, settings, texts):
     believing = settings.model_copy(update={"key_recheck_s": 60.0})
     with serve(create_app(believing)) as client, httpx.Client(base_url=client.base_url) as browser:
@@ -226,8 +235,21 @@ def test_wrong_keys_are_counted_away_from_the_event_loop(serve, settings, monkey
     assert looped == []
 
 
-def test_keys_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(serve, settings, monkeypatch, texts):
-    inside, most, lock, look = [], [], threading.Lock(), Authenticator.key
+def cookie(token: str) -> dict[str, str]:
+    return {"Cookie": f"loopaudit_session={token}"}
+
+
+@pytest.mark.parametrize(
+    ("by", "sent", "made", "refused"),
+    [
+        ("key", bearer, lambda: key_text.make(Role.read).text, 429),
+        ("session", cookie, lambda: secrets.token_urlsafe(32), 401),
+    ],
+)
+def test_secrets_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(
+    serve, settings, monkeypatch, texts, by, sent, made, refused
+):
+    inside, most, lock, look = [], [], threading.Lock(), getattr(Authenticator, by)
 
     def counted(self, text: str):
         with lock:
@@ -238,17 +260,17 @@ def test_keys_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(serve
             inside.remove(text)
         return look(self, text)
 
-    wrong = [key_text.make(Role.read).text for _ in range(REFUSALS_PER_MINUTE + 12)]
+    wrong = [made() for _ in range(REFUSALS_PER_MINUTE + 12)]
     with serve(create_app(settings)) as client, ThreadPoolExecutor(12) as pool:
 
-        def answered(key: str) -> int:
-            return client.get("/v1/loops", headers=bearer(key)).status_code
+        def answered(secret: str) -> int:
+            return client.get("/v1/loops", headers=sent(secret)).status_code
 
-        assert {answered(key) for key in wrong[:REFUSALS_PER_MINUTE]} == {401}
-        monkeypatch.setattr(Authenticator, "key", counted)
-        assert set(pool.map(answered, wrong[REFUSALS_PER_MINUTE:])) == {429}
+        assert {answered(secret) for secret in wrong[:REFUSALS_PER_MINUTE]} == {401}
+        monkeypatch.setattr(Authenticator, by, counted)
+        assert set(pool.map(answered, wrong[REFUSALS_PER_MINUTE:])) == {refused}
         assert max(most) == 1
-        assert answered(texts[Role.read]) == 200
+        assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
 
 
 def test_wrong_keys_push_out_no_good_one(backend, texts, monkeypatch):

@@ -94,7 +94,7 @@ def test_while_the_data_base_is_away_nobody_gets_in_and_it_is_told_as_503(serve,
     address = "postgresql+psycopg://who:secret@127.0.0.1:1/none"
     settings = Settings(data_dir=tmp_path, database_url=address, require_keys=True)
     with serve(create_app(settings)) as client:
-        for headers in (bearer(key_text.make(Role.admin).text), {"Cookie": "loopaudit_session=abc"}):
+        for headers in (bearer(key_text.make(Role.admin).text), {"Cookie": f"loopaudit_session={'a' * 43}"}):
             answer = client.get("/v1/loops", headers=headers)
             assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
             assert answer.headers["retry-after"]

@@ -68,6 +68,13 @@ def test_a_form_carries_the_token_and_its_body_arrives_whole(browser, texts):
     assert answer.json()["size_bytes"] == 11 + 6 * 20_000
 
 
+@pytest.mark.parametrize("token", ["", "x", "a" * 44, "é" * 43, "a" * 42 + "!"])
+def test_a_cookie_that_no_session_has_is_not_looked_up(browser, texts, monkeypatch, token):
+    monkeypatch.setattr(stored_keys, "session", None)
+    sent = {"Cookie": f"loopaudit_session={token}".encode()}
+    assert browser.get("/v1/loops", headers=sent).status_code == 401
+
+
 def test_logging_out_ends_the_session(browser, texts):
     token = logged_in(browser, texts[Role.read])
     cookies = dict(browser.cookies)
