@@ -6,11 +6,14 @@ from email.message import EmailMessage
 from email.policy import SMTP
 from email.utils import formatdate
 
+from app.services.digests.mail_server import TimedSMTP
 from app.services.digests.sending import Mail, NotSentError
 from app.services.telling.naming import one_line
 from app.settings import Settings
 
 TIMEOUT_S = 15.0
+WHOLE_S = 60.0
+"""Until the mail is taken. Each byte of an answer may take the time above, and the audits wait behind this."""
 GIVEN_UP = range(500, 600)
 
 
@@ -52,9 +55,9 @@ def send_mail(settings: Settings, made: Mail, to: str) -> None:
         raise NotSentError(f"the mail server cannot be used: {type(error).__name__}: {error}") from error
 
 
-def _connected(settings: Settings) -> smtplib.SMTP:
+def _connected(settings: Settings) -> TimedSMTP:
     try:
-        return smtplib.SMTP(settings.digest_smtp_host, settings.digest_smtp_port, timeout=TIMEOUT_S)
+        return TimedSMTP(settings.digest_smtp_host, settings.digest_smtp_port, TIMEOUT_S, WHOLE_S)
     except UnicodeError as error:
         raise NotSentError(f"the mail server {settings.digest_smtp_host} has a name that is none") from error
 

@@ -1,4 +1,4 @@
-"""A webhook that answers byte by byte, each in time: it is away like one that says nothing."""
+"""A receiver that answers byte by byte, each in time: it is away like one that says nothing."""
 
 import socket
 import threading
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from app.services.digests import webhooks
-from app.services.digests.sending import NotSentError, Post
+from app.services.digests import mailing, webhooks
+from app.services.digests.sending import Mail, NotSentError, Post
 from app.settings import Settings
 
 
@@ -30,3 +30,59 @@ def test_a_receiver_that_answers_byte_by_byte_is_given_up(tmp_path: Path, monkey
         with pytest.raises(NotSentError, match="cannot be reached: TimeoutError") as refused:
             webhooks.send_webhook(settings, Post("digest-1", b"{}"), address)
     assert not refused.value.final
+
+
+GREETING, HELLO, TAKEN = b"220 mail.example ESMTP\r\n", b"250 mail.example\r\n", b"250 OK\r\n"
+DONE = b"250 queued\r\n"
+ENCRYPTS = b"250-mail.example\r\n250 STARTTLS\r\n"
+OUTGOING = Mail("7", "Night of 1 March", "2 valves stick", "<p>2 valves stick</p>")
+
+
+def drip(listening: socket.socket, answers: list[bytes], word: bytes) -> None:
+    """Gives a client these answers, each to a line of its own or to the end of a mail; and then this word, for long."""
+    with suppress(OSError), listening.accept()[0] as client, client.makefile("rb") as lines:
+        for answer in answers:
+            line = b"" if answer == GREETING else lines.readline()
+            while answer == DONE and line != b".\r\n":
+                line = lines.readline()
+            client.sendall(answer)
+        for _ in range(600):
+            client.sendall(word)
+            time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("answers", "word"),
+    [
+        ([], b"2"),
+        ([GREETING], b"250-X\r\n"),
+        ([GREETING, HELLO, TAKEN, TAKEN], b"3"),
+        ([GREETING, ENCRYPTS, b"220 go on\r\n"], b"\x16\x03\x03\x40\x00"),
+    ],
+)
+def test_a_mail_server_that_answers_byte_by_byte_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: list[bytes], word: bytes
+) -> None:
+    monkeypatch.setattr(mailing, "WHOLE_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=drip, args=(listening, answers, word), daemon=True).start()
+        with pytest.raises(NotSentError, match=r"did not take the mail within 0\.5 s") as refused:
+            mailing.send_mail(to(listening, tmp_path, ENCRYPTS in answers), OUTGOING, "you@example.com")
+    assert not refused.value.final
+
+
+@pytest.mark.parametrize("leave", [b"2", b"500 what?\r\n"])
+def test_a_mail_that_was_taken_is_sent_however_the_server_takes_leave(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leave: bytes
+) -> None:
+    monkeypatch.setattr(mailing, "WHOLE_S", 0.5)
+    told = [GREETING, HELLO, TAKEN, TAKEN, b"354 go on\r\n", DONE]
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=drip, args=(listening, told, leave), daemon=True).start()
+        mailing.send_mail(to(listening, tmp_path), OUTGOING, "you@example.com")
+
+
+def to(listening: socket.socket, tmp_path: Path, encrypted: bool = False) -> Settings:
+    port = listening.getsockname()[1]
+    where = {"digest_smtp_host": "127.0.0.1", "digest_smtp_port": port, "digest_smtp_starttls": encrypted}
+    return Settings(data_dir=tmp_path, digest_mail_from="loopaudit@example.com", **where)
