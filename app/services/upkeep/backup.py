@@ -272,6 +272,7 @@ def _put(source: Path, target: Path) -> None:
 
 def _drafted(source: Path, target: Path) -> Path:
     draft = target.with_name(f".{target.name}.part")
+    draft.unlink(missing_ok=True)  # of one that was killed, or a link: what it leads to would be overwritten
     try:
         with _written(draft):
             shutil.copyfile(source, draft)

@@ -162,3 +162,21 @@ def test_the_command_says_what_it_removed(settings, amid, tmp_path, monkeypatch)
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(settings.data_dir))
     done = CliRunner().invoke(cli, ["backup", str(tmp_path / "kept" / "tuesday")])
     assert f"removed {part}" in done.stderr
+
+
+def test_a_restore_writes_through_no_link_that_stands_where_it_writes(settings, tmp_path):
+    """Whoever runs it may write where whoever made the link may not."""
+    exports, kept, elsewhere = settings.uploads_dir, tmp_path / "kept" / "monday", tmp_path / "elsewhere"
+    export = exports / ("a" * 64)
+    export.write_bytes(b"an export")
+    backups.backup(settings, kept)
+    elsewhere.write_text("somebody's own")
+    places = (settings.data_dir / "loopaudit.db", export)
+    for place in places:
+        place.with_name(f".{place.name}.part").symlink_to(elsewhere)
+        place.unlink()
+        place.symlink_to(elsewhere)
+    backups.restore(settings, kept, force=True)
+    assert elsewhere.read_text() == "somebody's own"
+    assert (export.read_bytes(), places[0].read_bytes()[:6]) == (b"an export", b"SQLite")
+    assert not any(place.is_symlink() for place in places)
