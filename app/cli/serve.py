@@ -150,7 +150,8 @@ def config_of(app: "FastAPI") -> "uvicorn.Config":
 
 
 def connections_at_once() -> int:
-    """As many as there are files for. Each is one, and systems let a process open 1024 unless it asks for more."""
+    """As many as there are files for; fewer than usual are warned of. Each is one, and systems let a process open 1024
+    unless it asks for more."""
     wanted = LARGEST_CROWD + OTHER_FILES
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed == resource.RLIM_INFINITY or allowed >= wanted:
@@ -159,7 +160,12 @@ def connections_at_once() -> int:
     with suppress(OSError, ValueError):  # where it may not ask for more, it has what it has
         resource.setrlimit(resource.RLIMIT_NOFILE, (more, most))
         allowed = more
-    return max(allowed - OTHER_FILES, allowed // 2)
+    connections = max(allowed - OTHER_FILES, allowed // 2)
+    if connections < LARGEST_CROWD:  # one above them is closed without a word, which nobody could tell from a fault
+        files = f"LimitNOFILE={wanted} of the service, or `ulimit -n`, gives it more"
+        text = f"at most {connections} connections at once, because this process may open {allowed} files: {files}"
+        say(f"loopaudit: warning: {text}", "warning")
+    return connections
 
 
 def tell_of_keys(settings: "Settings") -> None:

@@ -129,13 +129,21 @@ def test_serve_asks_for_keys_on_loopback_where_it_is_told_to(tmp_path, host):
         (resource.RLIM_INFINITY, resource.RLIM_INFINITY, None, 2000),
     ],
 )
-def test_connections_leave_files_for_what_they_ask(
-    monkeypatch: pytest.MonkeyPatch, allowed: int, most: int, asked_for: int | None, connections: int
+def test_connections_leave_files_for_what_they_ask_and_few_are_warned_of(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    allowed: int,
+    most: int,
+    asked_for: int | None,
+    connections: int,
 ) -> None:
     asked = []
     monkeypatch.setattr(resource, "getrlimit", lambda _: (allowed, most))
     monkeypatch.setattr(resource, "setrlimit", lambda _, limits: asked.append(limits))
     assert connections_at_once() == connections
+    told = " ".join(capsys.readouterr().err.split())
+    few = f"at most {connections} connections at once, because this process may open {asked_for} files: LimitNOFILE"
+    assert few in told if connections < 2000 else not told
     assert asked == ([] if asked_for is None else [(asked_for, most)])
 
 
