@@ -2,8 +2,10 @@
 
 import logging
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future
 from functools import cached_property
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from kombu.exceptions import OperationalError
@@ -31,7 +33,6 @@ class Queue:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._away_until = 0.0
-        self._asker = ThreadPoolExecutor(1, thread_name_prefix="broker")
         self._asking: Future[bool] | None = None
 
     def read_upload(self, upload_id: int) -> bool:
@@ -53,7 +54,7 @@ class Queue:
         """Whether the broker answers within a few seconds, and takes what is sent: a Redis without memory left, or
         whose disk is full, refuses that alone."""
         if self._asking is None or self._asking.done():
-            self._asking = self._asker.submit(self._answers)
+            self._asking = in_background(self._answers)
         try:
             return self._asking.result(HANGS_AFTER_S)
         except TimeoutError:
@@ -76,7 +77,6 @@ class Queue:
         return True
 
     def close(self) -> None:
-        self._asker.shutdown(wait=False, cancel_futures=True)
         if "_application" in self.__dict__:
             self._application.close()
 
@@ -103,3 +103,18 @@ class Queue:
         from app.queue.application import celery_application
 
         return celery_application(self._settings, answers_in_s=ANSWERS_IN_S)
+
+
+def in_background(ask: Callable[[], bool]) -> Future[bool]:
+    """In a thread that no process waits for when it ends, as it would for one of a pool. False where it fails."""
+    asking: Future[bool] = Future()
+
+    def run() -> None:
+        answer = False
+        try:
+            answer = ask()
+        finally:
+            asking.set_result(answer)
+
+    Thread(target=run, name="broker", daemon=True).start()
+    return asking

@@ -1,6 +1,8 @@
 """A broker that takes connections and never answers: whoever rings waits a moment, once."""
 
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,3 +31,24 @@ def test_a_request_waits_a_moment_for_it_and_the_next_ones_not_at_all(silent: st
     assert not queue.reachable()
     assert time.monotonic() - first < 3 * ANSWERS_IN_S
     queue.close()
+
+
+NAMED_BY_NOBODY = """
+import sys
+import threading
+from pathlib import Path
+from app.queue import Queue, publishing
+from app.settings import Settings
+
+publishing.HANGS_AFTER_S = 0.1
+publishing.Queue._answers = lambda queue: threading.Event().wait()
+queue = Queue(Settings(data_dir=Path(sys.argv[1]), broker_url="redis://nowhere.example/0"))
+print(queue.reachable(), queue.reachable(), flush=True)
+queue.close()
+"""
+
+
+def test_a_process_ends_while_the_name_of_its_broker_is_still_looked_for(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", NAMED_BY_NOBODY, str(tmp_path)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    assert (ended.returncode, ended.stdout) == (0, "False False\n"), ended.stderr
