@@ -73,6 +73,7 @@ def upload(
     files = recording_files(paths)
     order = None if date_order is DateOrder.auto else date_order.value
     how = Reading(mapping_bytes(mapping), time_zone, order)
+    refuse_absent(files)
     failures = empty = damaged = 0
     with ServiceClient(url, key) as client:
         await_start(client)
@@ -97,6 +98,24 @@ def upload(
     if unusable == len(files):
         raise typer.Exit(ExitCode.NOTHING_USABLE)
     raise typer.Exit(ExitCode.SOME_FAILED if unusable or damaged else ExitCode.DONE)
+
+
+def refuse_absent(files: list[Path]) -> None:
+    """Where none of them is there, no service needs to be asked, or waited for."""
+    if not all(map(is_absent, files)):
+        return
+    for file in files:
+        say(f"{file}: is not there [no_such_file]")
+    raise typer.Exit(ExitCode.NOTHING_USABLE)
+
+
+def is_absent(file: Path) -> bool:
+    """Not where it merely cannot be looked at."""
+    try:
+        file.stat()
+    except OSError as error:
+        return isinstance(error, FileNotFoundError)
+    return False
 
 
 def await_start(client: "ServiceClient") -> None:

@@ -132,6 +132,14 @@ def test_upload_without_a_service_is_2_and_says_where_it_looked(tmp_path, monkey
     assert url in err
 
 
+def test_files_of_which_none_is_there_are_told_before_any_service_is_waited_for(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("app.cli.upload.await_start", None)
+    names = [tmp_path / "plnat.csv", tmp_path / "tnaks.csv"]
+    code, out, err = as_program(monkeypatch, capsys, "upload", *names, "--url", "http://127.0.0.1:1")
+    assert (code, out) == (2, "")
+    assert err == "".join(f"{name}: is not there [no_such_file]\n" for name in names)
+
+
 def test_upload_waits_for_a_service_of_this_machine_that_starts(monkeypatch, capsys):
     monkeypatch.setattr("app.cli.upload.START_S", START_S)
     with socket.socket() as later:

@@ -181,6 +181,19 @@ def test_a_printed_table_has_no_form(opened: Page):
     expect(opened.locator("#loops")).to_be_visible()
 
 
+def test_a_treemap_that_was_not_scrolled_to_leaves_no_blank_card_on_paper(opened: Page):
+    opened.set_viewport_size({"width": 1280, "height": 200})
+    opened.goto("/")
+    card = opened.locator(".card:has(> #treemap)")
+    opened.emulate_media(media="print")
+    expect(card).to_be_hidden()
+    opened.emulate_media(media="screen")
+    card.scroll_into_view_if_needed()
+    expect(card.locator(".js-plotly-plot, .main-svg").first).to_be_visible()
+    opened.emulate_media(media="print")
+    expect(card).to_be_visible()
+
+
 A4_ACROSS, A4_UPRIGHT = 1047, 680
 """What the margins leave of the paper, in px."""
 

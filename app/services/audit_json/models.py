@@ -281,7 +281,11 @@ class KeyFiguresLine(BaseModel):
     pv_std: float | None = Field(None, description="Standard deviation of PV, in its unit.")
     op_std: float | None = Field(None, description="Standard deviation of OP, in its unit.")
     op_travel_per_h: float | None = Field(None, description="Travel of OP an hour of recorded time, in the unit of OP.")
-    op_reversals_per_h: float | None = Field(None, description="Changes of OP's direction an hour of recorded time.")
+    op_reversals_per_h: float | None = Field(
+        None,
+        description="Changes of OP's direction an hour of recorded time; turns within 2 % of the range in which OP was "
+        "(5th to 95th percentile) do not count.",
+    )
     op_travel_pct_of_span_per_h: float | None = Field(
         None, description="Travel of OP an hour of recorded time, per cent of its span; null: no span."
     )

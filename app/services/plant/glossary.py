@@ -63,7 +63,15 @@ FIGURES = (
         "op_travel_per_h", "Valve travel asked for", "OP an hour", 1, JELALI, "OP's travel: the stem may not follow."
     ),
     Figure("op_travel_pct_of_span_per_h", "Valve travel asked for, share of OP's span", "% an hour", 1, JELALI),
-    Figure("op_reversals_per_h", "Reversals", "an hour", 1, JELALI, "Below 2 % of OP's range nothing counts: noise."),
+    Figure(
+        "op_reversals_per_h",
+        "Reversals",
+        "an hour",
+        1,
+        JELALI,
+        "Where OP is noisy its noise counts, the more the finer the sampling and the less OP moves otherwise: compare "
+        "nights of the same sampling interval and of like loads.",
+    ),
     Figure("response_time_s", "Time an upset is felt", "s", 0, JELALI, "Closed loop; gaps in the record shorten it."),
     Figure(
         "harris_index",
