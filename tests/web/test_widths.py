@@ -173,6 +173,25 @@ def test_history_and_repairs_fold_on_a_narrow_screen(narrow: Page, web_backend):
         expect(folded.locator("td[data-label]:not(:empty)").first).to_be_visible()
 
 
+@pytest.mark.parametrize("part", ["#rivals .wide", "[aria-label^='Check']"])
+def test_what_was_seen_has_the_whole_width_of_a_narrow_screen(narrow: Page, part: str):
+    settled(narrow, "/loops/FIC101")
+    narrow.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true })")
+    table = narrow.locator(part).first
+    seen = table.locator("tbody tr").first.locator("td").last
+    assert seen.bounding_box()["width"] > 0.85 * table.bounding_box()["width"]
+
+
+def test_a_point_goes_on_below_its_words_and_not_below_its_mark(narrow: Page):
+    settled(narrow, "/loops/FIC101")
+    point = narrow.locator(".points li").first
+    point.evaluate("point => { point.lastChild.textContent = ' words'.repeat(30); }")
+    lefts = "point => { const at = document.createRange(); at.selectNodeContents(point.lastChild);"
+    found = point.evaluate(lefts + " return [...at.getClientRects()].map(line => Math.round(line.left)); }")
+    assert len(found) > 1
+    assert max(found) - min(found) <= 6  # a blank
+
+
 def test_a_printed_table_has_no_form(opened: Page):
     opened.goto("/table")
     expect(opened.locator("form.tools")).to_be_visible()
