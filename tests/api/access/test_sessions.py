@@ -126,3 +126,12 @@ def test_a_session_has_the_role_of_its_key(browser, texts):
     token = logged_in(browser, texts[Role.read])
     answer = browser.post("/v1/audits", json={}, headers={"X-CSRF-Token": token})
     assert (answer.status_code, answer.json()["code"]) == (403, "role")
+
+
+@pytest.mark.parametrize(("page", "needed"), [("/uploads", Role.upload), ("/loop-list", Role.audit)])
+def test_a_page_without_its_form_says_which_role_has_it(browser, texts, page, needed):
+    told = f"needs a key with the role {needed} or admin"
+    logged_in(browser, texts[Role.read])
+    assert told in browser.get(page).text
+    logged_in(browser, texts[needed])
+    assert told not in browser.get(page).text
