@@ -1,5 +1,6 @@
 """`loopaudit upload`: sends export files to a running service."""
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from app.client import Upload
 
 DEFAULT_URL = "http://127.0.0.1:8000"
+LONG_S = 10.0
 START_S = 30.0
 """So long a service of this machine may take to start."""
 
@@ -130,22 +132,30 @@ def send(client: "ServiceClient", file: Path, wait_s: float | None, how: Reading
     with progress(file.name, file.stat().st_size, bytes_=True) as advance:
         kept = client.upload(file, sent=advance, **vars(how or Reading()))
     if wait_s is not None:
-        id_, seen = kept.id, once_without_room(file)
+        id_, seen = kept.id, why_it_waits(file)
         kept = client.until_ended(f"/v1/uploads/{id_}", lambda: client.get_upload(id_), seen, wait_s)
     if kept.state == "failed":
         raise RequestError("upload_failed", kept.reason or "the file could not be used")
     return kept.raw
 
 
-def once_without_room(file: Path) -> Callable[["Upload"], None]:
-    """Says, the first time that it is so, that an upload waits for room: this is no worker that is missing."""
-    said = False
+def why_it_waits(file: Path, clock: Callable[[], float] = time.monotonic) -> Callable[["Upload"], None]:
+    """Says, each reason once, why an upload waits: for room, which is no worker that is missing, or, where nobody has
+    begun to read it for long, for what a worker may have to do first."""
+    said: set[str] = set()
+    since_s = clock()
 
     def seen(upload: "Upload") -> None:
-        nonlocal said
-        if upload.waits_for_room_since and not said:
-            said = True
-            say(f"{file}: waits for room on the disk of the service, which keeps it and tries again")
+        if upload.waits_for_room_since:
+            why = "waits for room on the disk of the service, which keeps it and tries again"
+        elif upload.state == "received" and clock() - since_s >= LONG_S:
+            first = "at the first start of a version its worker compiles the engine, for a minute or two"
+            why = f"kept by the service, and not read yet; {first}"
+        else:
+            return
+        if why not in said:
+            said.add(why)
+            say(f"{file}: {why}")
 
     return seen
 

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from app.cli.client import ServiceClient
-from app.cli.upload import START_S, await_start, once_without_room, report, send
+from app.cli.upload import LONG_S, START_S, await_start, report, send, why_it_waits
 from app.client import Upload
 from app.errors import RequestError
 from app.main import create_app
@@ -257,13 +257,32 @@ def test_upload_to_no_address_is_2(tmp_path, monkeypatch, capsys, url):
 
 
 def test_an_upload_that_waits_for_room_is_told_once(tmp_path, capsys):
-    seen = once_without_room(tmp_path / "night.csv")
+    seen = why_it_waits(tmp_path / "night.csv")
     for since in (None, "2026-01-31T03:00:00Z", "2026-01-31T03:00:00Z"):
         seen(Upload.of({"id": "7", "state": "received", "waits_for_room_since": since}))
     seen(Upload.of({"id": "7", "state": "done"}))
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
     assert "night.csv: waits for room on the disk" in told[0]
+
+
+def test_an_upload_that_nobody_reads_for_long_says_what_may_be_done_first(tmp_path, capsys):
+    times = iter([0.0, LONG_S - 1.0, LONG_S, LONG_S + 1.0, LONG_S + 99.0])
+    seen = why_it_waits(tmp_path / "night.csv", clock=lambda: next(times))
+    told = []
+    for state in ("received", "received", "received", "reading"):
+        seen(Upload.of({"id": "7", "state": state}))
+        told.append(capsys.readouterr().err)
+    assert told[:1] == [""]
+    (said,) = filter(None, told)
+    assert "night.csv: kept by the service, and not read yet; at the first start of a version" in " ".join(said.split())
+
+
+def test_an_upload_that_is_read_for_long_is_not_said_to_wait(tmp_path, capsys):
+    times = iter([0.0, LONG_S + 1.0])
+    seen = why_it_waits(tmp_path / "night.csv", clock=lambda: next(times))
+    seen(Upload.of({"id": "7", "state": "reading"}))
+    assert capsys.readouterr().err == ""
 
 
 def test_what_is_odd_about_an_upload_is_said(tmp_path, capsys):
