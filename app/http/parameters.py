@@ -73,10 +73,13 @@ def takes_several(kind: Any) -> bool:
 
 
 def what_is_wrong(item: Mapping[str, Any], route: Any) -> str:
-    """What the framework found wrong, in words: of a field that the body does not have, those that it has."""
+    """What the framework found wrong, in words: of a field that the body does not have, those that it has; of a body
+    that is no JSON, what the place needs that is named."""
     if item.get("type") == "extra_forbidden" and isinstance(route, APIRoute) and route.body_field is not None:
         known = fields_at(item["loc"][1:-1], route.body_field.field_info.annotation)
         return f"no field is called so; there is {', '.join(known)}"
+    if item.get("type") == "json_invalid":
+        return f"from this character on it is no JSON: {item['ctx']['error']}"
     return in_our_words(str(item["msg"]))
 
 

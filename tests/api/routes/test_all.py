@@ -151,6 +151,12 @@ def test_a_field_that_a_body_has_twice_is_refused_as_a_parameter_is(client, plan
     ("method", "path", "asked", "told"),
     [
         ("POST", "/v1/audits", {"json": {"loops": ["FIC101"]}}, "body: loops are named in `tags`"),
+        (
+            "POST",
+            "/v1/audits",
+            {"content": '{"tags": ["FIC101"', "headers": {"Content-Type": "application/json"}},
+            "body.18: from this character on it is no JSON: Expecting ',' delimiter",
+        ),
         ("GET", "/v1/loops/FIC101/trend", {"params": {"from": "2026"}}, "query.from: a time is written in ISO 8601"),
     ],
 )
