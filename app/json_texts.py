@@ -38,12 +38,13 @@ def read_json(text: str | bytes) -> Any:
 
 
 class DoubledNameError(ValueError):
-    """An object of a JSON text gives one name several values; `name` is it, `times` how often it is given."""
+    """An object of a JSON text gives one name several values; `name` is it, as it can be told, `times` how often it is
+    given."""
 
     def __init__(self, name: str, times: int) -> None:
-        super().__init__(f"{name[:60]!r} is given {times} times and takes one value")
-        self.name = name
+        self.name = name[:60].encode(errors="backslashreplace").decode()  # half of a letter may stand there
         self.times = times
+        super().__init__(f"{self.name!r} is given {times} times and takes one value")
 
 
 def given_json(text: str | bytes) -> Any:

@@ -147,6 +147,29 @@ def test_a_field_that_a_body_has_twice_is_refused_as_a_parameter_is(client, plan
     assert answer.json()["errors"] == [{"where": f"body.{name}", "what": "it is given 2 times and takes one value"}]
 
 
+NOTES = "/v1/loops/FIC101/notes"
+JSON = {"Content-Type": "application/json"}
+
+
+def test_a_field_whose_name_is_no_text_and_that_a_body_has_twice_is_refused_in_short(client, plant):
+    """Half of a letter has no UTF-8, in which the refusal is written."""
+    for name, told in (("\\ud800", "\\ud800"), ("x" * 3000, "x" * 60)):
+        answer = client.post(NOTES, content=f'{{"{name}": 1, "{name}": 2}}', headers=JSON)
+        assert (answer.status_code, answer.json()["errors"][0]["where"]) == (422, f"body.{told}"), answer.text
+
+
+@pytest.mark.parametrize("body", [b"pump repaired", b"\xff", b"[" * 100_000])
+def test_a_body_of_no_kind_that_is_no_json_is_refused_as_ever(client, plant, body):
+    answer = client.post(NOTES, content=body)
+    assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request"), answer.text
+
+
+def test_no_depth_of_a_body_is_a_fault(client, plant):
+    """Python reads some hundred levels, and fewer the deeper it stands itself."""
+    codes = {client.post(NOTES, content=b"[" * n + b"]" * n, headers=JSON).status_code for n in range(850, 1000, 2)}
+    assert codes == {400, 422}
+
+
 @pytest.mark.parametrize(
     ("method", "path", "asked", "told"),
     [
