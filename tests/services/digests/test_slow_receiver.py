@@ -82,6 +82,46 @@ def test_a_mail_that_was_taken_is_sent_however_the_server_takes_leave(
         mailing.send_mail(to(listening, tmp_path), OUTGOING, "you@example.com")
 
 
+@pytest.mark.parametrize("then", [[], [TAKEN]], ids=["taking it back", "taking leave"])
+def test_a_refusal_for_good_stays_one_however_slowly_the_server_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, then: list[bytes]
+) -> None:
+    monkeypatch.setattr(mailing, "WHOLE_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        told = [GREETING, HELLO, TAKEN, b"550 nobody here\r\n", *then]
+        threading.Thread(target=drip, args=(listening, told, b"2"), daemon=True).start()
+        with pytest.raises(NotSentError, match=r"refused you@example\.com: 550 nobody here") as refused:
+            mailing.send_mail(to(listening, tmp_path), OUTGOING, "you@example.com")
+    assert refused.value.final
+
+
+def test_a_mail_server_of_many_addresses_of_which_none_answers_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[object] = []
+
+    class Silent(socket.socket):
+        def connect(self, address: object) -> None:
+            tried.append(address)
+            time.sleep(self.gettimeout() or 0.0)
+            raise TimeoutError("timed out")
+
+    place = (socket.AF_INET, socket.SOCK_STREAM, 6, "")
+    many: list[tuple[object, ...]] = [(*place, (f"192.0.2.{n}", 25)) for n in range(40)]
+
+    def look_up(host: str, *_: object, **__: object) -> list[tuple[object, ...]]:
+        return many if host == "mail.example" else [(*place, (host, 25))]
+
+    monkeypatch.setattr(socket, "socket", Silent)
+    monkeypatch.setattr(socket, "getaddrinfo", look_up)
+    monkeypatch.setattr(mailing, "TIMEOUT_S", 0.2)
+    monkeypatch.setattr(mailing, "WHOLE_S", 0.5)
+    settings = Settings(data_dir=tmp_path, digest_mail_from="loopaudit@example.com", digest_smtp_host="mail.example")
+    with pytest.raises(NotSentError, match="cannot be used: TimeoutError"):
+        mailing.send_mail(settings, OUTGOING, "you@example.com")
+    assert 1 <= len(tried) <= 3
+
+
 def to(listening: socket.socket, tmp_path: Path, encrypted: bool = False) -> Settings:
     port = listening.getsockname()[1]
     where = {"digest_smtp_host": "127.0.0.1", "digest_smtp_port": port, "digest_smtp_starttls": encrypted}
