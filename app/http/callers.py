@@ -51,8 +51,8 @@ class Callers:
         return None if closed else ANYONE
 
     async def _of_session(self, token: str, asked: Asked) -> Identity | None:
-        """A wrong one counts as a wrong key does, and is not refused for it: the browser of somebody whose session has
-        ended sends it too, and is led to the login."""
+        """Wrong ones are counted, apart from wrong keys, and none is refused for it: the browser of somebody whose
+        session has ended sends them too, from each open page, and is led to the login."""
         found = self._access.remembered(token, "session")
         if found:
             return found.identity
@@ -60,14 +60,14 @@ class Callers:
             return None
         identity = await self._looked_up(token, "session", asked)
         if identity is None:
-            await run_in_threadpool(self._rates.refusal_wait_s, asked.address)
+            await run_in_threadpool(self._rates.refusal_wait_s, asked.address, "session")
         return identity
 
     async def _looked_up(self, secret: str, via: Via, asked: Asked) -> Identity | None:
         """Of addresses that sent too many wrong ones one after the other: they take one thread and one connection. A
         proxy may be such an address, with good keys behind it."""
         good = self._access.was_good(secret, via)
-        wait_s = 0 if good else await run_in_threadpool(self._rates.refused_s, asked.address)
+        wait_s = 0 if good else await run_in_threadpool(self._rates.refused_s, asked.address, via)
         async with self._one_by_one if wait_s else nullcontext():
             return await run_in_threadpool(self._access.key if via == "key" else self._access.session, secret)
 

@@ -12,6 +12,7 @@ from limits.errors import ConfigurationError
 from limits.storage import MemoryStorage, storage_from_string
 from limits.strategies import SlidingWindowCounterRateLimiter
 
+from app.services.access.authentication import Via
 from app.services.access.identity import Identity
 from app.settings import Settings
 
@@ -42,14 +43,14 @@ class Rates:
             return 0
         return self._hit(RateLimitItemPerMinute(identity.requests_per_minute), f"key-{identity.key_id}")
 
-    def refusal_wait_s(self, address: str) -> int:
-        """Counts a wrong key from this address; 0, or the seconds for which it should stay away. May wait for Redis: to
-        be called away from the event loop."""
-        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{counted_as(address)}")
+    def refusal_wait_s(self, address: str, via: Via = "key") -> int:
+        """Counts a wrong key from this address, or apart from those a wrong session; 0, or the seconds for which it
+        should stay away. May wait for Redis: to be called away from the event loop."""
+        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), refused_as(address, via))
 
-    def refused_s(self, address: str) -> int:
+    def refused_s(self, address: str, via: Via = "key") -> int:
         """The same without counting one: 0, or the seconds for which this address should stay away."""
-        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), f"refused-{counted_as(address)}"
+        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), refused_as(address, via)
         return self._asked(lambda limiter: limiter.test(item, name), item, name)
 
     def _hit(self, item: RateLimitItem, name: str) -> int:
@@ -68,6 +69,10 @@ class Rates:
 
     def _limiter(self) -> SlidingWindowCounterRateLimiter:
         return self._own if time.monotonic() < self._away_until_s else self._shared
+
+
+def refused_as(address: str, via: Via) -> str:
+    return f"refused-{counted_as(address)}" if via == "key" else f"refused-{via}-{counted_as(address)}"
 
 
 def counted_as(address: str) -> str:

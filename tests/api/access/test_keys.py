@@ -273,6 +273,17 @@ def test_secrets_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(
         assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
 
 
+def test_cookies_of_sessions_that_have_ended_count_as_no_wrong_keys(serve, settings):
+    """Open pages go on asking with them; behind the same proxy a wrong key is still told, and kept in the trail."""
+    wrong = key_text.make(Role.read).text
+    with serve(create_app(settings)) as client:
+        for _ in range(REFUSALS_PER_MINUTE + 2):
+            assert client.get("/v1/loops", headers=cookie(secrets.token_urlsafe(32))).status_code == 401
+        answer = client.get("/v1/loops", headers=bearer(wrong))
+        assert (answer.status_code, answer.json()["code"]) == (401, "invalid_key")
+        assert client.post("/login", data={"key": wrong}).status_code == 401
+
+
 def test_wrong_keys_push_out_no_good_one(backend, texts, monkeypatch):
     monkeypatch.setattr(authentication, "LARGEST_CACHE", 3)
     access = Authenticator(backend, clock=lambda: 0.0)
