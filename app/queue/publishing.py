@@ -106,15 +106,14 @@ class Queue:
 
 
 def in_background(ask: Callable[[], bool]) -> Future[bool]:
-    """In a thread that no process waits for when it ends, as it would for one of a pool. False where it fails."""
+    """In a thread that no process waits for when it ends, as it would for one of a pool."""
     asking: Future[bool] = Future()
 
     def run() -> None:
-        answer = False
         try:
-            answer = ask()
-        finally:
-            asking.set_result(answer)
+            asking.set_result(ask())
+        except BaseException as error:  # noqa: BLE001 - whoever awaits the answer is told
+            asking.set_exception(error)
 
     Thread(target=run, name="broker", daemon=True).start()
     return asking
