@@ -24,11 +24,12 @@ def opened(
     from app.services.upkeep.tables import migrate, refuse_missing, refuse_other_tables
 
     settings = settings or load_settings()
-    if new:
-        tell_missing(settings)
-    else:
+    makes = migrates if migrates is not None else not settings.database_url
+    if not new:
         refuse_missing(settings)
-    if migrates if migrates is not None else not settings.database_url:
+    elif makes:
+        tell_missing(settings)
+    if makes:
         migrate(settings)
     backend = Backend.open(settings)
     try:

@@ -39,6 +39,14 @@ def test_a_key_of_a_data_base_that_was_not_there_says_that_it_is_new(monkeypatch
     assert (told in first, told in second) == (True, False)
 
 
+def test_a_data_base_that_is_not_made_is_not_said_to_be(monkeypatch, capsys, tmp_path):
+    """One that is not the embedded one waits for `loopaudit migrate`, wherever the data folder is."""
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
+    monkeypatch.setenv("LOOPAUDIT_DATABASE_URL", f"sqlite:///{tmp_path}/plant.db")
+    code, _, err = as_program(monkeypatch, capsys, "keys", "create", "me")
+    assert (code, "a new one is made" in err, "[no_tables]" in err) == (2, False, True)
+
+
 def test_keys_and_trail_are_told_by_the_clock_of_the_plant(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
     monkeypatch.setenv("LOOPAUDIT_TIME_ZONE", "Asia/Kolkata")
