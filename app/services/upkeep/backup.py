@@ -31,6 +31,7 @@ from app.storage.types import now
 SQLITE, POSTGRESQL = "loopaudit.db", "loopaudit.dump"
 MANIFEST, UPLOADS, MOVING = "manifest.json", "uploads", ".moving"
 COPIED_PAGES = 2000
+COPIED_BYTES = 1 << 20
 SHOWN = 60
 """Characters of a manifest that is none."""
 ANEW = 3
@@ -274,8 +275,9 @@ def _drafted(source: Path, target: Path) -> Path:
     draft = target.with_name(f".{target.name}.part")
     draft.unlink(missing_ok=True)  # of one that was killed, or a link: what it leads to would be overwritten
     try:
-        with _written(draft):
-            shutil.copyfile(source, draft)
+        # "x" follows no link that was made since.
+        with _written(draft), source.open("rb") as there, draft.open("xb") as here:
+            shutil.copyfileobj(there, here, COPIED_BYTES)
     except BaseException:
         draft.unlink(missing_ok=True)  # else a disk that is full stays so
         raise

@@ -4,6 +4,7 @@ import shutil
 import sqlite3
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 from sqlalchemy import update
@@ -27,10 +28,10 @@ def test_nothing_is_left_of_a_backup_that_failed(plant, tmp_path, monkeypatch):
 
 
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    def copyfile(source: Path, _: Path) -> None:
-        raise OSError(28, "No space left on device", str(source))  # as it is told by sendfile
+    def copied(source: BinaryIO, *_: object) -> None:
+        raise OSError(28, "No space left on device", source.name)  # as it is told by sendfile
 
-    monkeypatch.setattr(backups.shutil, "copyfile", copyfile)
+    monkeypatch.setattr(backups.shutil, "copyfileobj", copied)
 
 
 def test_a_full_disk_is_told_by_what_a_backup_writes_there(plant, tmp_path, monkeypatch):
@@ -53,16 +54,16 @@ def test_where_there_is_no_room_for_the_exports_the_data_base_stays_as_it_was(pl
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "kept"
     backups.backup(plant.settings, elsewhere)
     keys.create_key(plant, "made since", Role.read, lifetime=None)
-    copied = shutil.copyfile
+    copy = shutil.copyfileobj
 
-    def copyfile(source: Path, target: Path) -> None:
-        if source.parent.name != "uploads":
-            copied(source, target)
+    def copied(source: BinaryIO, target: BinaryIO, length: int) -> None:
+        if Path(source.name).parent.name != "uploads":
+            copy(source, target, length)
             return
-        target.write_bytes(b"half")
-        raise OSError(28, "No space left on device", str(target))
+        target.write(b"half")
+        raise OSError(28, "No space left on device", target.name)
 
-    monkeypatch.setattr(backups.shutil, "copyfile", copyfile)
+    monkeypatch.setattr(backups.shutil, "copyfileobj", copied)
     with pytest.raises(OSError, match="No space"):
         backups.restore(plant.settings, elsewhere, force=True)
     assert "made since" in [key.name for key in keys.list_keys(plant)]

@@ -180,3 +180,22 @@ def test_a_restore_writes_through_no_link_that_stands_where_it_writes(settings, 
     assert elsewhere.read_text() == "somebody's own"
     assert (export.read_bytes(), places[0].read_bytes()[:6]) == (b"an export", b"SQLite")
     assert not any(place.is_symlink() for place in places)
+
+
+def test_a_restore_writes_through_no_link_that_is_made_while_it_begins(settings, tmp_path, monkeypatch):
+    exports, kept, elsewhere = settings.uploads_dir, tmp_path / "kept" / "monday", tmp_path / "elsewhere"
+    export = exports / ("a" * 64)
+    export.write_bytes(b"an export")
+    backups.backup(settings, kept)
+    elsewhere.write_text("somebody's own")
+    draft, unlink = export.with_name(f".{export.name}.part"), Path.unlink
+
+    def linked_again(path: Path, missing_ok: bool = False) -> None:
+        unlink(path, missing_ok=missing_ok)
+        if path == draft:
+            path.symlink_to(elsewhere)
+
+    monkeypatch.setattr(Path, "unlink", linked_again)
+    with pytest.raises(FileExistsError):
+        backups.restore(settings, kept, force=True)
+    assert elsewhere.read_text() == "somebody's own"
