@@ -202,6 +202,7 @@ class FrameReader:
         self._log = log
         self._scanner: Scanner | None = None
         self._compiled = False  # what is compiled pays, from the first large chunk on
+        self._told_to = 0  # the last line whose fault was told: rows may be read once more
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
         self._scanner = Scanner(plan, self._dialect.delimiter, self._dialect.decimal_mark, self._dialect.marks_doubtful)
@@ -220,7 +221,9 @@ class FrameReader:
 
     def _tell_faults(self, rows: Rows) -> None:
         for code, text, line in rows.faults:
-            self._log.add(code, text, line)
+            if line > self._told_to:
+                self._log.add(code, text, line)
+                self._told_to = line
 
     def _chunks_from(self, first_row: int) -> Iterator[Lines]:
         to_skip = first_row

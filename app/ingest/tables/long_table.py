@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -18,14 +18,14 @@ from app.ingest.numbers.marks import marked
 from app.ingest.numbers.values import odd_numbers, refused_as
 from app.ingest.numbers.writing import MARKED
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.frames import NUMBERED, Numbers, RowReader, Rows
+from app.ingest.tables.beside_values import BesideValues
+from app.ingest.tables.cells import Cells
+from app.ingest.tables.frames import NUMBERED, RowReader, Rows
 from app.ingest.tables.parting import BlocksByTag
 from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.tables.scanning import Scan, Scanner
 from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
-from app.ingest.tables.state_words import states_for_values
 from app.ingest.tables.tally import Tally
-from app.ingest.tables.unit_column import UnitColumn
 from app.ingest.tags.grouping import Place
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
@@ -34,30 +34,6 @@ from app.ingest.tags.settling import family
 from app.ingest.times.stamps import TimeReader
 
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """The values of one column of a chunk, and the tag of each. telling: what is wrong with its rows is told with
-    them. states: words that stand for values."""
-
-    rows: Rows
-    reader: RowReader
-    tags: pl.Series
-    column: int
-    telling: bool = True
-    states: pl.Series | None = None
-
-    def numbers(self) -> Numbers:
-        return self.rows.numbers([self.column])
-
-    def texts(self) -> pl.Series:
-        texts = self.reader.texts(self.rows, [self.column]).to_series(0)
-        return texts if self.states is None else self.states.zip_with(self.states.is_not_null(), texts)
-
-    def kinds(self) -> int:
-        """Of the values' fields; 0 where they were not seen."""
-        return 0 if self.rows.kinds is None else int(self.rows.kinds[self.column])
 
 
 class LongTable:
@@ -89,7 +65,7 @@ class LongTable:
         self._unsized: list[Gathered] = []  # of which `_largest` does not tell yet
         self._largest = np.zeros(0)  # by number of the tag, of the values that were read before
         self._scanner: Scanner | None = None
-        self._units = UnitColumn()
+        self._beside = BesideValues(plan)
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -114,6 +90,7 @@ class LongTable:
         most_values = self._options.buffered_values
         batch: list[Gathered] = []
         try:
+            self._look_ahead(reader)
             for rows in reader.rows(self._plan.first_row):
                 self._tally.rows_read += rows.filled
                 batch.append(self._gather(rows, reader))
@@ -125,7 +102,7 @@ class LongTable:
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
             self._settle_places()
-            self._tally.units = {at.tag: unit for n, at in enumerate(self._places) if (unit := self._units.of(n))}
+            self._tally.units = self._units()
             self._tally.in_other_order = self._time.in_other_order
             self._tally.without_date = self._dates.carried
             self._tally.lacks_half = self._time.half_clock.lacks_half
@@ -141,6 +118,22 @@ class LongTable:
         finally:
             if spill is not None:
                 spill.close()
+
+    def _look_ahead(self, reader: RowReader) -> None:
+        """What stands beside values is judged by all rows of their tags: these are gone through once before."""
+        for rows in reader.rows(self._plan.first_row) if self._beside.asked else ():
+            for cells in self._cells(rows, reader):
+                self._beside.see(cells)
+
+    def _cells(self, rows: Rows, reader: RowReader) -> Iterator[Cells]:
+        yield Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
+
+    def _units(self) -> dict[str, str]:
+        """By tag, in the order in which they came."""
+        known = np.flatnonzero(self._known)
+        in_order = known[np.argsort(self._number[known])]
+        places = [(code, self._places[self._number[code]]) for code in in_order.tolist()]
+        return {at.tag: unit for code, at in places if (unit := self._beside.unit_of(code))}
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
         beside = (self._plan.unit, self._plan.fraction, self._plan.state)
@@ -243,7 +236,7 @@ class LongTable:
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         texts, time_ns = self._timed(rows, reader)
-        cells = Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
+        (cells,) = self._cells(rows, reader)
         gathered = self._of_cells(cells, texts, time_ns)
         self._tally.rows_kept += len(gathered)
         return gathered
@@ -259,20 +252,20 @@ class LongTable:
 
     def _of_cells(self, cells: Cells, texts: pl.Series, time_ns: TimeArray) -> Gathered:
         """The values in rows with a time and a tag; texts: of the times."""
-        codes = self._numbered(cells.tags, time_ns != NO_TIME)
+        codes = self._numbered(cells, time_ns != NO_TIME)
         kept = self._kept(cells, texts, codes, time_ns)
         values = self._values(cells, codes, kept)
         self._refuse_quality(cells, kept, values)
-        self._refuse_other_units(cells, codes, kept, values)
+        self._refuse_other_units(cells, kept, values)
         at = np.flatnonzero(kept)
         if len(at) < len(codes):
             codes, time_ns, values = codes[at], time_ns[at], values[at]
         return Gathered(codes, time_ns, values, (at + cells.rows.first).astype(np.uint32))
 
-    def _numbered(self, tags: pl.Series, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
+    def _numbered(self, cells: Cells, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
         """The number of each row's tag; 0 where there is none. New tags are placed where rows have a time: others are
         comments, or have something else where tags stand."""
-        codes = _codes(tags)
+        codes, tags = cells.codes(), cells.tags
         more = int(codes.max(initial=0)) + 1 - len(self._known)
         if more > 0:
             self._known = np.append(self._known, np.zeros(more, dtype=bool))
@@ -357,9 +350,8 @@ class LongTable:
         numbers = cells.numbers()
         values, missing = numbers.values[:, 0], numbers.missing[:, 0]
         modes = self._are_modes(codes)
-        if self._plan.state is not None:
-            words = cells.rows.frame[name_of(self._plan.state)]
-            states = states_for_values(words, codes, modes, missing, values)
+        states = self._beside.states(cells, modes, missing)
+        if states is not None:
             cells = replace(cells, states=states)
             missing |= states.is_not_null().to_numpy()
         if self._may_tell(cells, values, codes, kept & ~modes):
@@ -460,26 +452,14 @@ class LongTable:
         self._refuse(cells, "bad_quality", at, (str(texts[int(row)]) for row in at))
         values[at] = np.nan
 
-    def _refuse_other_units(
-        self, cells: Cells, codes: NDArray[np.uint32], kept: NDArray[np.bool_], values: FloatArray
-    ) -> None:
-        if self._plan.unit is None:
-            return
-        texts = cells.rows.frame[name_of(self._plan.unit)]
-        finite = kept & np.isfinite(values)
-        at = np.flatnonzero(self._units.in_others(texts, codes, finite))
-        words = (f"in {texts[int(row)]}, and its tag is in {self._units.of(int(codes[row]))}" for row in at)
-        self._refuse(cells, "other_unit", at, words)
-        values[at] = np.nan
+    def _refuse_other_units(self, cells: Cells, kept: NDArray[np.bool_], values: FloatArray) -> None:
+        for at, words in self._beside.in_other_units(cells, kept & np.isfinite(values)):
+            self._refuse(cells, "other_unit", at, words)
+            values[at] = np.nan
 
     def _refuse(self, cells: Cells, code: str, at: NDArray[np.int64], words: Iterator[str]) -> None:
         tags = cells.tags
         self._log.add_many(code, cells.rows.lines(at), words, (tags[int(row)] for row in at))
-
-
-def _codes(tags: pl.Series) -> NDArray[np.uint32]:
-    codes = tags.to_physical()
-    return (codes.fill_null(0) if codes.null_count() else codes).to_numpy()
 
 
 def _hold_nothing(texts: pl.Series, tags: pl.Series, values: pl.Series) -> NDArray[np.bool_]:

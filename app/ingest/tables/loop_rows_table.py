@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import polars as pl
 
 from app.ingest.columns.plans import ValueColumn, name_of
+from app.ingest.tables.cells import Cells
 from app.ingest.tables.frames import RowReader, Rows
-from app.ingest.tables.long_table import Cells, LongTable
+from app.ingest.tables.long_table import LongTable
 from app.ingest.tables.pieces import Gathered, joined
 from app.ingest.tables.scanning import Scanner
 
@@ -31,10 +32,8 @@ class LoopRowsTable(LongTable):
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         texts, time_ns = self._timed(rows, reader)
-        loops = rows.frame[name_of(self._plan.tag)].str.strip_chars()
-        self._place_others(loops)
-        columns = self._cells(rows, reader, loops)
-        gathered = [self._of_cells(cells, texts, time_ns) for cells in columns]
+        self._place_others(self._loops_of(rows))
+        gathered = [self._of_cells(cells, texts, time_ns) for cells in self._cells(rows, reader)]
         self._tally.rows_kept += len(gathered[0])
         return joined(gathered)
 
@@ -47,7 +46,11 @@ class LoopRowsTable(LongTable):
             for other in self._plan.others:
                 self._grouping.place_beside(f"{loop}.{other.tag}", of)
 
-    def _cells(self, rows: Rows, reader: RowReader, loops: pl.Series) -> Iterator[Cells]:
+    def _loops_of(self, rows: Rows) -> pl.Series:
+        return rows.frame[name_of(self._plan.tag)].str.strip_chars()
+
+    def _cells(self, rows: Rows, reader: RowReader) -> Iterator[Cells]:
+        loops = self._loops_of(rows)
         for number, column in enumerate(self._columns):
             tags = self._tags(rows.frame, loops, column)
             yield Cells(rows, reader, tags, column.index, telling=number == 0)

@@ -11,40 +11,71 @@ from app.ingest.tags.modes import stand_for_no_data
 
 _FEW = 0.5  # of a tag's rows
 _MOVES = 3  # different numbers of a tag beside one word
+_MOST_HELD = 1 << 18  # tags with a word and a number: remarks of which each is another one tell nothing
+
+Codes = NDArray[np.uint32]
 
 
-def states_for_values(
-    states: pl.Series,
-    codes: NDArray[np.uint32],
-    modes: NDArray[np.bool_],
-    empty: NDArray[np.bool_],
-    numbers: FloatArray,
-) -> pl.Series:
-    """(n,) the words that stand for the values of their rows, null elsewhere: those of modes, whose numbers count the
-    states of a list that the file does not have; those beside which no number is; and those that a tag has in few
-    rows, which say why it has no value, whatever number they have: none that begin with a number, as 1,059.4 t/h, nor
-    alarms and remarks, beside which the numbers (n,) go on. codes: (n,) of the tags. empty: (n,) without a number."""
-    words = states.cast(pl.String).str.strip_chars(' "')
-    told = _are_words(words)
-    rows, with_words = np.bincount(codes), np.bincount(codes, weights=told)
-    few = told & (with_words < _FEW * rows)[codes] & ~_begin_with_a_number(words)
-    why = few & ~_stand_beside_moving(words, codes, numbers, few & ~empty & ~modes)
-    taken = pl.Series(told & (modes | empty | why))
-    return pl.select(pl.when(taken).then(words)).to_series()
+class StateWords:
+    """The words beside the numbers of each tag in a whole table, which tell what those of a row stand for: `see` all of
+    its rows first. Tags are told by their codes."""
+
+    def __init__(self) -> None:
+        self._rows, self._with_words = np.zeros(0), np.zeros(0)  # by code, how many
+        self._beside = pl.DataFrame(schema={"tag": pl.UInt32, "word": pl.String, "number": pl.Float64})
+
+    def see(self, states: pl.Series, codes: Codes, numbers: FloatArray) -> None:
+        """(n,) of rows; numbers: NaN where none could be read."""
+        words = _stripped(states)
+        told = _are_words(words)
+        self._rows = _added(self._rows, np.bincount(codes))
+        self._with_words = _added(self._with_words, np.bincount(codes, weights=told))
+        at = np.flatnonzero(told & ~np.isnan(numbers))
+        if len(at):
+            more = pl.DataFrame({"tag": codes[at], "word": words[at], "number": numbers[at]})
+            self._beside = _first_ones(pl.concat((self._beside, more)))
+
+    def for_values(
+        self, states: pl.Series, codes: Codes, modes: NDArray[np.bool_], empty: NDArray[np.bool_]
+    ) -> pl.Series:
+        """(n,) the words that stand for the values of their rows, null elsewhere: those of modes, whose numbers count
+        the states of a list that the file does not have; those beside which no number is; and those that a tag has in
+        few rows, which say why it has no value, whatever number they have: none that begin with a number, as 1,059.4
+        t/h, nor alarms and remarks, beside which the numbers go on. empty: (n,) without a number."""
+        words = _stripped(states)
+        told = _are_words(words)
+        few = told & (self._with_words < _FEW * self._rows)[codes] & ~_begin_with_a_number(words)
+        why = few & ~self._stand_beside_moving(words, few & ~empty & ~modes)
+        taken = pl.Series(told & (modes | empty | why))
+        return pl.select(pl.when(taken).then(words)).to_series()
+
+    def _stand_beside_moving(self, words: pl.Series, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(n,) whether the numbers of some tag move beside the word of a row: beside a state stands one of each, that
+        of its code or the last good one. A word for no data, or for a fault, says so whatever stands beside it."""
+        moving = np.zeros(len(words), dtype=bool)
+        at = np.flatnonzero(asked & ~stand_for_no_data(words) & ~tell_faults(words).to_numpy())
+        if len(at):
+            of_few = pl.Series(self._with_words < _FEW * self._rows)[self._beside["tag"]]
+            different = self._beside.filter(of_few).group_by("tag", "word").len()
+            moving[at] = words[at].is_in(different.filter(pl.col("len") >= _MOVES)["word"].to_list()).to_numpy()
+        return moving
 
 
-def _stand_beside_moving(
-    words: pl.Series, codes: NDArray[np.uint32], numbers: FloatArray, asked: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """(n,) whether the numbers of some tag move beside the word of a row: beside a state stands one of each, that of
-    its code or the last good one. A word for no data, or for a fault, says so whatever stands beside it."""
-    moving = np.zeros(len(words), dtype=bool)
-    at = np.flatnonzero(asked & ~stand_for_no_data(words) & ~tell_faults(words).to_numpy())
-    if len(at):
-        told = pl.DataFrame({"tag": codes[at], "word": words[at], "number": numbers[at]})
-        different = told.group_by("tag", "word").agg(pl.col("number").n_unique())
-        moving[at] = words[at].is_in(different.filter(pl.col("number") >= _MOVES)["word"].to_list()).to_numpy()
-    return moving
+def _added(counts: NDArray[np.float64], more: NDArray[np.float64] | NDArray[np.int64]) -> NDArray[np.float64]:
+    total = np.zeros(max(len(counts), len(more)))
+    total[: len(counts)] += counts
+    total[: len(more)] += more
+    return total
+
+
+def _first_ones(beside: pl.DataFrame) -> pl.DataFrame:
+    """Of each tag and word as many different numbers as tell whether they move."""
+    different = beside.unique(maintain_order=True)
+    return different.filter(pl.int_range(pl.len()).over("tag", "word") < _MOVES).head(_MOST_HELD)
+
+
+def _stripped(states: pl.Series) -> pl.Series:
+    return states.cast(pl.String).str.strip_chars(' "')
 
 
 def _are_words(words: pl.Series) -> NDArray[np.bool_]:

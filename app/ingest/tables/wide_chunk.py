@@ -1,4 +1,4 @@
-"""What a wide table yields piece by piece: one group's samples of a chunk of rows."""
+"""What a wide table yields piece by piece: one group's samples of a chunk of rows, with whole stamps at its end."""
 
 from dataclasses import dataclass, field, replace
 
@@ -31,3 +31,27 @@ def joined(earlier: Chunk, later: Chunk) -> Chunk:
         lines=np.concatenate((earlier.lines, later.lines)),
         matrix=np.concatenate((earlier.matrix, later.matrix)),
     )
+
+
+class WholeStamps:
+    """Holds back each chunk until the next one is there, which gets the last rows where these are of one stamp, or of
+    its first: rows of a stamp are told from those that came twice by what comes behind them."""
+
+    def __init__(self) -> None:
+        self._held: Chunk | None = None
+
+    def take(self, chunk: Chunk) -> Chunk | None:
+        held, self._held = self._held, chunk
+        if held is None:
+            return None
+        last = held.time_ns[-1]
+        of_last = int(np.argmax((held.time_ns != last)[::-1]))  # 0 where all are: they stay
+        if not of_last or (of_last == 1 and chunk.time_ns[0] != last):
+            return held
+        cut = len(held.time_ns) - of_last
+        self._held = joined(part(held, slice(cut, None)), chunk)
+        return part(held, slice(0, cut))
+
+    def rest(self) -> Chunk | None:
+        """What is held at the file's end."""
+        return self._held

@@ -1,6 +1,6 @@
 """Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
-from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock
+from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
@@ -22,7 +22,7 @@ from app.ingest.tables.pieces import Grid, joined_grid
 from app.ingest.tables.spilling import NumberOfLoop, Spill
 from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
-from app.ingest.tables.wide_chunk import Chunk
+from app.ingest.tables.wide_chunk import Chunk, WholeStamps
 from app.ingest.tables.wordy_columns import WordyColumns
 from app.ingest.tags.grouping import AUDITED
 from app.ingest.tags.loops import Grouping
@@ -43,12 +43,15 @@ class WideTable:
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._dates = [DatesOnce(group.time) for group in plan.groups]
         self._quality = tally.quality = Quality(options.drop_uncertain)
-        self._spreaders: list[Spreader] = []
+        self._holding: list[Spreader | WholeStamps] = []  # back what goes on in the next chunk, by group
+        self._forth = np.zeros((len(plan.groups), 2), dtype=np.int64)  # by group, steps of time forth and back
         self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
         self._odd_fields = OddFields(tally.writing, self._wordy, self._largest)
+        self._group_of = {value.index: number for number, group in enumerate(plan.groups) for value in group.values}
+        self._first_columns = {group.values[0].index for group in plan.groups if group.values}
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         number_of_loop = NumberOfLoop()
         self._loop_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint32)
@@ -103,7 +106,7 @@ class WideTable:
         held: list[list[Grid]] = [[] for _ in groups]
         try:
             for number, chunk in self._chunks(reader, groups, first):
-                held[number].append(self._grid(chunk, self._times[number].wall_zone))
+                held[number].append(self._grid(chunk, number))
                 if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
                     spill = spill or Spill(self._options.spill_folder, self._options.buffered_values)
                     self._put_aside(spill, held)
@@ -129,8 +132,8 @@ class WideTable:
         self._times = [TimeReader(group.form, self._options) for group in self._plan.groups]
         self._dates = [DatesOnce(group.time) for group in self._plan.groups]
         self._further_names = FurtherNames(self._plan.names, groups)
-        spread = self._plan.spread
-        self._spreaders = [Spreader(group.form.resolution_ns) for group in groups] if spread else []
+        resolutions = [group.form.resolution_ns for group in groups]
+        self._holding = [Spreader(of_form) if self._plan.spread else WholeStamps() for of_form in resolutions]
         for rows in reader.rows(self._plan.first_row, _columns(groups)):
             self._tally.rows_read += rows.filled if first else 0
             short = self._short_rows(rows, reader)
@@ -141,8 +144,8 @@ class WideTable:
         self._tally.in_other_order = self._times[0].in_other_order
         self._tally.without_date = self._dates[0].carried
         self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)
-        for number, spreader in enumerate(self._spreaders):
-            rest = spreader.rest()
+        for number, holding in enumerate(self._holding):
+            rest = holding.rest()
             if rest is not None:
                 yield number, rest
 
@@ -188,7 +191,7 @@ class WideTable:
         if number == 0 and first:
             self._tally.rows_kept += len(at)
         chunk = Chunk(time_ns, at + rows.first, matrix, group.values)
-        return self._spreaders[number].take(chunk) if self._spreaders else chunk
+        return self._holding[number].take(chunk)
 
     def _below_others(
         self, rows: Rows, reader: RowReader, texts: pl.Series, timed: NDArray[np.bool_], first: bool
@@ -331,9 +334,19 @@ class WideTable:
                 self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)
                 matrix[at, position] = np.nan
 
-    def _grid(self, chunk: Chunk, zone: str) -> Grid:
-        time_ns, matrix, lines = chunk.time_ns, chunk.matrix, chunk.lines
-        if runs_back(time_ns):
+    def _see_steps(self, number: int, time_ns: TimeArray) -> bool:
+        """Whether a group's rows come newest first: those of a single stamp do as the ones before."""
+        steps = np.diff(time_ns)
+        self._forth[number] += (np.count_nonzero(steps > 0), np.count_nonzero(steps < 0))
+        return runs_back(time_ns) if np.any(steps) else self._ran_back(number)
+
+    def _ran_back(self, number: int) -> bool:
+        forth, back = self._forth[number].tolist()
+        return back > 2 * forth
+
+    def _grid(self, chunk: Chunk, number: int) -> Grid:
+        time_ns, matrix, lines, zone = chunk.time_ns, chunk.matrix, chunk.lines, self._times[number].wall_zone
+        if self._see_steps(number, time_ns):
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[::-1], matrix[::-1], lines[::-1]
         order = in_order(time_ns)
@@ -362,41 +375,64 @@ class WideTable:
         """The positions of PV and OP: a number beside them may be that of the plant."""
         return [position for position, index in enumerate(columns) if self._places[index].signal in AUDITED]
 
-    def _look_across(self, grids: Sequence[Grid]) -> None:
-        """For rows that contradict those of another chunk."""
-        time_ns, lines = (np.concatenate(each) for each in zip(*((at.time_ns, at.lines) for at in grids), strict=True))
-        audited = self._audited(grids[0].codes.tolist())
-        values = np.concatenate([grid.values[audited] for grid in grids], axis=1).T
-        order = np.argsort(time_ns, kind="stable")
-        self._tally.contradictions.look(time_ns[order], values[order], lines[order], range(len(audited)))
-
     def _blocks(self, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
-        """Signals whole, or chunk by chunk where time goes back or some chunks have no value of them. Of a signal that
-        was stored at times of its own the blank cells are no samples."""
+        """Signals whole, but for those without any value. Of a signal that was stored at times of its own the blank
+        cells are no samples."""
         by_columns: dict[int, list[Grid]] = {}
         for grid in grids:
             by_columns.setdefault(int(grid.codes[0]), []).append(grid)
         for own in by_columns.values():
-            if runs_back(np.array([grid.time_ns[0] for grid in own])):
-                own.reverse()  # of a time that is in two of them too, the later value holds
-            whole = joined_grid(own)
-            if whole is None:
-                self._look_across(own)
-            given = np.stack([np.isfinite(grid.values).any(axis=1) for grid in own])
-            everywhere = np.asarray(given.all(axis=0))
-            with_blanks = np.any([are_blank(grid.values).any(axis=1) for grid in own], axis=0)
-            for row, column in enumerate(own[0].codes):
-                place = self._places[int(column)]
-                parts = [own[at] for at in np.flatnonzero(given[:, row])]
-                grids_of_it = [whole] if whole is not None and everywhere[row] else parts
-                samples = [(grid.time_ns, grid.values[row]) for grid in grids_of_it]
-                if parts and with_blanks[row]:
-                    cells = [(grid.time_ns, grid.values[row]) for grid in own]
-                    samples = without_blanks(cells, samples, place.signal)
+            whole = self._without_late_codes(self._whole(own))
+            given, with_blanks = (
+                np.any(cells, axis=1) for cells in (np.isfinite(whole.values), are_blank(whole.values))
+            )
+            for row in np.flatnonzero(given).tolist():
+                place = self._places[int(whole.codes[row])]
+                samples = [(whole.time_ns, whole.values[row])]
+                if with_blanks[row]:
+                    samples = without_blanks(samples, samples, place.signal)
                 for time_ns, values in samples:
                     if place.signal == "MODE":
                         values = self._tally.modes.flags(values, place.tag)
                     yield SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
+
+    def _whole(self, grids: list[Grid]) -> Grid:
+        """Those of some columns, chunk by chunk, as one. Where time goes back from one to the next, rows may contradict
+        those of another chunk, and of a time that is in two of them the later value holds."""
+        grids = grids[::-1] if self._ran_back(self._group_of[int(grids[0].codes[0])]) else grids
+        whole = joined_grid(grids)
+        if whole is not None:
+            return whole
+        time_ns, lines = (np.concatenate(each) for each in zip(*((at.time_ns, at.lines) for at in grids), strict=True))
+        matrix = np.concatenate([grid.values for grid in grids], axis=1).T
+        order = in_order(time_ns)
+        if order is not None:
+            self._tally.backward = True
+            time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
+        columns = grids[0].codes.tolist()
+        self._tally.contradictions.look(time_ns, matrix, lines, self._audited(columns))
+        tags = [self._places[column].tag for column in columns]
+        once_ns, once = last_of_repeats(time_ns, matrix, lines, tags, self._log)
+        if columns[0] in self._first_columns:
+            self._tally.repeats += len(time_ns) - len(once_ns)
+        self._tally.values_kept -= int(np.count_nonzero(np.isfinite(matrix)) - np.count_nonzero(np.isfinite(once)))
+        last = lines[np.append(time_ns[1:] != time_ns[:-1], True)]
+        return Grid(grids[0].codes, once_ns, np.ascontiguousarray(once.T), last, grids[0].places)
+
+    def _without_late_codes(self, whole: Grid) -> Grid:
+        """Without codes for no data that were all that their chunks had, and stand apart from what came in others."""
+        ends = np.flatnonzero(ends_are_codes(self._lowest[whole.codes], self._highest[whole.codes]))
+        places = {row: self._places[int(whole.codes[row])] for row in ends.tolist()}
+        places = {row: place for row, place in places.items() if place.signal != "MODE"}
+        if not places:
+            return whole
+        values = whole.values.copy()
+        for row, place in places.items():
+            alone = place.signal == "PV"
+            values[row] = self._tally.no_data.refused(values[row], whole.lines, place.tag, self._log, alone=alone)
+        refused = np.isfinite(whole.values) & ~np.isfinite(values)
+        self._tally.values_kept -= int(np.count_nonzero(refused))
+        return replace(whole, values=values)
 
 
 def _flags(rows: Rows, column: int, reader: RowReader) -> FloatArray:

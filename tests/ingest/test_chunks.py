@@ -1,0 +1,138 @@
+"""The same content is read from a file wherever the chunks fall in which it is read."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.ingest import IngestOptions
+
+from .conftest import Content, Read
+
+WHOLE = 1 << 24
+SIZES = (1_500, 4_000, 9_000)
+
+
+def same_content(read: Read, text: str, sizes: tuple[int, ...] = SIZES) -> Content:
+    """What is read from it whole, after it was read the same in chunks."""
+    whole, *parted = (read(text, options=IngestOptions(chunk_bytes=size)) for size in (WHOLE, *sizes))
+    for content in parted:
+        assert content.summary == whole.summary
+        assert dict(content.rejects.counts) == dict(whole.rejects.counts)
+        assert set(content.rejects.listed) == set(whole.rejects.listed)
+        assert content.loops.keys() == whole.loops.keys()
+        for name, loop in whole.loops.items():
+            other = content.loops[name]
+            assert other.others.keys() == loop.others.keys()
+            for field in ("time_ns", "pv", "op", "sp", "automatic"):
+                assert_same(getattr(other, field), getattr(loop, field))
+            for tag, values in loop.others.items():
+                assert_same(other.others[tag], values)
+    return whole
+
+
+def assert_same(found: np.ndarray | None, expected: np.ndarray | None) -> None:
+    assert (found is None) == (expected is None)
+    if found is not None and expected is not None:
+        np.testing.assert_array_equal(found, expected)
+
+
+def stamp(k: int) -> str:
+    return f"2024-01-31 06:{k // 60:02d}:{k % 60:02d}"
+
+
+def by_tag(heading: str, *rows: Iterator[str]) -> str:
+    """A table sorted by tag: where a chunk ends, it has few rows of one."""
+    return "\n".join((heading, *(row for of_tag in rows for row in of_tag))) + "\n"
+
+
+@pytest.mark.parametrize("word", ["I/O Timeout", "Scan stopped", "[-11059] No Good Data For Calculation", "Pt Created"])
+@pytest.mark.parametrize("start", [0, 280])
+def test_words_of_states_are_judged_by_all_rows_of_their_tag(read: Read, word: str, start: int) -> None:
+    def rows(tag: str) -> Iterator[str]:
+        for k in range(300):
+            told = start <= k < start + 20
+            yield f"FIC101.{tag},{stamp(k)},{248 if told else k % 9},{word if told else ''}"
+
+    content = same_content(read, by_tag("tag,time,value,svalue", rows("PV"), rows("OP")))
+    assert content.rejects.counts == {"not_a_number": 40}
+
+
+@pytest.mark.parametrize("word", ["High", "shift change"])
+def test_remarks_beside_numbers_are_told_by_all_rows_of_their_tag(read: Read, word: str) -> None:
+    def rows(tag: str) -> Iterator[str]:
+        for k in range(300):
+            yield f"FIC101.{tag},{stamp(k)},{k % 9},{word if k % 100 == 7 else ''}"
+
+    content = same_content(read, by_tag("tag,time,value,svalue", rows("PV"), rows("OP")))
+    assert content.rejects.total == 0
+
+
+def test_the_unit_of_a_tag_is_the_one_of_most_of_its_rows(read: Read) -> None:
+    def rows(tag: str, first: int) -> Iterator[str]:
+        for k in range(300):
+            yield f"PIC101.{tag},{stamp(k)},{k % 9},{'psi' if k < first else 'bar'}"
+
+    content = same_content(read, by_tag("tag,time,value,unit", rows("PV", 100), rows("OP", 60)))
+    assert content.rejects.counts == {"other_unit": 160}
+    assert dict(content.summary.units) == {"PIC101.PV": "bar", "PIC101.OP": "bar"}
+
+
+HEADING = "DateTime,FIC101.PV,FIC101.OP,FIC101.SP"
+
+
+def wide(*rows: str) -> str:
+    return "\n".join((HEADING, *rows)) + "\n"
+
+
+def row(k: int, shift: int = 0) -> str:
+    return f"{stamp(k)},{k % 9 + shift},{k % 7 + 40},50"
+
+
+@pytest.mark.parametrize("backward", [False, True])
+def test_rows_of_one_stamp_that_a_chunk_parts(read: Read, backward: bool) -> None:
+    rows = [row(k, shift) for k in range(600) for shift in range(1 + (k % 5 == 0))]
+    content = same_content(read, wide(*(reversed(rows) if backward else rows)), (500, 1_500, 4_000))
+    assert content.rejects.counts == {"duplicate_time": 120}
+    assert content.loops["FIC101"].samples == 600
+    assert "120 rows have the time of a row before" in " ".join(content.summary.notes)
+
+
+@pytest.mark.parametrize("later_first", [False, True])
+def test_exports_that_overlap_one_behind_the_other(read: Read, later_first: bool) -> None:
+    earlier, later = [row(k) for k in range(400)], [row(k, 1) for k in range(395, 800)]
+    content = same_content(read, wide(*(later + earlier if later_first else earlier + later)))
+    loop = content.loops["FIC101"]
+    assert loop.pv is not None
+    assert loop.pv[395:400].tolist() == [k % 9 + (not later_first) for k in range(395, 400)]
+    assert content.rejects.counts == {"duplicate_time": 5}
+    assert content.summary.values_kept == 2400
+
+
+@pytest.mark.parametrize("first", [0, 100, 300])
+def test_codes_for_no_data_that_fill_whole_chunks(read: Read, first: int) -> None:
+    def value(k: int) -> str:
+        return f"{stamp(k)},{k % 9},{32767 if first <= k < first + 250 else k % 7 + 40},50"
+
+    text = wide(*(value(k) for k in range(600)))
+    content = same_content(read, text)
+    assert content.rejects.counts == {"sentinel": 250}
+    aside = read(text, options=IngestOptions(chunk_bytes=4_000, buffered_values=500))
+    assert aside.summary == content.summary
+    assert_same(aside.loops["FIC101"].op, content.loops["FIC101"].op)
+
+
+def test_a_signal_that_some_chunks_have_no_value_of(read: Read) -> None:
+    rows = (
+        f"{stamp(k)},{k % 9},{k % 7 + 40},{50 if 200 <= k < 210 else ''},{k if k > 400 else ''}" for k in range(600)
+    )
+    content = same_content(read, "\n".join((f"{HEADING},TI7.PV", *rows)) + "\n")
+    assert content.loops["TI7"].samples == 600
+
+
+def test_rows_that_cannot_be_parted_are_told_once(read: Read) -> None:
+    rows = [f"FIC101.{tag},{stamp(k)},{k % 9},bar" for k in range(300) for tag in ("PV", "OP")]
+    rows[100] = 'FIC101.PV,"2024,3,bar'
+    rows[400] = "FIC101.PV,2024,3,bar,5,6"
+    content = same_content(read, "\n".join(("tag,time,value,unit", *rows)) + "\n")
+    assert content.rejects.counts == {"unbalanced_quote": 1, "ragged_row": 1}
