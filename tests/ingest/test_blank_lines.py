@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from app.errors import DataError
 from app.ingest import IngestOptions, read_export
 from app.ingest.files.opening import Lines
 from app.ingest.tables.blank_lines import LONG_RUN, parts_between, with_empty_lines
@@ -67,3 +68,28 @@ def test_those_of_a_table_of_a_tag_a_row_are_not_refused(
     content = read("".join((f"{names}\n", *lines, 2 * blank)), options=options)
     assert (content.summary.rows_read, content.summary.rows_kept) == (101, 100)
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(55, "bad_time")]
+
+
+@pytest.mark.parametrize("blank", ["\n", "  \n", ",,\n", '"","",""\n', " , ,\r\n"])
+@pytest.mark.parametrize("many", [41, 100, 399, 400, 10_000])
+@pytest.mark.parametrize("titles", ["", "Export of unit 3,,\n"])
+def test_hundreds_of_them_below_the_names_or_above_are_passed_over(
+    read: Read, blank: str, many: int, titles: str
+) -> None:
+    rows = [row(k) for k in range(300)]
+    text = titles + many * blank * bool(titles) + HEADER + many * blank + "".join(rows[:9]) + "never,1,2\n" + rows[9]
+    content = read(text)
+    assert content.loops["FIC1"].samples == 10
+    line = 1 + many + 10 + bool(titles) * (1 + many)
+    assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(line, "bad_time")]
+
+
+def test_the_line_of_units_below_them_is_told(read: Read) -> None:
+    content = read(100 * "\n" + HEADER + ",t/h,%\n" + "".join(map(row, range(50))))
+    assert any("line 102 was read as units" in note for note in content.summary.notes)
+
+
+def test_rows_without_times_above_the_others_are_told(read: Read) -> None:
+    with pytest.raises(DataError, match=r"first 60 rows below the names .* '2026-01-31 00:00:00'") as refused:
+        read(HEADER + 60 * ",1.5,2\n" + "".join(map(row, range(50))))
+    assert refused.value.code == "unknown_layout"

@@ -61,7 +61,7 @@ def units_in(head: Head, heading: Iterable[int]) -> dict[int, str]:
 
 
 def _told(head: Head, kind: str, rows: list[int]) -> str:
-    numbers = ", ".join(str(at + head.first_line) for at in rows[:_MOST_NUMBERS])
+    numbers = ", ".join(str(head.in_file(at) + head.first_line) for at in rows[:_MOST_NUMBERS])
     numbers += ", ..." if len(rows) > _MOST_NUMBERS else ""
     which = f"line {numbers} was" if len(rows) == 1 else f"lines {numbers} were"
     text = ", ".join(head.row(rows[0]))

@@ -69,7 +69,7 @@ class TextSource:
     def reader(self, width: int, types: dict[int, pl.DataType], log: RejectLog) -> FrameReader:
         head = self.head
         dialect = Dialect(head.delimiter, head.decimal_mark, width, head.marks_told, self.plan.ends)
-        return FrameReader(self._file, dialect, types, log)
+        return FrameReader(self._file, dialect, types, log, head.in_file)
 
 
 def _open_text(path: Path, stem: str, options: IngestOptions) -> TextSource:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 
 from app.ingest.numbers.marks import before_decimals, other_mark
 from app.ingest.numbers.units import without_unit
@@ -15,6 +16,8 @@ HEAD_ROWS = 400
 PREAMBLE_ROWS = 40  # within so many rows names or data begin
 TAIL_ROWS = 150
 HEAD_CHARACTERS = 1 << 20
+MOST_BLANK = 8
+_BLANK = "".join((*DELIMITERS, ' "\r'))
 _LEAST_NAMES = 3
 _TOLD_DELIMITER = re.compile(r"\s*\"?sep=.\"?\s*", re.IGNORECASE)  # to a spreadsheet; it names nothing
 _STAMP = re.compile(r"\d\D+\d+\D+\d")
@@ -27,7 +30,8 @@ _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 class Head:
     """The start of a file. `rows` are its lines, split at `delimiter`; `stem` is the file's name without suffixes.
     typed: they are not lines of text, but those of a table whose cells may be numbers. first_line: the number of the
-    first one; 0 where it holds names that are in no row. sampled: the last ones are some of many from further down."""
+    first one; 0 where it holds names that are in no row. sampled: the last ones are some of many from further down.
+    blanks: before which rows how many blank lines were left out."""
 
     stem: str
     lines: tuple[str, ...]
@@ -37,6 +41,11 @@ class Head:
     typed: bool = False
     first_line: int = 1
     sampled: bool = False
+    blanks: tuple[tuple[int, int], ...] = ()
+
+    def in_file(self, index: int) -> int:
+        """Which row of the file one of these is, both counted from 0."""
+        return index + sum(count for before, count in self.blanks if before <= index)
 
     @cached_property
     def marks_told(self) -> bool:
@@ -70,11 +79,30 @@ def look(text: str, stem: str) -> Head:
     lines = text.split("\n")
     lines = lines[:-1] if len(lines) > 1 else lines
     lines[:1] = ["" if _TOLD_DELIMITER.fullmatch(line) else line for line in lines[:1]]
+    lines, blanks = _without_long_blanks(lines)
     usual = sorted(map(len, lines))[len(lines) // 2] + 1
     lines = lines[: max(8, min(HEAD_ROWS, HEAD_CHARACTERS // usual))]
     delimiter = find_delimiter(lines)
     rows = tuple(_once(split_line(line, delimiter) for line in lines))
-    return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter))
+    return Head(stem, tuple(lines), rows, delimiter, find_decimal_mark(rows, delimiter), blanks=blanks)
+
+
+def is_blank(line: str) -> bool:
+    """Whether nothing stands in a line, be it parted into fields or not."""
+    return not line.strip(_BLANK)
+
+
+def _without_long_blanks(lines: list[str]) -> tuple[list[str], tuple[tuple[int, int], ...]]:
+    """Lines, at most as many blank ones behind each other as a preamble may have, and before which of them there were
+    how many more."""
+    kept: list[str] = []
+    blanks: list[tuple[int, int]] = []
+    for blank, run in groupby(lines, is_blank):
+        own = list(run)
+        kept += own[:MOST_BLANK] if blank else own
+        if blank and len(own) > MOST_BLANK:
+            blanks.append((len(kept), len(own) - MOST_BLANK))
+    return kept, tuple(blanks)
 
 
 def _once(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:

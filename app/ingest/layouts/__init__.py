@@ -141,9 +141,17 @@ def not_recognised(head: Head) -> NotRecognised:
             named=False,
         )
     names = head.rows[at]
-    below = head.column(time_columns(names)[0], at + 1)
+    time = time_columns(names)[0]
+    below = head.column(time, at + 1)
     shown = f"the first of them is {below[0][:60]!r}" if below else "there is none"
     listed = ", ".join(names[:5])[:200]
+    without = next((row for row, cells in enumerate(head.rows[at + 1 :]) if any(cells[time : time + 1])), 0)
+    if without >= PREAMBLE_ROWS:
+        return NotRecognised(
+            f"the first {without} rows below the names {listed} have no time; needed are rows that have one: leave out "
+            f"those above the first one that has, {below[0][:60]!r}",
+            named=True,
+        )
     return NotRecognised(f"below the names {listed} no row has a time that can be read; {shown}", named=True)
 
 

@@ -26,12 +26,14 @@ class BesideValues:
         return self._state is not None or self._unit is not None
 
     def see(self, cells: Cells) -> None:
-        found, codes = cells.numbers(), cells.codes()
-        numbers = np.where(found.missing[:, 0], np.nan, found.values[:, 0])
+        found = cells.numbers()
+        named = np.flatnonzero(cells.tags.is_not_null().to_numpy())  # blank lines are of no tag
+        numbers = np.where(found.missing[:, 0], np.nan, found.values[:, 0])[named]
+        codes = cells.codes()[named]
         if self._state is not None:
-            self._words.see(_texts(cells, self._state), codes, numbers)
+            self._words.see(_texts(cells, self._state)[named], codes, numbers)
         if self._unit is not None:
-            self._units.see(_texts(cells, self._unit), codes, np.isfinite(numbers))
+            self._units.see(_texts(cells, self._unit)[named], codes, np.isfinite(numbers))
 
     def states(self, cells: Cells, modes: Where, empty: Where) -> pl.Series | None:
         """(n,) the words that stand for values; None where the table has no column of them. modes, empty (n,): whether

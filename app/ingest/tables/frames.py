@@ -4,7 +4,7 @@ read again."""
 import io
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Protocol
@@ -192,8 +192,16 @@ class FrameReader:
 
     most_columns = None
 
-    def __init__(self, file: TextFile, dialect: Dialect, types: dict[int, pl.DataType], log: RejectLog) -> None:
-        self._file = file
+    def __init__(
+        self,
+        file: TextFile,
+        dialect: Dialect,
+        types: dict[int, pl.DataType],
+        log: RejectLog,
+        in_file: Callable[[int], int] = int,
+    ) -> None:
+        """in_file: by row of the file's head, which row of the file it is."""
+        self._file, self._in_file = file, in_file
         self._dialect = dialect
         self._types = {name_of(index): types.get(index, pl.String()) for index in range(dialect.width)}
         self._columns = sorted(types)
@@ -210,7 +218,7 @@ class FrameReader:
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
         """All rows from the given one (counted from 0) on, with all columns: text holds them side by side."""
-        for rows in side_by_side(self._read, ahead(self._chunks_from(first_row))):
+        for rows in side_by_side(self._read, ahead(self._chunks_from(self._in_file(first_row)))):
             self._tell_faults(rows)
             yield rows
 
