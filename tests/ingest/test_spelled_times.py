@@ -248,6 +248,22 @@ def test_the_same_behind_date_and_clock_in_one(read: Read, mark: str) -> None:
     assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [500_000_000]
 
 
+@pytest.mark.parametrize("word", ["", "Data:,"])
+def test_the_same_below_lines_about_the_trend(read: Read, word: str) -> None:
+    names = f"{'Header:,' if word else ''}Date,Time,Program:Main.FIC1.PV,Program:Main.FIC1.CV\n"
+    about = "Controller Name:,L71\nTrend Name:,FIC1\nTrend Tags:,2\nSample Period:,500 ms\n"
+    rows = [f"{word}01/31/2024,{half_seconds(k)};{500 * (k % 2):03d},{k % 9}.5,{k % 7}.5" for k in range(60)]
+    loop = read(about + names + "\n".join(rows)).loops["Program:Main.FIC1"]
+    assert np.unique(np.diff(loop.time_ns)).tolist() == [500_000_000]
+    assert loop.op is not None
+
+
+def test_a_number_of_three_digits_behind_a_semicolon_is_no_part_of_a_time(read: Read) -> None:
+    content = read("\n".join(f"31.01.2024 06:00:{k:02d};250,{k % 7}" for k in range(60)), "FIC1.PV.csv")
+    assert content.loops["FIC1"].pv is not None
+    assert content.loops["FIC1"].pv[:3].tolist() == [250.0, 250.1, 250.2]
+
+
 def test_semicolons_between_fields_stay_delimiters(read: Read) -> None:
     rows = [f"31.01.2024 06:00:{k:02d};250;{k % 7},5" for k in range(60)]
     content = read("Time;FIC1.PV;FIC1.OP\n" + "\n".join(rows))

@@ -1,5 +1,6 @@
 """Exports: their blocks of signals or stretches of loops, what was refused, and what they hold."""
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
@@ -36,6 +37,7 @@ from app.nanoseconds import NS_PER_S
 CLOCKS_APART_NS = 15 * 60 * NS_PER_S
 """Of a historian and of this machine. Zones lie as far apart at least, but for what a file's last rows are old."""
 
+_OF_INTERVALS = re.compile(r"(?i)[\s_.(\[-](min|max|avg|ave|mean|minimum|maximum|average)[)\]]?$")
 SHARE_REPEATED = 0.1
 """Of the rows, above which times that run back and that no name tells are doubted."""
 
@@ -292,11 +294,7 @@ class TableExport(Export):
         notes += self._tally.no_data.notes()
         notes += self._tally.modes.notes()
         notes += self._tally.quality.notes()
-        loops = self._grouping.loops()
-        if not any(loop.pv or loop.op or loop.sp for loop in loops):
-            shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
-            unknown = f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"
-            notes.append(unknown if shown else "of its loops the file has the mode alone")
+        notes += self._notes_of_unknown_names()
         if second := self._grouping.second:
             pairs = list(second.items())[:5]
             shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
@@ -308,6 +306,22 @@ class TableExport(Export):
             shown = ", ".join(self._grouping.of_other_number[:5])
             notes.append(f"of another number than PV and OP, and not read as set point or mode: {shown}")
         return tuple(notes)
+
+    def _notes_of_unknown_names(self) -> list[str]:
+        """Where no loop has a signal but others."""
+        loops = self._grouping.loops()
+        if any(loop.pv or loop.op or loop.sp for loop in loops):
+            return []
+        shown = ", ".join([tag for loop in loops for tag in loop.others[:5]][:25])
+        if not shown:
+            return ["of its loops the file has the mode alone"]
+        notes = [f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"]
+        if any(_OF_INTERVALS.search(tag) for loop in loops for tag in loop.others):
+            notes.append(
+                "names end with Min, Max or Avg: such values are of intervals, in which sticking is not seen; needed are "
+                "the samples themselves (raw values)"
+            )
+        return notes
 
     def _notes_of_times(self) -> list[str]:
         """How the times of the rows stood to each other, and which rows have none."""

@@ -20,6 +20,7 @@ MOST_BLANK = 8
 _BLANK = "".join((*DELIMITERS, ' "\r'))
 _LEAST_NAMES = 3
 _TOLD_DELIMITER = re.compile(r"\s*\"?sep=.\"?\s*", re.IGNORECASE)  # to a spreadsheet; it names nothing
+_MILLISECONDS = re.compile(r"\d:\d\d;\d{3}(?!\d)\"?,")  # as Logix marks them where commas part the fields
 _STAMP = re.compile(r"\d\D+\d+\D+\d")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
@@ -148,6 +149,12 @@ def find_delimiter(lines: list[str]) -> str:
         share = times / len(data) if widths[delimiter] > 1 else 0.0
         if share > best_share + 0.2:
             best, best_share = delimiter, share
+    if (
+        best == ";"
+        and widths[","] > widths[best] == 2
+        and all(_MILLISECONDS.search(line) for line in data if ";" in line)
+    ):
+        return ","
     return "," if best in (";", "|") and _stands_in_fields(best, lines[0], widths) else best
 
 

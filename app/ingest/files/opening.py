@@ -40,6 +40,7 @@ _LEAST_WHOLE = 2  # letters to a byte that is none, in UTF-8 with some damage
 _LEAST_TEXT = 0.1  # of a file of text with holes
 _ZEROS = re.compile(rb"\0+")
 _OLD_OFFICE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+_DBASE = (b"\x03", b"\x30", b"\x83", b"\x8b", b"\xf5")
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\r\f\x1a"))
 
 
@@ -321,6 +322,19 @@ def _refuse_archive(first: bytes) -> None:
         )
     if first.startswith(_OLD_OFFICE):
         raise DataError("not_an_export", "this is a workbook of the old form (.xls): save it as .xlsx or CSV")
+    if _is_dbase(first):
+        raise DataError(
+            "not_an_export",
+            "this is a dBase table (.dbf), as recorders and RSTrendX write it: save it as CSV with the names of the "
+            "tags above their columns, which may stand in another file beside it",
+        )
+
+
+def _is_dbase(first: bytes) -> bool:
+    """A day in this century or the last, and descriptions of columns, 32 bytes each, that end with a return."""
+    month, day, width = first[2:3], first[3:4], int.from_bytes(first[8:10], "little")
+    dated = first[:1] in _DBASE and b"\1" <= month <= b"\x0c" and b"\1" <= day <= b"\x1f"
+    return dated and width > 32 and width % 32 in (1, 8) and first[width - 1 : width] in (b"\r", b"\0")
 
 
 def _refuse_binary(head: str) -> None:
