@@ -31,6 +31,7 @@ from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.tags.quality import Quality
 from app.ingest.tags.settling import family
+from app.ingest.times.half_clock import HalfClock
 from app.ingest.times.stamps import TimeReader
 
 NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
@@ -44,6 +45,7 @@ class LongTable:
     ) -> None:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._time = TimeReader(plan.form, options)
+        self._time.half_clock = HalfClock(by_tag=True)
         self._dates = DatesOnce(plan.time)
         self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good, plan.good_if_set)
         self._tag_type = pl.Categorical(pl.Categories.random())
@@ -52,7 +54,7 @@ class LongTable:
         # have been scanned.
         self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
         self._places: list[Place] = []
-        self._blocks = BlocksByTag(self._places, self._time.wall_zone, plan.form.resolution_ns, log, tally)
+        self._blocks = BlocksByTag(self._places, self._time, log, tally)
         self._loops: list[int] = []  # by code
         self._number_of_loop = NumberOfLoop()
         self._modes = np.zeros(0, dtype=bool)
@@ -105,7 +107,6 @@ class LongTable:
             self._tally.units = self._units()
             self._tally.in_other_order = self._time.in_other_order
             self._tally.without_date = self._dates.carried
-            self._tally.lacks_half = self._time.half_clock.lacks_half
             self._tally.modes.settle(self._log)
             last = [as_piece(joined(batch))] if any(map(len, batch)) else []
             if spill is None:

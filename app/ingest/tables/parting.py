@@ -14,16 +14,17 @@ from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Place
 from app.ingest.times.doubled_hour import hours_apart
 from app.ingest.times.order import in_order, last_of_repeats, runs_back
+from app.ingest.times.stamps import TimeReader, from_utc
 
 MOST_CODES = 1 << 16
 
 
 class BlocksByTag:
-    """`places`, by the code of a tag, grow while rows are gathered. zone: of the clock that times were read from.
-    resolution_ns: the smallest step that their writing can show."""
+    """`places`, by the code of a tag, grow while rows are gathered. times: as they were read."""
 
-    def __init__(self, places: list[Place], zone: str, resolution_ns: int, log: RejectLog, tally: Tally) -> None:
-        self._places, self._zone, self._resolution_ns = places, zone, resolution_ns
+    def __init__(self, places: list[Place], times: TimeReader, log: RejectLog, tally: Tally) -> None:
+        self._places, self._zone, self._resolution_ns = places, times.wall_zone, times.form.resolution_ns
+        self._half_clock = times.half_clock
         self._log, self._tally = log, tally
 
     def parted(self, pieces: Sequence[Piece]) -> Iterator[SignalBlock]:
@@ -60,11 +61,13 @@ class BlocksByTag:
             part = slice(int(bounds[code]), int(bounds[code + 1]))
             place = self._places[code]
             if odd[code]:
+                self._half_clock.look_on(from_utc(time_ns[part], self._zone))
                 times = self._spread(time_ns[part]) if differ else time_ns[part]
                 yield self._block(place, times, values[part], lines[part])
             else:
                 self._tally.turns.saw(time_ns[part], self._zone, of_tag=True)
                 yield self._signal(place, time_ns[part], values[part])
+        self._tally.lacks_half = self._half_clock.lacks_half
 
     def _odd_tags(
         self, codes: NDArray[np.uint32], time_ns: TimeArray, values: FloatArray, counts: NDArray[np.int64]
