@@ -213,3 +213,10 @@ def test_a_unit_behind_the_value_stays_in_its_name(read: Read) -> None:
     assert [(loop.loop, loop.pv, loop.op) for loop in content.summary.loops] == [
         ("FIC1", "FIC1.PV (t/h)", "FIC1.OP (%)")
     ]
+
+
+@pytest.mark.parametrize("above", ["X axis", "Uhrzeit X-Achse", "Sampled"])
+def test_what_stands_above_each_of_the_times_is_no_tag(read: Read, above: str) -> None:
+    content = read(table(f"{above},A.PV,{above},A.OP", "{t},{i}.5,{u},{i}"))
+    loop = content.loops["A"]
+    assert (loop.pv is not None, loop.op is not None) == (True, True)

@@ -35,7 +35,7 @@ def notes_of(content: Content, word: str) -> list[str]:
     return [note for note in content.summary.notes if word in note]
 
 
-@pytest.mark.parametrize("name", ["Millitm", "Milliseconds", "MSec", "ms", "Millisekunden"])
+@pytest.mark.parametrize("name", ["Millitm", "Milliseconds", "MSec", "MSeconds", "ms", "Millisekunden"])
 def test_milliseconds_beside_the_time_of_a_wide_file(read: Read, name: str) -> None:
     content = read(wide(f"Time,{name},FIC1.PV,FIC1.OP", lambda k: f"{500 * (k % 2):03d}"))
     assert list(content.loops) == ["FIC1"]

@@ -23,7 +23,7 @@ from app.nanoseconds import NS_PER_S
 _NS_PER_MS, _NS_PER_US = 1_000_000, 1_000
 _MILLISECONDS = (
     *("millitm", "milli", "millis", "millisec", "millisecs", "millisecond", "milliseconds", "milisecond"),
-    *("miliseconds", "msec", "msecs", "millisekunde", "millisekunden", "milliseconde", "millisecondes"),
+    *("miliseconds", "msec", "msecs", "mseconds", "millisekunde", "millisekunden", "milliseconde", "millisecondes"),
     *("milisegundo", "milisegundos", "毫秒"),
 )
 _MICROSECONDS = ("usec", "usecs", "micros", "microsec", "microsecs", "microsecond", "microseconds")

@@ -17,7 +17,7 @@ TAG_NAMES = frozenset(
     (
         *("tag", "tagname", "name", "point", "pointname", "tagpath", "path", "item", "itemid", "signal"),
         *("wwtagname", "tagid", "tagindex", "pointid", "variable", "series", "datasource", "messstelle"),
-        *("varname", "nodeid", "etiqueta"),
+        *("varname", "nodeid", "etiqueta", "valueid", "fullname"),
     )
 )
 VALUE_NAMES = (
@@ -39,6 +39,7 @@ VALUE_NAMES = (
     "medida",
     "测量值",
     "realvalue",
+    "valueasreal",
 )
 QUALITY_NAMES = (
     "opcquality",
@@ -60,6 +61,7 @@ QUALITY_NAMES = (
     "qualitaet",
     "qualite",
     "calidad",
+    "qualitydesc",
 )
 SKIPPED_NAMES = frozenset(("id", "index", "row", "rowid", "ndx", "unnamed0", ""))
 _ROW_NAMES = frozenset(("#", "no", "nr", "n°", "nº", "№", "lfd.nr", "id", "row", "rowid", "ndx"))

@@ -150,9 +150,19 @@ def _tags(titles: Rows, columns: list[tuple[int, int]]) -> dict[int, str]:
 
     Titles and descriptions may stand above the row of tags, which is the one that reads most as such; the others tell
     what it leaves open."""
-    rows = [{value: _name_in(row, time, value) for time, value in columns} for row in titles]
+    rows = [{value: _name_in(_without_repeats(row, columns), time, value) for time, value in columns} for row in titles]
     rows.sort(key=_reads_as_tags, reverse=True)
     return {value: next((row[value] for row in rows if row[value]), "") for _, value in columns}
+
+
+def _without_repeats(row: tuple[str, ...], columns: list[tuple[int, int]]) -> tuple[str, ...]:
+    """A row without what stands above each of several times, as X axis: names above their values tell these apart."""
+    times = {time for time, _ in columns}
+    above = {row[time] for time in times if time < len(row)}
+    values = {row[value] for _, value in columns if value < len(row)}
+    if len(times) < 2 or len(above) > 1 or len(values - above - {""}) < len(columns):
+        return row
+    return tuple("" if column in times else name for column, name in enumerate(row))
 
 
 def _name_in(row: tuple[str, ...], time: int, value: int) -> str:

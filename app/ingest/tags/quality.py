@@ -36,6 +36,8 @@ _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_LOCAL_OVERRIDE, OPC_UNCERTAIN = 192.0, 216.0, 64.0
 PROFIBUS_GOOD = 128.0  # below OPC's good ones, which leaves these out; WinCC has them
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
+_BAD_OF_IGNITION = frozenset((300, 301, 310, 311, 312, 330, 340, 403, 404, 405, 410, 500, 600, 900, 901, 902, 1000))
+"""Of which the lowest byte tells nothing: 410 is a disabled tag, 500 a stale value."""
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
 _SHOWN = 3
@@ -128,6 +130,8 @@ class Quality:
             return number != self._good
         if number == self._good:
             return False
+        if number in _BAD_OF_IGNITION:
+            return True
         return self._judge_byte(number if number <= OPC_MOST else float(int(number) & 0xFF))
 
     def _judge_byte(self, number: float) -> bool:
