@@ -270,3 +270,24 @@ def test_semicolons_between_fields_stay_delimiters(read: Read) -> None:
     assert content.loops["FIC1"].pv is not None
     assert set(content.loops["FIC1"].pv.tolist()) == {250.0}
     assert np.unique(np.diff(content.loops["FIC1"].time_ns)).tolist() == [1_000_000_000]
+
+
+def hours_apart(tag: str, hours: list[int]) -> list[str]:
+    """Rows of a tag with a column of hours, every ten minutes."""
+    return [f"FIC1.{tag},01/31/2024,{hour},{minute},{minute / 10}" for hour in hours for minute in range(0, 60, 10)]
+
+
+@pytest.mark.parametrize("hours", [list(range(1, 13)), list(range(12, 0, -1))])
+def test_another_tag_that_begins_again_tells_nothing_of_am_and_pm(read: Read, hours: list[int]) -> None:
+    rows = [row for tag in ("PV", "OP", "SP") for row in hours_apart(tag, hours)]
+    content = read("tag,date,hour,minute,value\n" + "\n".join(rows))
+    assert content.loops["FIC1"].samples == 72
+    assert not [note for note in content.summary.notes if "AM from PM" in note]
+
+
+@pytest.mark.parametrize("buffered_values", [12_000_000, 300])
+def test_hours_of_a_tag_that_begin_again_do_so(read: Read, buffered_values: int) -> None:
+    rows = [row for tag in ("PV", "OP", "SP") for row in hours_apart(tag, [12, *range(1, 13), *range(1, 12)])]
+    options = IngestOptions(buffered_values=buffered_values, chunk_bytes=1_000)
+    with pytest.raises(DataError, match="nothing tells AM from PM; needed are hours from 0 to 23"):
+        read("tag,date,hour,minute,value\n" + "\n".join(rows), options=options)

@@ -318,8 +318,8 @@ class TableExport(Export):
         notes = [f"no tag is named like PV, OP or SP of a loop, a mapping can say it; here is {shown}"]
         if any(_OF_INTERVALS.search(tag) for loop in loops for tag in loop.others):
             notes.append(
-                "names end with Min, Max or Avg: such values are of intervals, in which sticking is not seen; needed are "
-                "the samples themselves (raw values)"
+                "names end with Min, Max or Avg: such values are of intervals, in which sticking is not seen; needed "
+                "are the samples themselves (raw values)"
             )
         return notes
 

@@ -3,6 +3,7 @@
 A new layout is a new file with a function `sniff(head, options) -> Plan | None` and a line here.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -21,7 +22,7 @@ from app.ingest.columns.row_ends import with_ends
 from app.ingest.columns.state_column import with_state_column
 from app.ingest.columns.time_names import time_columns
 from app.ingest.columns.unit_column import with_unit_column
-from app.ingest.files.head import PREAMBLE_ROWS, Head
+from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.layouts import (
     aveva,
     dcs_tab,
@@ -41,6 +42,8 @@ from app.ingest.layouts import (
 )
 from app.ingest.model import IngestOptions
 
+_CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?")
+_FEWEST_WORDS = 3  # a time and two signals
 Every = Callable[[Sequence[int]], Sequence[tuple[str, ...]]]
 Sniff = Callable[[Head, IngestOptions], Plan | None]
 
@@ -134,6 +137,12 @@ class NotRecognised(DataError):
 
 def not_recognised(head: Head) -> NotRecognised:
     at = next((index for index, row in enumerate(head.rows[:PREAMBLE_ROWS]) if _are_names(row)), None)
+    if at is None and _parted_by_blanks(head):
+        return NotRecognised(
+            "the fields of a row are parted by blanks alone, which is not read; needed are commas, semicolons or tabs "
+            "between them",
+            named=False,
+        )
     if at is None:
         return NotRecognised(
             "no column of times with signals beside it was found; needed is a row of names with time, PV and OP "
@@ -152,7 +161,16 @@ def not_recognised(head: Head) -> NotRecognised:
             f"those above the first one that has, {below[0][:60]!r}",
             named=True,
         )
+    if below and all(map(_CLOCK.fullmatch, below)):
+        shown += ", a clock without a date; needed is the date beside it, in a column of its own too"
     return NotRecognised(f"below the names {listed} no row has a time that can be read; {shown}", named=True)
+
+
+def _parted_by_blanks(head: Head) -> bool:
+    """Whether most lines are one field, of several words that end with numbers."""
+    lines = [row[0].split() for row in head.rows if any(row) and not any(row[1:])]
+    numbers = sum(len(words) >= _FEWEST_WORDS and all(map(is_number, words[-2:])) for words in lines)
+    return 2 * numbers > sum(any(row) for row in head.rows)
 
 
 def _are_names(row: tuple[str, ...]) -> bool:
