@@ -136,3 +136,12 @@ def test_rows_that_cannot_be_parted_are_told_once(read: Read) -> None:
     rows[400] = "FIC101.PV,2024,3,bar,5,6"
     content = same_content(read, "\n".join(("tag,time,value,unit", *rows)) + "\n")
     assert content.rejects.counts == {"unbalanced_quote": 1, "ragged_row": 1}
+
+
+def test_notes_name_tags_in_their_order_wherever_odd_numbers_stand(read: Read) -> None:
+    def odd(k: int, first: int) -> str:
+        return f"{k % 9}.5 °C" if k >= first else f"{k % 9}.5"
+
+    rows = (f"{stamp(k)},{odd(k, 500)},{odd(k, 300)},{odd(k, 5)}" for k in range(600))
+    content = same_content(read, wide(*rows))
+    assert any("°C (FIC101.PV, FIC101.OP, FIC101.SP)" in note for note in content.summary.notes)

@@ -214,7 +214,7 @@ class TableExport(Export):
 
     def doubts(self) -> tuple[str, ...]:
         """How numbers were read whose writing is in doubt."""
-        return tuple(self._tally.writing.doubts())
+        return tuple(self._tally.writing.doubts(self.tags()))
 
     def times_assumed(self) -> tuple[str, ...]:
         told = self._plan.times_assumed if isinstance(self._plan, WidePlan) else ""
@@ -284,7 +284,7 @@ class TableExport(Export):
         notes = [*self._source.notes, *self._plan.notes, *self._plan.form.notes, *self._times_in_doubt()]
         notes += self._notes_of_times()
         notes += self._ahead_of_clock()
-        notes += self._tally.writing.notes()
+        notes += self._tally.writing.notes(self.tags())
         notes += self._scale_jumps.notes()
         if self._tally.wordy:
             shown = ", ".join(tag[:80] for tag in self._tally.wordy[:5]) + (

@@ -5,7 +5,7 @@ thousand.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 import polars as pl
@@ -96,11 +96,11 @@ class DoubtfulMarks:
         """The tags whose marks were read so as the file tells."""
         return [tag for tag, meant in self._as_file.items() if meant in found]
 
-    def told(self) -> str:
-        """What was read as what; nothing where no mark was in doubt."""
+    def told(self, order: Sequence[str] = ()) -> str:
+        """What was read as what; nothing where no mark was in doubt. order: that of the tags."""
         words = {"decimals": "read as decimals", "thousands": "read as thousands", "": "refused"}
         found_of = self._as_file | dict.fromkeys(sorted(self.changing), "") | self._of
-        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(found_of).items())
+        return "; ".join(f"{words[found]}: {tags}" for found, tags in tags_by(found_of, order).items())
 
 
 def _without_codes(doubtful: pl.DataFrame, beside: pl.DataFrame) -> pl.DataFrame:

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import polars as pl
@@ -65,8 +65,8 @@ class UnitsOfTags:
             for tag, unit in found.unique("tag", maintain_order=True).iter_rows():
                 self._shortened.setdefault(tag, unit)
 
-    def notes(self) -> list[str]:
-        """The units and some of the tags that have them, and those that were refused."""
+    def notes(self, order: Sequence[str] = ()) -> list[str]:
+        """The units and some of the tags that have them, and those that were refused. order: that of the tags."""
         told = {
             "numbers have their unit behind them, and were read where it is the one of their tag": self.of,
             "numbers are in another unit than most of their tag, and were refused": self._others,
@@ -74,11 +74,11 @@ class UnitsOfTags:
                 self._shortened
             ),
         }
-        return [f"{what}: {_shown(units)}" for what, units in told.items() if units]
+        return [f"{what}: {_shown(units, order)}" for what, units in told.items() if units]
 
 
-def _shown(units: Mapping[str, str]) -> str:
-    return "; ".join(f"{unit} ({tags})" for unit, tags in tags_by(units).items())
+def _shown(units: Mapping[str, str], order: Sequence[str]) -> str:
+    return "; ".join(f"{unit} ({tags})" for unit, tags in tags_by(units, order).items())
 
 
 def is_unit(text: str) -> bool:

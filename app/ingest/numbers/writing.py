@@ -1,6 +1,6 @@
 """How a file writes numbers that are not plain: what stands between their thousands, and the units behind them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import polars as pl
@@ -190,20 +190,20 @@ class Writing:
             texts = texts.zip_with(~parted, texts.str.replace_all(MARKED, ""))
         return texts.set(in_doubt & tags.is_in(meant[""]), None) if meant[""] else texts
 
-    def notes(self) -> list[str]:
-        """What is to be said of how numbers were read."""
-        return [*self.units.notes(), *self.doubts()]
+    def notes(self, order: Sequence[str] = ()) -> list[str]:
+        """What is to be said of how numbers were read. order: that of the tags."""
+        return [*self.units.notes(order), *self.doubts(order)]
 
-    def doubts(self) -> list[str]:
+    def doubts(self, order: Sequence[str] = ()) -> list[str]:
         """What is to be said of numbers that may be read in two ways."""
         told = {
-            "decimals are written in two ways, and were read as each tag writes them": self._styles(),
-            "the mark of numbers such as 1,000 may part thousands or decimals": self.marks.told(),
+            "decimals are written in two ways, and were read as each tag writes them": self._styles(order),
+            "the mark of numbers such as 1,000 may part thousands or decimals": self.marks.told(order),
         }
         return [f"{what}: {tags}" for what, tags in told.items() if tags]
 
-    def _styles(self) -> str:
-        own = "; ".join(f"{_STYLES[mark]}: {tags}" for mark, tags in tags_by(self.own).items())
+    def _styles(self, order: Sequence[str]) -> str:
+        own = "; ".join(f"{_STYLES[mark]}: {tags}" for mark, tags in tags_by(self.own, order).items())
         return f"{own}; in the others {_STYLES[self.thousands]}" if own and self.thousands else own
 
 
