@@ -26,14 +26,15 @@ class StateWords:
 
     def see(self, states: pl.Series, codes: Codes, numbers: FloatArray) -> None:
         """(n,) of rows; numbers: NaN where none could be read."""
-        words = _stripped(states)
+        given = np.flatnonzero(states.is_not_null().to_numpy())
+        words = _stripped(states[given])
         told = _are_words(words)
+        words, at = words.filter(pl.Series(told)), given[told]
         self._rows = _added(self._rows, np.bincount(codes))
-        self._with_words = _added(self._with_words, np.bincount(codes, weights=told))
-        at = np.flatnonzero(told & ~np.isnan(numbers))
+        self._with_words = _added(self._with_words, np.bincount(codes[at], minlength=len(self._rows)))
         if len(at):
-            more = pl.DataFrame({"tag": codes[at], "word": words[at], "number": numbers[at]})
-            self._beside = _first_ones(pl.concat((self._beside, more)))
+            more = pl.DataFrame({"tag": codes[at], "word": words, "number": numbers[at]})
+            self._beside = _first_ones(pl.concat((self._beside, more.filter(pl.col("number").is_not_nan()))))
 
     def for_values(
         self, states: pl.Series, codes: Codes, modes: NDArray[np.bool_], empty: NDArray[np.bool_]
@@ -42,12 +43,15 @@ class StateWords:
         the states of a list that the file does not have; those beside which no number is; and those that a tag has in
         few rows, which say why it has no value, whatever number they have: none that begin with a number, as 1,059.4
         t/h, nor alarms and remarks, beside which the numbers go on. empty: (n,) without a number."""
-        words = _stripped(states)
+        given = np.flatnonzero(states.is_not_null().to_numpy())
+        words, of_tag, empty, modes = _stripped(states[given]), codes[given], empty[given], modes[given]
         told = _are_words(words)
-        few = told & (self._with_words < _FEW * self._rows)[codes] & ~_begin_with_a_number(words)
+        few = told & (self._with_words < _FEW * self._rows)[of_tag] & ~_begin_with_a_number(words)
         why = few & ~self._stand_beside_moving(words, few & ~empty & ~modes)
-        taken = pl.Series(told & (modes | empty | why))
-        return pl.select(pl.when(taken).then(words)).to_series()
+        taken = told & (modes | empty | why)
+        return pl.repeat(None, len(states), dtype=pl.String, eager=True).scatter(
+            given[taken], words.filter(pl.Series(taken))
+        )
 
     def _stand_beside_moving(self, words: pl.Series, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(n,) whether the numbers of some tag move beside the word of a row: beside a state stands one of each, that
