@@ -96,6 +96,8 @@ def is_blank(line: str) -> bool:
 def _without_long_blanks(lines: list[str]) -> tuple[list[str], tuple[tuple[int, int], ...]]:
     """Lines, at most as many blank ones behind each other as a preamble may have, and before which of them there were
     how many more."""
+    if sum(map(is_blank, lines[:HEAD_ROWS])) <= MOST_BLANK:
+        return lines, ()  # as nearly all files
     kept: list[str] = []
     blanks: list[tuple[int, int]] = []
     for blank, run in groupby(lines, is_blank):
