@@ -285,3 +285,20 @@ def test_a_town_is_no_quality(read: Read, names: str) -> None:
     rows = rows.replace("A.", "A,") if names.startswith("Loop") else rows
     content = read(f"{names}\n{rows}" if names else rows)
     assert not content.rejects.counts
+
+
+@pytest.mark.parametrize("ending", [".Q", "_Q", ".QUAL", "_ST", "/sts", " Stat"])
+@pytest.mark.parametrize(("good", "bad"), [("192", "24"), ("GOOD", "BAD"), ("Good", "Bad - No Data"), ("G", "B")])
+def test_a_short_ending_names_a_quality_where_one_stands_there(read: Read, ending: str, good: str, bad: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{bad if i == 7 else good},{i % 9},{good}" for i in range(60))
+    content = read(f"Time,A.PV,A.PV{ending},A.OP,A.OP{ending}\n" + "\n".join(rows))
+    assert content.rejects.counts == {"bad_quality": 1}
+    assert content.loops.keys() == {"A"}
+
+
+@pytest.mark.parametrize("state", ["1", "RUN", "12.5", "128", "0"])
+def test_a_short_ending_may_be_that_of_a_signal(read: Read, state: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{state},{i % 9},{state}" for i in range(60))
+    content = read("Time,A.PV,A.PV_ST,A.OP,A.OP_ST\n" + "\n".join(rows))
+    assert content.rejects.total == 0
+    assert np.isfinite(content.loops["A"].pv).all()

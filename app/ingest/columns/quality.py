@@ -7,10 +7,12 @@ from dataclasses import replace
 from app.ingest.columns.plans import ValueColumn
 from app.ingest.files.head import Head
 from app.ingest.tags.grouping import spelled_out
-from app.ingest.tags.quality import tells_quality
+from app.ingest.tags.quality import tell_quality_for_sure, tells_quality
 
 _WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isvalid|qstatus|qualitaet|qualite|calidad"
 _ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
+_SHORT_ENDING = re.compile(r"(.+?)[_. \-#:/](q|qc|qual|qlty|st|sts|stat)", re.IGNORECASE)
+"""Of what may be anything else, too: what stands in the columns tells."""
 _VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
 
 
@@ -24,7 +26,7 @@ def with_quality(
     """Values beside what judges them. `FIC101.PV_Quality`, `FIC101.PV Status` and `X.Quality` with `X.Value` name it;
     a column called Quality or Status alone, if it holds qualities, judges the columns left of it up to the one before,
     or all where nothing is left of it."""
-    judged = _by_name(names, values)
+    judged = _by_name(head, names, first_row, values)
     used = set(judged.values())
     general = [
         index
@@ -37,11 +39,11 @@ def with_quality(
     )
 
 
-def _by_name(names: tuple[str, ...], values: tuple[ValueColumn, ...]) -> dict[int, int]:
+def _by_name(head: Head, names: tuple[str, ...], first_row: int, values: tuple[ValueColumn, ...]) -> dict[int, int]:
     judging: dict[str, int] = {}
     for index, name in enumerate(names):
-        found = _ENDING.fullmatch(spelled_out(name))
-        if found:
+        found = _ENDING.fullmatch(spelled_out(name)) or _SHORT_ENDING.fullmatch(name)
+        if found and (found.re is _ENDING or tell_quality_for_sure(head.column(index, first_row))):
             judging.setdefault(found[1].casefold(), index)
     if not judging:
         return {}
