@@ -5,7 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from app.errors import DataError
 from app.ingest import IngestOptions
+from app.ingest.tables.beside_values import BesideValues
+from app.ingest.tables.cells import Cells
 
 from .conftest import Read
 
@@ -71,3 +74,18 @@ def test_loops_and_words_in_two_columns(read: Read) -> None:
     content = read("\n".join(("Element,Attribute,Timestamp,Value,UOM", *lines)) + "\n")
     assert np.flatnonzero(np.isnan(content.loops["TIC1"].pv)).tolist() == list(range(400, 600))
     assert dict(content.rejects.counts) == {"other_unit": 200}
+
+
+@pytest.mark.parametrize("column", ["UOM", "svalue"])
+def test_a_file_of_too_many_tags_is_left_where_they_are_too_many(
+    read: Read, monkeypatch: pytest.MonkeyPatch, column: str
+) -> None:
+    """And not gone through to its end first, with something kept of each tag."""
+    seen: list[Cells] = []
+    see = BesideValues.see
+    monkeypatch.setattr(BesideValues, "see", lambda self, cells: (seen.append(cells), see(self, cells))[1])
+    rows = "".join(f"L{k}.PV,{STAMPS[k]},{k},bar\n" for k in range(600))
+    with pytest.raises(DataError) as refused:
+        read(f"Tag,Time,Value,{column}\n{rows}", options=IngestOptions(chunk_bytes=3000, max_signals=200))
+    assert refused.value.code == "too_many_tags"
+    assert 0 < sum(cells.rows.height for cells in seen) <= 200

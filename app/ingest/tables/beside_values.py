@@ -12,6 +12,7 @@ from app.ingest.tables.state_words import StateWords
 from app.ingest.tables.unit_column import UnitColumn
 
 Where = NDArray[np.bool_]
+Named = slice | NDArray[np.int64]
 
 
 class BesideValues:
@@ -27,7 +28,9 @@ class BesideValues:
 
     def see(self, cells: Cells) -> None:
         found = cells.numbers()
-        named = np.flatnonzero(cells.tags.is_not_null().to_numpy())  # blank lines are of no tag
+        named: Named = slice(None)
+        if cells.tags.null_count():  # blank lines are of no tag
+            named = np.flatnonzero(cells.tags.is_not_null().to_numpy())
         numbers = np.where(found.missing[:, 0], np.nan, found.values[:, 0])[named]
         codes = cells.codes()[named]
         if self._state is not None:

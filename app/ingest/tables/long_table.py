@@ -124,7 +124,12 @@ class LongTable:
         """What stands beside values is judged by all rows of their tags: these are gone through once before."""
         for rows in reader.rows(self._plan.first_row) if self._beside.asked else ():
             for cells in self._cells(rows, reader):
+                if int(cells.codes().max(initial=0)) >= self._options.max_signals:
+                    raise self._too_many_tags()
                 self._beside.see(cells)
+
+    def _too_many_tags(self) -> DataError:
+        return DataError("too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts")
 
     def _cells(self, rows: Rows, reader: RowReader) -> Iterator[Cells]:
         yield Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
@@ -296,9 +301,7 @@ class LongTable:
         if number is not None:
             return number
         if self._grouping.tags >= self._options.max_signals:
-            raise DataError(
-                "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
-            )
+            raise self._too_many_tags()
         number = self._number_of[tag] = len(self._places)
         self._new_tags.append(tag)
         self._places.append(self._grouping.place(tag) if len(tag) <= self._options.max_name else NOWHERE)

@@ -1,7 +1,5 @@
 """Units that stand beside the values of a long table, row by row."""
 
-from collections import Counter
-
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -21,7 +19,7 @@ class UnitColumn:
     def __init__(self) -> None:
         self._written: list[str] = []  # by number of the unit, as it came first
         self._number_of: dict[str, int] = {}
-        self._times: dict[int, Counter[int]] = {}  # by tag, of its units in the order in which they came
+        self._times = pl.DataFrame(schema={"tag": pl.UInt32, "unit": pl.Int64, "times": pl.UInt32})  # as they came
         self._of_tag = np.zeros(0, dtype=np.int64)
 
     def of(self, tag: int) -> str:
@@ -32,16 +30,14 @@ class UnitColumn:
     def see(self, texts: pl.Series, tags: Codes, kept: Where) -> None:
         """texts (n,), tags (n,) of rows; kept (n,): those that count."""
         units = self._numbers(texts)
-        self._room_for(tags)
         told = kept & (units != UNKNOWN)
-        pairs, first, times = np.unique(
-            np.stack((tags[told].astype(np.int64), units[told])), axis=1, return_index=True, return_counts=True
-        )
-        for at in np.argsort(first):
-            tag, unit = int(pairs[0, at]), int(pairs[1, at])
-            self._times.setdefault(tag, Counter())[unit] += int(times[at])
-        for tag in np.unique(pairs[0]).tolist():
-            ((self._of_tag[tag], _),) = self._times[tag].most_common(1)
+        more = pl.DataFrame({"tag": tags[told], "unit": units[told]})
+        more = more.group_by("tag", "unit", maintain_order=True).agg(pl.len().alias("times"))
+        both = pl.concat((self._times, more)).group_by("tag", "unit", maintain_order=True)
+        self._times = both.agg(pl.col("times").sum())
+        self._room_for(tags)
+        most = self._times.sort("times", descending=True, maintain_order=True).unique("tag", keep="first")
+        self._of_tag[most["tag"].to_numpy()] = most["unit"].to_numpy()
 
     def in_others(self, texts: pl.Series, tags: Codes, kept: Where) -> Where:
         """(n,) whether a row's unit is another one than its tag's."""
