@@ -302,3 +302,33 @@ def test_a_short_ending_may_be_that_of_a_signal(read: Read, state: str) -> None:
     content = read("Time,A.PV,A.PV_ST,A.OP,A.OP_ST\n" + "\n".join(rows))
     assert content.rejects.total == 0
     assert np.isfinite(content.loops["A"].pv).all()
+
+
+CODES_OF_ANOTHER = [("500", "340"), ("1000", "403"), ("500", "1"), ("500", "500")]
+
+
+@pytest.mark.parametrize(("usual", "odd"), CODES_OF_ANOTHER)
+@pytest.mark.parametrize("name", ["Quality", "Status", "A.PV_Status"])
+def test_codes_of_ignition_are_others_where_no_good_one_of_it_stands(
+    read: Read, name: str, usual: str, odd: str
+) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{odd if i == 7 else usual},{i % 9}" for i in range(60))
+    content = read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))
+    assert content.rejects.counts.get("bad_quality", 0) <= 1
+    rows = (
+        f"A.{tag},2026-03-01 00:{i:02d}:00,{i},{odd if i == 7 else usual}" for i in range(60) for tag in ("PV", "OP")
+    )
+    content = read(f"tag,time,value,{'status' if name == 'Status' else 'quality'}\n" + "\n".join(rows))
+    assert content.rejects.counts.get("bad_quality", 0) <= 2
+
+
+@pytest.mark.parametrize("usual", ["192", "200", "216"])
+def test_they_are_those_of_ignition_beside_its_good_ones(read: Read, usual: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{500 if i % 3 else usual},{i % 9}" for i in range(60))
+    assert read("Time,A.PV,Quality,A.OP\n" + "\n".join(rows)).rejects.counts == {"bad_quality": 40}
+
+
+def test_integers_near_the_good_ones_are_no_qualities_where_they_are_many(read: Read) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{192 + i % 20},{i % 9},{192 + i % 20}" for i in range(60))
+    content = read("Time,A,A_Q,B,B_Q\n" + "\n".join(rows))
+    assert {"A_Q", "B_Q"} <= {tag for loop in content.summary.loops for tag in loop.others}

@@ -13,6 +13,7 @@ _WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isval
 _ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
 _SHORT_ENDING = re.compile(r"(.+?)[_. \-#:/](q|qc|qual|qlty|st|sts|stat)", re.IGNORECASE)
 """Of what may be anything else, too: what stands in the columns tells."""
+_MOST_QUALITIES = 8
 _VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
 
 
@@ -39,11 +40,16 @@ def with_quality(
     )
 
 
+def _are_qualities(fields: list[str]) -> bool:
+    """Whether a column holds them for sure, and so few different ones as a tag has."""
+    return len(set(fields)) <= _MOST_QUALITIES and tell_quality_for_sure(fields)
+
+
 def _by_name(head: Head, names: tuple[str, ...], first_row: int, values: tuple[ValueColumn, ...]) -> dict[int, int]:
     judging: dict[str, int] = {}
     for index, name in enumerate(names):
         found = _ENDING.fullmatch(spelled_out(name)) or _SHORT_ENDING.fullmatch(name)
-        if found and (found.re is _ENDING or tell_quality_for_sure(head.column(index, first_row))):
+        if found and (found.re is _ENDING or _are_qualities(head.column(index, first_row))):
             judging.setdefault(found[1].casefold(), index)
     if not judging:
         return {}

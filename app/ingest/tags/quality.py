@@ -35,9 +35,11 @@ _SHORT_BAD = frozenset(("b", "nok", "notok", "ng", "err", "error", "fail", "fail
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_LOCAL_OVERRIDE, OPC_UNCERTAIN = 192.0, 216.0, 64.0
 PROFIBUS_GOOD = 128.0  # below OPC's good ones, which leaves these out; WinCC has them
+_BEHIND_OPC = OPC_GOOD + 28  # none has a meaning behind 219
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
 _BAD_OF_IGNITION = frozenset((300, 301, 310, 311, 312, 330, 340, 403, 404, 405, 410, 500, 600, 900, 901, 902, 1000))
-"""Of which the lowest byte tells nothing: 410 is a disabled tag, 500 a stale value."""
+"""Of which the lowest byte tells nothing: 410 is a disabled tag, 500 a stale value. They are others where no good one
+of OPC's stands: 500 may be the good one of another system."""
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
 _SHOWN = 3
@@ -56,6 +58,7 @@ class Quality:
         self._drop_uncertain, self._good_if_set = drop_uncertain, good_if_set
         self._told = zero_is_good is not None
         self._good = 0.0 if zero_is_good else 1.0  # beside numbers of OPC, if there are any
+        self._with_good_of_opc = zero_is_good is False
         self._ua = False  # numbers are those of OPC UA, whose low bits say nothing of good and bad
         self._chosen = False
         self._numbers: Counter[float] = Counter()
@@ -67,6 +70,7 @@ class Quality:
         counts = _counted(texts, weights)
         if not self._told:
             self._learn_numbers(counts)
+        self._with_good_of_opc = self._with_good_of_opc or any(map(_is_good_of_opc, counts))
         for text, times in counts.items():
             bad = self.is_bad(text)
             self._judged[bad] += times
@@ -130,7 +134,7 @@ class Quality:
             return number != self._good
         if number == self._good:
             return False
-        if number in _BAD_OF_IGNITION:
+        if self._with_good_of_opc and number in _BAD_OF_IGNITION:
             return True
         return self._judge_byte(number if number <= OPC_MOST else float(int(number) & 0xFF))
 
@@ -180,8 +184,13 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
 
 
 def _is_of_opc(number: float) -> bool:
-    """Good, uncertain or bad, with why, and at which limit: none has a meaning behind 219."""
-    return number == int(number) and 0 <= number < OPC_GOOD + 28 and int(number) & 0xC0 != 0x80
+    """Good, uncertain or bad, with why, and at which limit."""
+    return number == int(number) and 0 <= number < _BEHIND_OPC and int(number) & 0xC0 != 0x80
+
+
+def _is_good_of_opc(text: str) -> bool:
+    number = _number(text)
+    return number is not None and OPC_GOOD <= number < _BEHIND_OPC
 
 
 def holds_quality_words(fields: list[str]) -> bool:
