@@ -291,3 +291,12 @@ def test_hours_of_a_tag_that_begin_again_do_so(read: Read, buffered_values: int)
     options = IngestOptions(buffered_values=buffered_values, chunk_bytes=1_000)
     with pytest.raises(DataError, match="nothing tells AM from PM; needed are hours from 0 to 23"):
         read("tag,date,hour,minute,value\n" + "\n".join(rows), options=options)
+
+
+@pytest.mark.parametrize("day", ["Jan 31, 2024", "1/31/2024,"])
+def test_a_day_with_a_comma_before_a_value_with_one(read: Read, day: str) -> None:
+    """`06:00:00;415,5` is no clock with milliseconds there."""
+    rows = [f"{day} 06:00:{k:02d};{400 + k},5" for k in range(60)]
+    content = read("Time;FIC1.PV\n" + "\n".join(rows))
+    assert content.loops["FIC1"].pv is not None
+    assert content.loops["FIC1"].pv[:2].tolist() == [400.5, 401.5]

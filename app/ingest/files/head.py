@@ -20,7 +20,7 @@ MOST_BLANK = 8
 _BLANK = "".join((*DELIMITERS, ' "\r'))
 _LEAST_NAMES = 3
 _TOLD_DELIMITER = re.compile(r"\s*\"?sep=.\"?\s*", re.IGNORECASE)  # to a spreadsheet; it names nothing
-_MILLISECONDS = re.compile(r"\d:\d\d;\d{3}(?!\d)\"?,")  # as Logix marks them where commas part the fields
+_MILLISECONDS = re.compile(r'(?:^|,)"?\d\d?:\d\d:\d\d;\d{3}"?,')  # as Logix marks them, in a field of clocks
 _STAMP = re.compile(r"\d\D+\d+\D+\d")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _SURE = {mark: re.compile(before_decimals(mark, r"(?:[eE][+-]?\d+)?$")) for mark in ".,"}
