@@ -53,3 +53,32 @@ def test_ignition_says_why_a_value_is_bad(read: Read, code: int) -> None:
 def test_ignition_says_that_a_value_is_good(read: Read, code: int) -> None:
     text = table("tagpath,floatvalue,dataintegrity,t_stamp", "{tag},{v},{bad},{t}")
     assert read(text.replace(",False,", ",192,").replace(",True,", f",{code},")).rejects.total == 0
+
+
+@pytest.mark.parametrize("code", [340, 410, 500])
+def test_ignition_says_so_where_a_whole_tag_is_bad(read: Read, code: int) -> None:
+    text = table("tagpath,floatvalue,dataintegrity,t_stamp", f"{{tag}},{{v}},{code},{{t}}")
+    assert read(text).rejects.counts == {"bad_quality": 2 * ROWS}
+
+
+@pytest.mark.parametrize("heading", ["Name,FullName,Time,Value", "FullName,Name,Time,Value"])
+def test_a_full_name_goes_before_a_name_that_several_points_have(read: Read, heading: str) -> None:
+    names = {"Name": "{tag}", "FullName": "Plant.{loop}.{tag}"}
+    order = heading.split(",")[:2]
+    rows = (
+        ",".join(names[name].format(loop=loop, tag=tag) for name in order) + f",2024-01-31 06:00:{k:02d},{k % 9}"
+        for k in range(ROWS)
+        for loop in ("FIC1", "FIC2")
+        for tag in ("PV", "OP")
+    )
+    content = read("\n".join((heading, *rows)))
+    assert content.loops.keys() == {"Plant.FIC1", "Plant.FIC2"}
+
+
+@pytest.mark.parametrize("other", ["FullName", "ValueID"])
+@pytest.mark.parametrize("cell", ["feed of unit 3", "{k}", "Plant.{tag}"])
+@pytest.mark.parametrize("tag", ["FIC1.PV", "Boiler A"])
+def test_names_of_tags_stay_so_beside_it(read: Read, other: str, cell: str, tag: str) -> None:
+    rows = (f"{cell.format(k=k, tag=tag)},{tag},2024-01-31 06:00:{k:02d},{k % 9}" for k in range(ROWS))
+    content = read("\n".join((f"{other},TagName,Time,Value", *rows)))
+    assert {tag for loop in content.summary.loops for tag in (loop.pv, *loop.others) if tag} == {tag}

@@ -29,6 +29,7 @@ from app.ingest.tags.grouping import place
 from app.ingest.tags.quality import holds_quality_words
 
 _OF_WINCC = "processvalue"
+_LAST_NAMES = frozenset(("tagindex", "fullname", "valueid"))  # where a tag has another one, too
 
 
 def wide_from(
@@ -88,8 +89,7 @@ def long_from(
     values = [known.index(name) for name in VALUE_NAMES if name in known] or _of_wincc(names, known)
     if not tags or not values:
         return None
-    # names of signals go before other words, and TagIndex comes last
-    tags.sort(key=lambda at: (not mostly_signals(head.column(at, first_row)), known[at] == "tagindex"))
+    tags = _tags_first(head, known, first_row, tags)
     found = times_of_rows(head, names, first_row, options)
     if found is None:
         return None
@@ -99,6 +99,24 @@ def long_from(
     width = named_width(head, names, first_row)
     plan = LongPlan(layout, first_row, width, time, form, tags[0], values[0], quality, zero)
     return None if known[values[0]] == _OF_WINCC and not _has_tags(plan, head, options) else plan
+
+
+def _tags_first(head: Head, known: list[str], first_row: int, tags: list[int]) -> list[int]:
+    """The columns of names, the one of the tags first: a full name where it tells more of them apart than the others
+    do, names of signals before other words, and what may be of something else last."""
+    others = [len(set(head.column(at, first_row))) for at in tags if known[at] not in _LAST_NAMES]
+
+    def place_of(at: int) -> tuple[bool, bool, bool, bool]:
+        fields = head.column(at, first_row)
+        fuller = known[at] == "fullname" and mostly_signals(fields) and len(set(fields)) > max(others, default=0)
+        return (
+            not fuller,
+            known[at] in _LAST_NAMES and bool(others),
+            not mostly_signals(fields),
+            known[at] == "tagindex",
+        )
+
+    return sorted(tags, key=place_of)
 
 
 def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
@@ -118,6 +136,6 @@ def _has_tags(plan: LongPlan, head: Head, options: IngestOptions) -> bool:
 
 
 def _zero_is_good(quality: str, names: list[str]) -> bool | None:
-    if quality in ("opcquality", "confidence", "isgood", "isvalid"):
+    if quality in ("opcquality", "dataintegrity", "confidence", "isgood", "isvalid"):
         return False
     return True if quality == "quality" and ("qualitydetail" in names or "vvalue" in names) else None

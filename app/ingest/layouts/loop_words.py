@@ -31,7 +31,11 @@ def _plan(head: Head, names: tuple[str, ...], first_row: int, value: int, option
     known = [plain(name) for name in names]
     columns = {index: head.column(index, first_row) for index in range(len(names)) if index != value}
     word = next((index for index, fields in columns.items() if _are_words_of_signals(known[index], fields)), None)
-    others = [index for index in columns if index != word]
+    others = [
+        index
+        for index in columns
+        if index != word and not (word is not None and _have_word(head, first_row, index, word))
+    ]
     loops = columns_of_loops(head, names, first_row, others, in_words=word is not None)
     is_influx = "measurement" in known and "field" in known
     if not is_influx and (word is None or not loops):
@@ -74,6 +78,13 @@ def _joined(
     width = named_width(head, names, first_row, time)
     signals = () if word is None else (ValueColumn(value, ""),)
     return LongPlan(_LAYOUT, first_row, width, time, form, tag, value, quality, signals=signals, word=word)
+
+
+def _have_word(head: Head, first_row: int, column: int, word: int) -> bool:
+    """Whether most cells of a column end with the words beside them: whole tags, as Plant.FIC1.PV beside PV."""
+    rows = [row for row in head.rows[first_row:] if len(row) > max(column, word) and row[word]]
+    whole = sum(row[column].endswith((f".{row[word]}", f"/{row[word]}")) for row in rows)
+    return 2 * whole > len(rows)
 
 
 def _are_words_of_signals(name: str, fields: list[str]) -> bool:
