@@ -32,7 +32,7 @@ class StateWords:
         words, at = words.filter(pl.Series(told)), given[told]
         self._rows = _added(self._rows, np.bincount(codes))
         self._with_words = _added(self._with_words, np.bincount(codes[at], minlength=len(self._rows)))
-        if len(at):
+        if len(at) and self._beside.height < _MOST_HELD:  # else none is added
             more = pl.DataFrame({"tag": codes[at], "word": words, "number": numbers[at]})
             self._beside = _first_ones(pl.concat((self._beside, more.filter(pl.col("number").is_not_nan()))))
 
