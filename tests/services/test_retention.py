@@ -335,6 +335,17 @@ def test_the_sweeper_takes_away_what_broken_uploads_left_for_a_day(plant):
     assert {file.name for file in folder.iterdir()} == kept | {".part-young"}
 
 
+def test_an_upload_that_comes_in_while_the_clock_jumps_by_days_is_not_taken_for_a_broken_one(plant):
+    with uploads.receive(plant, filename="b.csv") as receiving:
+        receiving.write(b"Time,B.PV,B.OP\n")
+        (draft,) = plant.settings.uploads_dir.glob(".part-*")
+        os.utime(draft, (time.time() - 48 * 3600,) * 2)
+        sweep(plant)
+        receiving.write(b"2026-03-01T00:00:00Z,1,2\n")
+        upload = receiving.commit().upload
+    assert (plant.settings.uploads_dir / upload.fingerprint).read_bytes().count(b"\n") == 2
+
+
 def test_what_goes_while_the_sweeper_looks_does_not_stop_it(plant, monkeypatch):
     """An upload that ends takes its draft away, another schedule an old export."""
     gone = [plant.settings.uploads_dir / name for name in (".part-gone", "0" * 64)]

@@ -5,6 +5,7 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+from app.services.intake import drafts
 from app.services.intake.content import ContentDigest
 
 PIECE_BYTES = 1 << 20
@@ -17,6 +18,7 @@ class SyncedFile:
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb", buffering=0)
+        drafts.hold(self._file.fileno())
         self._digest = hashlib.sha256()
         self._content = ContentDigest()
         self._waiting: list[bytes] = []

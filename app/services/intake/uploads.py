@@ -4,7 +4,6 @@ says what the content does not."""
 import hashlib
 import json
 import re
-import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, withou
 from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
 from app.services.intake import places
+from app.services.intake.drafts import new_draft
 from app.services.intake.places import Correction
 from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
@@ -65,7 +65,7 @@ class Receiving:
     def __init__(self, backend: Backend, values: dict[str, Any]) -> None:
         self._backend = backend
         self._values = values
-        self._draft = backend.settings.uploads_dir / f".part-{uuid.uuid4().hex}"
+        self._draft = new_draft(backend.settings)
         self._file = SyncedFile(self._draft)
 
     def write(self, data: bytes) -> None:
@@ -86,7 +86,6 @@ class Receiving:
         if self._file.size == 0:
             raise RequestError("empty_upload", "the upload has no bytes")
         of_bytes = self._file.sync()
-        self._file.close()
         fingerprints = [of_bytes] if self._file.content is None else [self._file.content, of_bytes]
         named: bool | None = None
         while (registered := self._register(fingerprints, named, correction)) is None:
