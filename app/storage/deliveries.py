@@ -4,12 +4,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, Connection, Update, and_, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Update, and_, case, or_, select, update
 
 from app.storage.bulk import insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.tables import UNDELIVERED, deliveries
-from app.storage.types import clock_s, now
+from app.storage.types import clock_s, now, run_out
+
+FIRST_WAIT_S = 60.0
+LONGEST_WAIT_S = 3600.0
+TRIES_UNTIL_LONGEST = 7
 
 
 @dataclass(frozen=True)
@@ -111,10 +115,15 @@ def end(connection: Connection, claim: DeliveryClaim, state: str, error_text: st
     return connection.execute(_held(claim).values(owner=None, lease_until_s=None, **ended)).rowcount == 1
 
 
-def try_later(connection: Connection, claim: DeliveryClaim, after_s: float, error_text: str) -> bool:
+def try_later(connection: Connection, claim: DeliveryClaim, error_text: str) -> bool:
     """Whether the claim still held, and the delivery waits for its next try."""
-    later = {"state": "open", "next_try_s": clock_s() + after_s, "error_text": error_text}
+    later = {"state": "open", "next_try_s": clock_s() + wait_s(claim.attempt), "error_text": error_text}
     return connection.execute(_held(claim).values(owner=None, lease_until_s=None, **later)).rowcount == 1
+
+
+def wait_s(attempt: int) -> float:
+    """After this one: 1, 2, 4 ... minutes, an hour at most."""
+    return min(FIRST_WAIT_S * 2 ** (attempt - 1), LONGEST_WAIT_S)
 
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
@@ -131,7 +140,9 @@ def due(connection: Connection) -> int:
 
 
 def _due() -> ColumnElement[bool]:
-    its_turn = or_(deliveries.c.next_try_s.is_(None), deliveries.c.next_try_s <= clock_s())
+    tries = range(1, TRIES_UNTIL_LONGEST)
+    longest_s = case({count: wait_s(count) for count in tries}, value=deliveries.c.attempts, else_=LONGEST_WAIT_S)
+    its_turn = or_(deliveries.c.next_try_s.is_(None), run_out(deliveries.c.next_try_s, longest_s))
     return and_(UNDELIVERED, deliveries.c.state == "open", its_turn)
 
 

@@ -94,9 +94,9 @@ def _sqlite_whole_ms_ns(element: whole_ms_ns, compiler: Any, **options: Any) -> 
     return f"(({seconds} * 1000 + CAST(substr({again}, 21, 3) AS INTEGER)) * 1000000)"
 
 
-def run_out(until_s: ColumnElement[float], longest_s: float) -> ColumnElement[bool]:
-    """Whether a lease of at most `longest_s` seconds has ended. One that ends later than it could was given before the
-    clock of the data base was put back: it would outlast its worker by as much."""
+def run_out(until_s: ColumnElement[float], longest_s: ColumnElement[float] | float) -> ColumnElement[bool]:
+    """Whether a lease or a wait of at most `longest_s` seconds has ended. One that ends later than it could was given
+    before the clock of the data base was put back: it would outlast its worker, or its reason, by as much."""
     return or_(until_s < clock_s(), until_s > clock_s() + longest_s + CLOCK_ROOM_S)
 
 

@@ -32,8 +32,6 @@ from app.storage import deliveries
 from app.storage.audits import newest_night
 from app.storage.deliveries import DeliveryClaim, DeliveryRow
 
-FIRST_WAIT_S = 60.0
-LONGEST_WAIT_S = 3600.0
 YOUNG = timedelta(hours=24)
 LONGEST_ERROR = 500
 LISTED = 20
@@ -211,18 +209,13 @@ def _not_sent(backend: Backend, claim: DeliveryClaim, by: Identity, reason: str,
         if given_up:
             held = deliveries.end(connection, claim, "failed", text)
         else:
-            held = deliveries.try_later(connection, claim, wait_s(claim.attempt), text)
+            held = deliveries.try_later(connection, claim, text)
     if not held:
         return  # whoever has it now tells what became of it
     told = {"run": claim.audit_id, "receiver": shown(claim.receiver), "attempt": claim.attempt, "reason": text}
     log.warning("digest given up" if given_up else "digest not sent, tried again later", extra=told)
     if given_up:
         _tell(backend, claim, by, "failed", reason=text)
-
-
-def wait_s(attempt: int) -> float:
-    """1, 2, 4 ... minutes, an hour at most."""
-    return min(FIRST_WAIT_S * 2 ** (attempt - 1), LONGEST_WAIT_S)
 
 
 def _view(row: DeliveryRow) -> DeliveryView:

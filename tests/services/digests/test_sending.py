@@ -19,7 +19,9 @@ from app.services.digests.sending import NotSentError, Post, shown
 from app.services.upkeep import doctor
 from app.services.upkeep.sweep import sweep
 from app.settings import Settings
+from app.storage.deliveries import wait_s
 from app.storage.tables import audits
+from app.storage.tables import deliveries as delivered
 from tests.services.digests.conftest import SIGNED_WITH, Mailbox, Receiver, deliver_all, let_time_pass, states
 from tests.services.upkeep_plant import with_settings
 
@@ -148,6 +150,20 @@ def test_a_receiver_that_fails_is_tried_later_and_in_the_end_given_up(
     assert sweep(backend).nightly is None  # the audits go on
 
 
+def test_what_is_to_be_tried_again_does_not_wait_for_a_clock_that_was_put_back(
+    backend: Backend, night: str, receiver: Receiver
+) -> None:
+    receiver.answers = 500
+    sweep(backend)
+    deliver_all(backend)
+    receiver.answers = 204
+    with backend.database.write() as connection:  # seen from an hour before, what is to come lies an hour further off
+        connection.execute(update(delivered).values(next_try_s=delivered.c.next_try_s + 3600.0))
+    sweep(backend)
+    deliver_all(backend)
+    assert states(backend, night)["http"] == ("done", 2)
+
+
 @pytest.mark.parametrize(("status", "said"), [(302, "redirects are not followed"), (404, "answered 404")])
 def test_what_will_not_change_is_not_tried_again(
     backend: Backend, night: str, receiver: Receiver, status: int, said: str
@@ -161,7 +177,7 @@ def test_what_will_not_change_is_not_tried_again(
 
 
 def test_waits_double_up_to_an_hour() -> None:
-    assert [deliveries.wait_s(attempt) for attempt in (1, 2, 3, 7, 20)] == [60, 120, 240, 3600, 3600]
+    assert [wait_s(attempt) for attempt in (1, 2, 3, 7, 20)] == [60, 120, 240, 3600, 3600]
 
 
 @pytest.mark.parametrize(
