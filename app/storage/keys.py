@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Connection, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, Connection, and_, delete, insert, or_, select, update
 
 from app.storage.tables import keys, sessions
-from app.storage.types import now
+from app.storage.types import CLOCK_APART, now
 
 
 @dataclass(frozen=True)
@@ -64,14 +64,17 @@ def give_way(connection: Connection, key_id: int, at: datetime, follower: str) -
 
 
 def note_use(connection: Connection, key_id: int, every_s: float) -> None:
-    """Writes when the key was used, unless that was written within the last `every_s` seconds."""
+    """Writes when the key was used, unless that was written within the last `every_s` seconds. What a clock wrote that
+    was ahead gives way."""
     moment = now()
-    stale = or_(keys.c.last_used_at.is_(None), keys.c.last_used_at < moment - timedelta(seconds=every_s))
+    long_ago, ahead = moment - timedelta(seconds=every_s), moment + CLOCK_APART
+    noted = keys.c.last_used_at
+    stale = or_(noted.is_(None), noted < long_ago, noted > ahead)
     connection.execute(update(keys).where(keys.c.id == key_id, stale).values(last_used_at=moment))
 
 
 def open_session(connection: Connection, token_hash: str, key_id: int, expires_at: datetime) -> None:
-    connection.execute(delete(sessions).where(sessions.c.expires_at < now()))
+    connection.execute(delete(sessions).where(~_goes_on()))
     connection.execute(
         insert(sessions).values(token_hash=token_hash, key_id=key_id, created_at=now(), expires_at=expires_at)
     )
@@ -85,11 +88,12 @@ class SessionRow:
 
 
 def session(connection: Connection, token_hash: str) -> SessionRow | None:
-    """A session with the key that it was opened with; None where it has ended or never was."""
+    """A session with the key that it was opened with; None where it has ended or never was, or was opened by a clock
+    that was ahead: it would go on until the clock comes there again."""
     query = (
         select(*COLUMNS, sessions.c.created_at, sessions.c.expires_at)
         .join(sessions, sessions.c.key_id == keys.c.id)
-        .where(sessions.c.token_hash == token_hash, sessions.c.expires_at > now())
+        .where(sessions.c.token_hash == token_hash, _goes_on())
     )
     row = connection.execute(query).one_or_none()
     return None if row is None else SessionRow(KeyRow(*row[:-2]), *row[-2:])
@@ -97,9 +101,14 @@ def session(connection: Connection, token_hash: str) -> SessionRow | None:
 
 def extend_session(connection: Connection, token_hash: str, expires_at: datetime) -> None:
     """Never brings back a session that was closed or has ended."""
-    going_on = (sessions.c.token_hash == token_hash, sessions.c.expires_at > now())
-    connection.execute(update(sessions).where(*going_on).values(expires_at=expires_at))
+    this = update(sessions).where(sessions.c.token_hash == token_hash, _goes_on())
+    connection.execute(this.values(expires_at=expires_at))
 
 
 def close_session(connection: Connection, token_hash: str) -> None:
     connection.execute(delete(sessions).where(sessions.c.token_hash == token_hash))
+
+
+def _goes_on() -> ColumnElement[bool]:
+    moment = now()
+    return and_(sessions.c.expires_at > moment, sessions.c.created_at <= moment + CLOCK_APART)

@@ -21,6 +21,7 @@ from app.services.access.rates import REFUSALS_PER_MINUTE, Rates
 from app.services.access.trail import list_trail
 from app.storage import keys as stored_keys
 from app.storage import trail as stored_trail
+from app.storage.types import now
 from tests.api.access.conftest import bearer, logged_in
 
 
@@ -121,6 +122,19 @@ def test_the_last_use_is_noted(client, backend):
     assert first
     client.get("/v1/loops", headers=bearer(made.text))
     assert last_used() == first  # written at most once a minute
+
+
+def test_a_last_use_that_a_clock_ahead_noted_gives_way(backend, monkeypatch):
+    made = keys.create_key(backend, "user", Role.read, lifetime=None)
+    with backend.database.write() as connection:
+        key = stored_keys.by_public_id(connection, made.key.id)
+    ahead = now() + timedelta(days=10)
+    for moment in (ahead, now()):
+        monkeypatch.setattr(stored_keys, "now", lambda moment=moment: moment)
+        with backend.database.write() as connection:
+            stored_keys.note_use(connection, key.id, 60.0)
+    with backend.database.read() as connection:
+        assert stored_keys.by_public_id(connection, made.key.id).last_used_at < ahead - timedelta(days=9)
 
 
 def test_too_many_requests_of_a_key_are_429_and_only_its_own(client, backend, texts):

@@ -122,6 +122,14 @@ def at(monkeypatch, moment) -> None:
         monkeypatch.setattr(module, "now", lambda: moment)
 
 
+def test_a_session_that_a_clock_ahead_opened_ends_when_that_is_put_right(browser, texts, monkeypatch):
+    """By its own times it would go on, used or not, until the clock comes there again."""
+    at(monkeypatch, now() + timedelta(hours=20))
+    logged_in(browser, texts[Role.read])
+    monkeypatch.undo()
+    assert browser.get("/").status_code == 303
+
+
 def test_a_session_has_the_role_of_its_key(browser, texts):
     token = logged_in(browser, texts[Role.read])
     answer = browser.post("/v1/audits", json={}, headers={"X-CSRF-Token": token})
