@@ -10,6 +10,7 @@ from celery import shared_task
 from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.services.auditing import chunks
 from app.services.backend import DATABASE_AWAY, no_room
+from app.services.data_folder import folder_away
 from app.services.digests import deliveries
 from app.services.explaining import working as explaining
 from app.services.intake import reading
@@ -22,15 +23,19 @@ log = logging.getLogger("loopaudit.worker")
 
 @contextmanager
 def a_line_if_full() -> Iterator[None]:
-    """A full disk is no fault of the task: what it was for waits, and is tried again. That is so every few seconds, and
-    needs no traceback each time."""
+    """A disk that is full, or takes nothing, is no fault of the task: what it was for waits, and is tried again. That
+    is so every few seconds, and needs no traceback each time."""
     try:
         yield
     except (*DATABASE_AWAY, OSError) as error:
-        if not no_room(error):
+        if no_room(error):
+            wanting = "no room on the disk, make room"
+        elif folder_away(backend().settings, error):
+            wanting = "the data folder is gone or read-only"
+        else:
             raise
         reason = getattr(error, "orig", None) or error
-        log.error("no room on the disk, make room; what waits is tried again: %s", one_line(str(reason)))
+        log.error("%s; what waits is tried again: %s", wanting, one_line(str(reason)))
 
 
 @shared_task(name=READ_UPLOAD)

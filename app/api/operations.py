@@ -25,9 +25,9 @@ def healthz() -> dict[str, str]:
 @router.get("/readyz", response_model=ReadyOut, responses={503: {"model": ReadyOut}}, summary="Whether it can work")
 async def readyz(request: Request) -> Any:
     """200 when ready or degraded (the broker is away: uploads are kept, audits wait; or the data base is read-only:
-    pages and figures can be read, nothing is stored; or all connections to read with are in use: requests wait for
-    one), 503 otherwise, also where nothing is known after 5 s. The answer may be a second old, or some while the next
-    one is awaited."""
+    pages and figures can be read, nothing is stored; or the data folder is: no export is taken; or all connections to
+    read with are in use: requests wait for one), 503 otherwise, also where nothing is known after 5 s. The answer may
+    be a second old, or some while the next one is awaited."""
     found = await request.app.state.ready.found()
     body = ReadyOut(state=found.state, checks=found.checks).model_dump(mode="json")
     return JSONResponse(body, status_code=503 if found.state == "not_ready" else 200)

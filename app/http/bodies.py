@@ -3,6 +3,7 @@
 import asyncio
 import re
 import shutil
+from pathlib import Path
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -58,8 +59,7 @@ class LimitBodies:
         for ever."""
         if told > limit:
             return f"the body has {told} bytes, at most {limit} are taken"
-        whole = shutil.disk_usage(self._folder).total if path in UPLOADS else told
-        if told > whole:
+        if path in UPLOADS and (whole := _whole(self._folder)) and told > whole:
             return f"the body has {told} bytes, and the disk of the service {whole} in all; send it in parts"
         return ""
 
@@ -73,6 +73,14 @@ class LimitBodies:
             if route.fullmatch(path):
                 return limit, self._upload_deadline_s
         return LIMIT_BYTES, min(DEADLINE_S, self._upload_deadline_s)
+
+
+def _whole(folder: Path) -> int:
+    """Bytes of its disk; 0 where it is gone, which whoever writes there tells."""
+    try:
+        return shutil.disk_usage(folder).total
+    except OSError:
+        return 0
 
 
 def counted(receive: Receive, limit: int) -> Receive:

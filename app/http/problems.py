@@ -20,6 +20,7 @@ from app.http.permissions import IN_STEPS, SECOND_ONE
 from app.logs import without_keys
 from app.services.access.identity import request_id
 from app.services.backend import DATABASE_AWAY, commit_lost, no_room, takes_no_writes
+from app.services.data_folder import folder_away
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
@@ -232,6 +233,14 @@ async def _os_error(request: Request, error: Exception) -> Response:
         log.error("no file can be opened for %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
         text = "the service has as many files and connections open as it may; try again"
         return respond(request, 503, "busy", text, headers={"Retry-After": "5"})
+    if folder_away(request.app.state.backend.settings, error):
+        log.error(
+            "the data folder takes nothing of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error
+        )
+        text = (
+            "the data folder of the service takes nothing at the moment; nothing was kept of this, send it again later"
+        )
+        return respond(request, 503, "data_folder_away", text, headers={"Retry-After": "60"})
     return await _fault(request, error)
 
 

@@ -166,8 +166,8 @@ class TrendView:
 
 @dataclass(frozen=True)
 class Readiness:
-    """`state` is degraded where what is stored can be read and the broker is away, or nothing can be written, or who
-    reads has to wait; `checks` holds a word or a number for each thing."""
+    """`state` is degraded where what is stored can be read and the broker is away, or nothing can be written, to
+    data base or data folder, or who reads has to wait; `checks` holds a word or a number for each thing."""
 
     state: Literal["ready", "degraded", "not_ready"]
     checks: dict[str, Any] = field(default_factory=dict)

@@ -2,6 +2,8 @@
 
 import asyncio
 import errno
+import os
+import shutil
 import socket
 import tempfile
 import threading
@@ -14,6 +16,8 @@ import pytest
 
 from app.http import bodies, connections, crowding, receiving
 from app.main import create_app
+from app.services import data_folder
+from app.services.intake import uploads
 from app.services.plant import reliability
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
@@ -265,6 +269,45 @@ def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
     assert not list(settings.uploads_dir.iterdir())
     monkeypatch.undo()
     assert client.post("/v1/uploads", content=b"time,PV,OP\n0,1,2\n").status_code == 202
+
+
+@pytest.mark.parametrize(
+    "sent", [{"content": b"time,PV,OP\n0,1,2\n"}, {"files": {"file": ("a.csv", b"x" * 3_000_000)}}]
+)
+@pytest.mark.parametrize("how", ["gone", "read-only"])
+def test_a_data_folder_that_takes_nothing_is_503_until_it_does(client, settings, monkeypatch, sent, how):
+    """A share that is away, or a disk that the system made read-only after an error: no fault of the program."""
+    away = settings.data_dir / "away"
+    if how == "gone":
+        settings.uploads_dir.rename(away)
+    else:
+        monkeypatch.setattr(data_folder.os, "access", lambda path, mode: mode == os.F_OK)
+        monkeypatch.setattr(uploads.SyncedFile, "__init__", _read_only)
+        monkeypatch.setattr(tempfile, "TemporaryFile", _read_only)
+    answer = client.post("/v1/uploads", **sent)
+    assert (answer.status_code, answer.json()["code"]) == (503, "data_folder_away")
+    assert answer.headers["retry-after"]
+    monkeypatch.undo()
+    if how == "gone":
+        away.rename(settings.uploads_dir)
+    assert not list(settings.uploads_dir.iterdir())
+    assert client.post("/v1/uploads", **sent).status_code == 202
+
+
+def _read_only(*_: object, **__: object) -> None:
+    raise OSError(errno.EROFS, "Read-only file system")
+
+
+def test_a_data_folder_that_is_gone_hides_neither_state_nor_figures(client, settings, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", _gone)
+    answer = client.get("/readyz")
+    assert (answer.status_code, answer.json()["state"]) == (503, "not_ready")
+    assert "loopaudit_data_folder_free_bytes 0\n" in client.get("/metrics").text
+    assert client.get("/v1/loops").status_code == 200
+
+
+def _gone(_: object) -> None:
+    raise FileNotFoundError(errno.ENOENT, "No such file or directory")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

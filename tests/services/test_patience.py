@@ -2,6 +2,7 @@
 
 import errno
 import io
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -12,7 +13,7 @@ from sqlalchemy import update
 from sqlalchemy.exc import OperationalError
 
 from app.ingest.tables import spilling
-from app.services import patience
+from app.services import data_folder, patience
 from app.services.auditing import audits, chunks
 from app.services.backend import Backend, no_room
 from app.services.explaining import explanations, working
@@ -183,6 +184,26 @@ def test_a_full_disk_is_no_fault_of_the_file(
             sweep(backend)
             found = uploads.get_upload(backend, upload)
             assert (found.state, found.reason) == ("received", None)
+    reading.read_upload(backend, int(upload), "reader")
+    assert uploads.get_upload(backend, upload).state == "done"
+
+
+def test_a_data_folder_that_takes_nothing_is_no_fault_of_the_file(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its parts are put aside there while it is read."""
+    upload = send(backend)
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    with monkeypatch.context() as spoiled:
+        spoiled.setattr(reading, "_read_file", refuse)
+        spoiled.setattr(data_folder.os, "access", lambda path, mode: mode == os.F_OK)
+        for _ in range(backend.settings.max_reading_attempts + 5):
+            with pytest.raises(OSError, match="Read-only"):
+                reading.read_upload(backend, int(upload), "reader")
+            assert uploads.get_upload(backend, upload).state == "received"
     reading.read_upload(backend, int(upload), "reader")
     assert uploads.get_upload(backend, upload).state == "done"
 

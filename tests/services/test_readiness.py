@@ -14,7 +14,7 @@ from app.queue import publishing
 from app.queue.publishing import Queue
 from app.services.backend import Backend
 from app.services.upkeep import doctor
-from app.services.upkeep.readiness import readiness
+from app.services.upkeep.readiness import lacking, readiness
 from app.services.upkeep.tables import migrate, refuse_unmigrated
 from app.settings import Settings
 
@@ -88,6 +88,22 @@ def test_an_address_that_asks_for_no_writes_is_told_at_the_start_and_later(
         backend.close()
     growth = next(check for check in doctor.examine(settings) if check.name == "growth")
     assert (growth.state, "mode=ro" in growth.advice) == ("problem", True)
+
+
+def test_a_data_folder_that_takes_nothing_is_told(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its pages can be read; exports are refused."""
+    folder = backend.settings.uploads_dir
+    assert readiness(backend).checks["data_folder"] == "ok"
+    with monkeypatch.context() as mounted:
+        mounted.setattr(os, "access", lambda path, mode: mode == os.F_OK or Path(path) != folder)
+        found = readiness(backend)
+    assert (found.state, found.checks["data_folder"]) == ("degraded", "read-only")
+    assert lacking(found) == []
+    folder.rename(folder.with_name("away"))
+    found = readiness(backend)
+    folder.with_name("away").rename(folder)
+    assert (found.state, found.checks["data_folder"]) == ("not_ready", "gone")
+    assert lacking(found) == ["the data folder is not there"]
 
 
 def test_a_broker_that_hangs_is_away_and_asked_once(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:

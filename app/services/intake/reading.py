@@ -25,6 +25,7 @@ from app.ingest import (
 )
 from app.ingest import warm_up as warm_up_ingest
 from app.services.backend import DATABASE_AWAY, Backend, megabytes, no_room
+from app.services.data_folder import folder_away
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
@@ -325,7 +326,7 @@ def _end(backend: Backend, claim: ReadingClaim, state: str, values: dict[str, An
 
 
 def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
-    if no_room(error):
+    if no_room(error) or folder_away(backend.settings, error):
         with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # whose disk may be the full one
             uploads.wait_for_room(connection, claim, backend.settings.stalled_s)
         return

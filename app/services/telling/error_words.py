@@ -7,6 +7,7 @@ _HTTP = {
     "client_gone": "The connection was closed before the body had come whole; send it again.",
     "cross_site": "A page of another site sent this; open the service by its own address and send it from there.",
     "csrf_token": "The form carries no valid token of this login; load its page again and send it anew.",
+    "data_folder_away": "The data folder is gone or read-only, and nothing was kept; send it again when it is back.",
     "database_away": "The data base does not answer; try again, and if it stays so, see that it runs and is reached.",
     "disk_full": "The disk of the service is full and nothing was kept; send it again when there is room.",
     "host_not_allowed": "The service is not known by the name it was called by; add it to LOOPAUDIT_ALLOWED_HOSTS.",

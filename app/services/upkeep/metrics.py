@@ -1,11 +1,11 @@
 """What Prometheus is told: collected from the data base, so that every worker is counted."""
 
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from app.services.backend import Backend
+from app.services.data_folder import free_bytes
 from app.services.moments import seconds_of
 from app.services.plant.arrivals import Arrivals, arrivals
 from app.storage import figures
@@ -31,8 +31,7 @@ class Metric:
 def metrics(backend: Backend) -> tuple[Metric, ...]:
     with backend.database.read() as connection:
         found = figures.collect(connection)
-    free_bytes = shutil.disk_usage(backend.settings.data_dir).free
-    return (*_states(found), *_work(found), *_reach(arrivals(backend)), *_kept(found, free_bytes))
+    return (*_states(found), *_work(found), *_reach(arrivals(backend)), *_kept(found, free_bytes(backend.settings)))
 
 
 def _states(found: Figures) -> tuple[Metric, ...]:
@@ -101,7 +100,7 @@ def _reach(found: Arrivals) -> tuple[Metric, ...]:
     )
 
 
-def _kept(found: Figures, free_bytes: int) -> tuple[Metric, ...]:
+def _kept(found: Figures, free: int) -> tuple[Metric, ...]:
     """What is kept and what there is room for, what has been done, and who may ask."""
     return (
         Metric(
@@ -114,7 +113,7 @@ def _kept(found: Figures, free_bytes: int) -> tuple[Metric, ...]:
         _gauge(
             "loopaudit_data_folder_free_bytes",
             "Room left on the volume of the data folder: exports, and the data base where it is SQLite.",
-            (Sample(free_bytes),),
+            (Sample(free),),
         ),
         *_ended("run", "the newest ended run of any kind", found.last_run),
         *_ended("night", "the newest ended nightly run", found.last_night),

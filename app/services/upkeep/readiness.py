@@ -1,13 +1,11 @@
 """Whether the service can work: its data base, the schema, the disk and the broker."""
 
-import shutil
-
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.services.backend import Backend, megabytes, no_connection_left
+from app.services.data_folder import folder_state, free_bytes
 from app.services.moments import iso_utc
 from app.services.results import Readiness
-from app.settings import Settings
 from app.storage import schema, uploads
 
 LEAST_FREE_BYTES = 100 << 20
@@ -18,29 +16,33 @@ NO_ANSWER = Readiness("not_ready", {"database": "no answer", "schema": "not know
 
 
 def readiness(backend: Backend) -> Readiness:
-    """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base that
-    takes no writes the pages can be read; one that is busy with them takes them. Where all connections to read with are
-    in use, what would need one of them is not known."""
-    free = _free(backend.settings)
-    checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": free}
+    """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base or a
+    data folder that takes no writes the pages can be read; one that is busy with them takes them. Where all connections
+    to read with are in use, what would need one of them is not known."""
+    free, folder = free_bytes(backend.settings), folder_state(backend.settings)
+    checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": free, "data_folder": folder}
     checks["schema"] = _schema(backend) if checks["database"] == "ok" else "not known"
     checks["broker"] = "ok" if backend.queue.reachable() else "away"
     busy, well = checks["database"] == "busy", checks["schema"] == "current"
     if well:
         checks |= {"writes": _writes(backend)} | _waiting_for_room(backend)
-    if not (well or busy) or free < LEAST_FREE_BYTES:
+    if not (well or busy) or free < LEAST_FREE_BYTES or folder == "gone":
         return Readiness("not_ready", checks)
-    works = not busy and checks["broker"] == "ok" and checks["writes"] in WELL
+    works = not busy and checks["broker"] == folder == "ok" and checks["writes"] in WELL
     return Readiness("ready" if works else "degraded", checks)
 
 
 def lacking(found: Readiness) -> list[str]:
     """What is to be put right before the service is ready, in words."""
     checks, free, needed = found.checks, found.checks["disk_free_bytes"], megabytes(LEAST_FREE_BYTES)
+    gone = checks["data_folder"] == "gone"
     said = {
         f"the data base is {checks['database']}": checks["database"] != "ok",
         "its tables are not those of this version (`loopaudit migrate`)": checks["schema"] == "not current",
-        f"the disk of the data folder has {megabytes(free)} free, and {needed} are needed": free < LEAST_FREE_BYTES,
+        "the data folder is not there": gone,
+        f"the disk of the data folder has {megabytes(free)} free, and {needed} are needed": (
+            free < LEAST_FREE_BYTES and not gone
+        ),
     }
     return [words for words, holds in said.items() if holds]
 
@@ -73,7 +75,3 @@ def _writes(backend: Backend) -> str:
         return WRITES[backend.database.takes_writes()]
     except SQLAlchemyError as error:
         return f"away: {type(error).__name__}"
-
-
-def _free(settings: Settings) -> int:
-    return shutil.disk_usage(settings.data_dir).free
