@@ -3,11 +3,14 @@
 import errno
 import logging
 from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from psycopg.errors import DiskFull
 from sqlalchemy.exc import OperationalError
 
+from app.settings import Settings
 from workers import tasks
 
 
@@ -30,6 +33,18 @@ def test_a_full_disk_ends_a_task_with_a_line(
     assert not any(record.exc_info for record in told)
 
 
+def test_so_does_a_data_folder_that_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    gone = SimpleNamespace(settings=Settings(data_dir=tmp_path / "gone"))
+    monkeypatch.setattr(tasks, "backend", lambda: gone)
+    monkeypatch.setattr(tasks.sweeping, "sweep", raising(OSError(errno.ESTALE, "Stale file handle")))
+    tasks.sweep()
+    (told,) = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert "the data folder is gone" in told.getMessage()
+    assert not told.exc_info
+
+
 @pytest.mark.parametrize("error", [OperationalError("SELECT", {}, Exception("gone")), OSError(errno.EIO, "broken")])
 def test_other_faults_stay_faults(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     monkeypatch.setattr(tasks, "backend", raising(error))
@@ -37,8 +52,8 @@ def test_other_faults_stay_faults(monkeypatch: pytest.MonkeyPatch, error: Except
         tasks.sweep()
 
 
-def raising(error: Exception) -> Callable[[], None]:
-    def fails() -> None:
+def raising(error: Exception) -> Callable[..., None]:
+    def fails(*_: object) -> None:
         raise error
 
     return fails
