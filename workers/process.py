@@ -2,8 +2,10 @@
 
 import gc
 import logging
+import mmap
 import os
 import resource
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -21,9 +23,12 @@ from app.services.auditing import warming
 from app.services.auditing.nightly import next_hour, told
 from app.services.backend import Backend
 from app.services.intake import reading
+from app.services.upkeep.tables import newer_than_we
 
 ROOM_TO_WORK_MB = 150
 LOOKS_EVERY_S = 1.0
+ENDING = mmap.mmap(-1, 1)
+"""Of all processes of a worker, which inherit it: not 0 once one of them had it end."""
 
 log = logging.getLogger("loopaudit.worker")
 
@@ -122,6 +127,20 @@ def _end_with(parent: int) -> None:
 def yield_to_others(**_: object) -> None:
     """An audit has all night; who asks the API waits for the answer."""
     os.nice(max(0, current_app.settings.worker_nice - os.nice(0)))
+
+
+def is_outdated() -> bool:
+    """Whether a newer version made the tables since this worker was started. It then takes nothing more, and all its
+    processes end, so that who starts it again is told: of two versions each would audit its part of a run by its own
+    method."""
+    refusal = newer_than_we(backend().database)
+    if refusal is None:
+        return False
+    if not ENDING[0]:  # told twice, it would not wait for what the others hold
+        ENDING[0] = 1
+        log.error("this worker ends: %s", refusal.message, extra={"code": refusal.code})
+        os.kill(os.getppid(), signal.SIGTERM)
+    return True
 
 
 @signals.worker_process_shutdown.connect

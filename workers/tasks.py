@@ -2,8 +2,10 @@
 
 import logging
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
+from typing import ParamSpec
 
 from celery import shared_task
 
@@ -16,7 +18,9 @@ from app.services.explaining import working as explaining
 from app.services.intake import reading
 from app.services.telling.naming import one_line
 from app.services.upkeep import sweep as sweeping
-from workers.process import backend
+from workers.process import backend, is_outdated
+
+P = ParamSpec("P")
 
 log = logging.getLogger("loopaudit.worker")
 
@@ -38,31 +42,45 @@ def a_line_if_full() -> Iterator[None]:
         log.error("%s; what waits is tried again: %s", wanting, one_line(str(reason)))
 
 
+def unless_outdated(task: Callable[P, None]) -> Callable[P, None]:
+    @wraps(task)
+    def checked(*arguments: P.args, **named: P.kwargs) -> None:
+        if not is_outdated():
+            task(*arguments, **named)
+
+    return checked
+
+
 @shared_task(name=READ_UPLOAD)
 @a_line_if_full()
+@unless_outdated
 def read_upload(upload_id: int) -> None:
     reading.read_upload(backend(), upload_id, owner=uuid.uuid4().hex)
 
 
 @shared_task(name=AUDIT_CHUNK)
 @a_line_if_full()
+@unless_outdated
 def audit_chunk(audit_id: int) -> None:
     chunks.audit_chunk(backend(), audit_id, owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=EXPLAIN)
 @a_line_if_full()
+@unless_outdated
 def explain() -> None:
     explaining.explain_next(backend(), owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=DELIVER)
 @a_line_if_full()
+@unless_outdated
 def deliver() -> None:
     deliveries.deliver_next(backend(), owner=uuid.uuid4().hex)
 
 
 @shared_task(name=SWEEP)
 @a_line_if_full()
+@unless_outdated
 def sweep() -> None:
     sweeping.sweep(backend())

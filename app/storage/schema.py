@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -68,8 +69,10 @@ def _prepare(connection: Connection) -> None:
         connection.exec_driver_sql("SET LOCAL lock_timeout = '5s'")
 
 
+@cache
 def _versions() -> list[str]:
-    """All revisions, the oldest first."""
+    """All revisions, the oldest first: those that were there when this process first asked, whatever source is put in
+    the place of its own."""
     return [script.revision for script in ScriptDirectory.from_config(_config()).walk_revisions()][::-1]
 
 

@@ -65,6 +65,18 @@ def refuse_newer(current: str | None) -> None:
         raise RequestError("newer_tables", text)
 
 
+def newer_than_we(database: Database) -> RequestError | None:
+    """What `refuse_newer` says of these tables, for a process that stays and was there before them; None where they are
+    ours, or the data base does not answer."""
+    try:
+        refuse_newer(schema.current_revision(database))
+    except DATABASE_AWAY:
+        return None
+    except RequestError as error:
+        return error
+    return None
+
+
 def refuse_missing(settings: Settings) -> None:
     """Raises RequestError("no_database") where the file of an SQLite data base is not there: reading makes none."""
     for file in database_files(settings):
