@@ -1,5 +1,6 @@
 """A schedule that no jump of the wall clock stops: Celery's own waits for an hour when the clock goes back by one."""
 
+import errno
 import logging
 import time
 from typing import Any
@@ -10,6 +11,8 @@ from celery.schedules import schedstate, schedule
 from kombu.exceptions import OperationalError
 
 from app.queue.jobs import BROKER_REFUSED
+
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT}
 
 log = logging.getLogger("loopaudit.queue")
 
@@ -37,6 +40,8 @@ class Scheduler(CeleryScheduler):
         if isinstance(of_broker, refused) and not isinstance(of_broker, away):
             text = "the broker answers and takes nothing, asked again soon: %s"
             log.error(text, error, extra={"code": BROKER_REFUSED})
+        elif {getattr(it, "errno", None) for it in (cause, of_broker)} & NO_ROOM:
+            log.error("no room on the disk for the broker's messages, make room; asked again soon: %s", error)
         elif isinstance(cause, (OperationalError, OSError, *away)):
             log.error("the broker is away, asked again soon: %s", error)
         else:

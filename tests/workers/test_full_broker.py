@@ -1,5 +1,6 @@
 """A Redis that has no memory left answers, and takes nothing: that is told, and whoever rings goes on."""
 
+import errno
 import logging
 import os
 import signal
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 from celery.beat import BeatLazyFunc, ScheduleEntry
 
-from app.queue import Queue
+from app.queue import Queue, folder
 from app.queue.application import celery_application
 from app.queue.jobs import BROKER_REFUSED, SWEEP
 from app.queue.steady import Scheduler
@@ -128,6 +129,20 @@ def test_a_schedule_tells_a_broker_that_refuses_from_one_that_is_away(
     assert "code" not in vars(away)
     assert "the broker is away" in away.getMessage()
     assert away.exc_info is None
+
+
+def test_a_schedule_whose_folder_has_no_room_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On the embedded default: no broker is away then."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(folder, "_write_whole", full)
+    told = ring(Scheduler(celery_application(Settings(data_dir=tmp_path)), lazy=True), caplog)
+    assert told.getMessage().startswith("no room on the disk for the broker's messages, make room")
+    assert told.exc_info is None
 
 
 def test_a_schedule_tells_a_fault_of_ours_with_where_it_is(
