@@ -10,7 +10,7 @@ from app.storage.loops import IN_SERVICE, count, count_retired
 from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS
 from app.storage.tables import GOING_ON, UNREAD, audit_items, audits, explanations, keys, newest_rows, uploads, verdicts
 from app.storage.tallies import UPLOAD_BYTES, tallied
-from app.storage.types import now
+from app.storage.types import CLOCK_APART, now
 
 DAY = timedelta(days=1)
 
@@ -74,7 +74,7 @@ def collect(connection: Connection) -> Figures:
     said = select(newest_rows.c.verdict, func.count()).select_from(NEWEST_ROWS).where(IN_SERVICE)
     took = select(func.avg(verdicts.c.elapsed_s)).select_from(NEWEST_VERDICTS).where(IN_SERVICE)
     night = _newest_ended(connection, of_a_night(the_first=True))
-    today = audits.c.ended_at >= now() - DAY
+    today = audits.c.ended_at.between(now() - DAY, now() + CLOCK_APART)
     return Figures(
         loops=count(connection),
         retired=count_retired(connection),
@@ -94,13 +94,17 @@ def collect(connection: Connection) -> Figures:
 
 
 def _newest_ended(connection: Connection, *such: ColumnElement[bool]) -> EndedRun | None:
-    query = select(audits.c.id, audits.c.created_at, audits.c.ended_at).where(audits.c.ended_at.is_not(None), *such)
+    """Not one that a clock ahead ended: it would be the newest until the clock comes there again, and hide that none
+    ends any more."""
+    ended = audits.c.ended_at <= now() + CLOCK_APART
+    query = select(audits.c.id, audits.c.created_at, audits.c.ended_at).where(ended, *such)
     newest = query.order_by(audits.c.ended_at.desc(), audits.c.id.desc()).limit(1)
     found = connection.execute(newest).one_or_none()
     if found is None:
         return None
     run_id, created_at, ended_at = found
-    return EndedRun(run_id, (ended_at - created_at).total_seconds(), ended_at.timestamp())
+    took_s = max(0.0, (ended_at - created_at).total_seconds())  # a clock may be put back meanwhile
+    return EndedRun(run_id, took_s, ended_at.timestamp())
 
 
 def _failures(connection: Connection, of_runs: ColumnElement[bool]) -> dict[str, int]:

@@ -78,6 +78,35 @@ def test_the_last_run_is_the_one_that_ended_last_whichever_began_first(backend, 
     assert found["last_run_ended_timestamp_seconds", ""] == (began + timedelta(hours=5)).timestamp()
 
 
+def test_a_night_that_a_clock_ahead_ended_hides_none_that_is_missing_since(backend, add_loops):
+    """Until the clock came there again no alarm would see that no night ends any more."""
+    add_loops("FIC1")
+    runs = [nightly(backend, date(2026, 1, day)) for day in (1, 2)]
+    ago, ahead = datetime.now(UTC) - timedelta(hours=7), datetime.now(UTC) + timedelta(days=40)
+    with backend.database.write() as connection:
+        for run, at, code in zip(runs, (ago, ahead), ("time_limit", "memory"), strict=True):
+            mine = tables.audits.c.id == int(run.id)
+            connection.execute(update(tables.audits).where(mine).values(created_at=at, ended_at=at, state="partial"))
+            mine = tables.audit_items.c.audit_id == int(run.id)
+            connection.execute(update(tables.audit_items).where(mine).values(state="failed", code=code))
+    found = told(backend)
+    for name in ("run", "night"):
+        assert found[f"last_{name}_ended_timestamp_seconds", ""] == pytest.approx(ago.timestamp(), abs=1e-3)
+    for name in ("failed_items", "failed_items_last_day"):
+        assert found[name, "time_limit"] == 1
+        assert (name, "memory") not in found
+
+
+def test_a_run_amid_which_the_clock_was_put_back_took_no_time_below_nothing(backend, add_loops):
+    add_loops("FIC1")
+    start_audit(backend)
+    at = datetime(2026, 1, 1, tzinfo=UTC)
+    with backend.database.write() as connection:
+        ended = {"created_at": at + timedelta(hours=1), "ended_at": at, "state": "done"}
+        connection.execute(update(tables.audits).values(**ended))
+    assert told(backend)["last_run_duration_seconds", ""] == 0
+
+
 def test_a_run_over_one_loop_hides_neither_the_failures_of_the_night_nor_a_night_that_is_missing(backend, add_loops):
     add_loops("FIC1", "FIC2", "FIC3")
     nightly(backend, date(2026, 1, 1))

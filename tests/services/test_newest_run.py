@@ -74,6 +74,7 @@ def test_a_night_that_did_not_run_is_said(backend: Backend, add_loops: AddLoops)
 
     assert missed(hour - 8 * AN_HOUR, hour + AN_HOUR) == told
     assert missed(hour - 8 * AN_HOUR, hour + timedelta(minutes=5)) == ""  # it may just be beginning
+    assert missed(hour + 900 * AN_HOUR, hour + AN_HOUR) == told  # a clock that was ahead began it
     assert missed(hour + AN_HOUR, hour + 2 * AN_HOUR) == ""  # somebody has asked for the whole plant since
     with backend.database.write() as connection:
         connection.execute(update(loops).values(created_at=hour + AN_HOUR))

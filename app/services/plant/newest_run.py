@@ -11,6 +11,7 @@ from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.results import AuditView
 from app.storage import audits, loops, plant
+from app.storage.types import CLOCK_APART
 
 STARTED_BY = timedelta(minutes=15)
 """So long after its hour a night that has not begun is missed: workers and schedule may just be restarting."""
@@ -65,9 +66,14 @@ def _loops(count: int) -> str:
 def _missed(backend: Backend, run: AuditView | None, now: datetime) -> str:
     """The night whose hour has come, where neither it nor another run of the whole plant has begun since."""
     hour = latest_hour(backend, now)
-    if now - hour < STARTED_BY or (run is not None and datetime.fromisoformat(run.created_at) >= hour):
+    if now - hour < STARTED_BY or (run is not None and _between(hour, run.created_at, now)):
         return ""
     with backend.database.read() as connection:
         planned = audits.by_night(connection, backend.settings.plant, hour.date().isoformat())
         wanted = planned is None and loops.any_before(connection, hour)
     return f"The nightly audit of {told(hour)} has not run." if wanted else ""
+
+
+def _between(hour: datetime, begun: str, now: datetime) -> bool:
+    """Whether it was begun since; what a clock began that was ahead was not."""
+    return hour <= datetime.fromisoformat(begun) <= now + CLOCK_APART
