@@ -237,6 +237,7 @@ _SERVICE = {
     "settings": "A setting has a value that it cannot have; the text says which, SETTINGS.md what it takes.",
     "standstill": "Loops wait, and no worker gave a sign for long; see that workers run, and start them anew.",
     "still_running": "`serve`, `worker`, `beat` or `nightly` runs on what a restore replaces; stop it first.",
+    "tables_in_use": "Others work on the tables that `migrate` changes; stop `serve`, `worker` and `beat`, then again.",
 }
 _BACKUP = {
     "backup_broken": (

@@ -2,13 +2,20 @@
 `worker` and `beat` ask it first."""
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from sqlalchemy.exc import OperationalError
 
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY, away_in_words
 from app.settings import Settings
 from app.sqlite_files import file_of
 from app.storage import Database, schema
+
+LOCK_NOT_AVAILABLE = "55P03"
+"""The SQLSTATE of a lock that was waited for in vain."""
 
 log = logging.getLogger("loopaudit.upkeep")
 
@@ -22,11 +29,24 @@ def migrate(settings: Settings) -> str:
     try:
         with away_in_words():
             refuse_newer(schema.current_revision(database))
-            schema.migrate(database)
+            with _in_use_in_words():
+                schema.migrate(database)
             _tell_of_no_writes(database)
             return schema.current_revision(database) or "none"
     finally:
         database.close()
+
+
+@contextmanager
+def _in_use_in_words() -> Iterator[None]:
+    """PostgreSQL changes no table that somebody has looked at within a transaction, and waits for that some seconds."""
+    try:
+        yield
+    except OperationalError as error:
+        if getattr(error.orig, "sqlstate", None) != LOCK_NOT_AVAILABLE:
+            raise
+        text = "others work on the tables, nothing was changed; stop `serve`, `worker` and `beat`, then migrate again"
+        raise RequestError("tables_in_use", text) from error
 
 
 def refuse_unmigrated(settings: Settings) -> None:
