@@ -25,6 +25,8 @@ LEFT_AFTER_S = 3600.0
 """What was taken, or is being written, for longer than this is nobody's any more: both take milliseconds."""
 WAITING, TAKEN, QUEUES = "waiting", "taken", "queues"
 DRAFT = "."
+WERE_THERE: set[Path] = set()
+"""Folders of messages that this process has used."""
 
 
 class Channel(filesystem.Channel):
@@ -95,7 +97,9 @@ class Channel(filesystem.Channel):
 
     def _folder(self, part: str) -> Path:
         whole = Path(self.transport_options["folder"])
-        whole.mkdir(mode=0o700, parents=True, exist_ok=True)  # by itself: the mode is not that of folders above
+        # By itself: the mode is not that of folders above. They are not made anew where they are away, as with a share.
+        whole.mkdir(mode=0o700, parents=whole not in WERE_THERE, exist_ok=True)
+        WERE_THERE.add(whole)
         folder = whole / part
         folder.mkdir(mode=0o700, exist_ok=True)
         return folder

@@ -4,7 +4,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from sqlalchemy.pool import QueuePool
 
 from app.errors import RequestError
 from app.sqlite_files import asks_for_no_writes
+from app.storage.own_file import OwnFile
 
 BUSY_TIMEOUT_MS = 30_000
 WAL_SAFE_FROM = (3, 51, 3)
@@ -52,7 +53,8 @@ class Database:
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         self._most = MOST_OF_A_FILE if self.is_sqlite else 2 * pool_size
         if self.is_sqlite:
-            self._writer, self._reader = _sqlite(self.url, writes=True), _sqlite(self.url, writes=False)
+            file = OwnFile(self.url.database or "")
+            self._writer, self._reader = _sqlite(self.url, file, writes=True), _sqlite(self.url, file, writes=False)
         else:
             self._writer = _postgresql(self.url, statement_timeout_s, pool_size, writes=True)
             self._reader = _postgresql(self.url, statement_timeout_s, pool_size, writes=False)
@@ -195,12 +197,9 @@ def journal_mode() -> str:
     return "WAL" if sqlite3.sqlite_version_info >= WAL_SAFE_FROM else "TRUNCATE"
 
 
-def _sqlite(url: URL, *, writes: bool) -> Engine:
+def _sqlite(url: URL, file: OwnFile, *, writes: bool) -> Engine:
     engine = create_engine(url, connect_args={"timeout": BUSY_TIMEOUT_MS / 1000, "check_same_thread": False})
-
-    @event.listens_for(engine, "do_connect")
-    def begin_private(*_: Any) -> None:
-        _make_private(url.database or "")
+    file.keep(engine)
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:
@@ -226,14 +225,6 @@ def _sqlite(url: URL, *, writes: bool) -> Engine:
 
 def _lower(text: str | None) -> str | None:
     return None if text is None else text.lower()
-
-
-def _make_private(name: str) -> None:
-    """A new file is for its owner alone, and so are its journals, which SQLite gives its mode. One that is there is not
-    opened: closing it would end the locks that this process has on it. SQLite says what is wrong with a path."""
-    if name and name != ":memory:" and not name.startswith("file:"):
-        with suppress(OSError):
-            os.close(os.open(name, os.O_CREAT | os.O_EXCL, 0o600))
 
 
 def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes: bool) -> Engine:

@@ -119,3 +119,17 @@ def test_a_broken_table_of_queues_is_written_anew(channel: folder.Channel) -> No
     channel._queue_bind("control", "audit", "", "audit")
     channel._queue_bind("control", "audit", "", "audit")
     assert [row.queue for row in channel.get_table("control")] == ["audit"]
+
+
+def test_folders_above_it_that_are_away_are_not_made_anew(tmp_path: Path) -> None:
+    """As with a share: what is made in its place would be hidden once it is back."""
+    data, away = tmp_path / "data", tmp_path / "away"
+    celery_application(Settings(data_dir=data))
+    channel = Connection("folder://localhost", transport_options={"folder": str(data / "broker")}).default_channel
+    channel._put("audit", message(1))
+    data.rename(away)
+    with pytest.raises(FileNotFoundError):
+        channel._put("audit", message(2))
+    assert not data.exists()
+    away.rename(data)
+    assert taken(channel, "audit") == ["1"]
