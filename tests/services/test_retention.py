@@ -1,5 +1,6 @@
 """Retention on both data bases: what is old goes, what is young or still needed stays."""
 
+import errno
 import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -13,13 +14,13 @@ from app.errors import RequestError
 from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.backend import Backend
-from app.services.intake import uploads
+from app.services.intake import drafts, uploads
 from app.services.intake.reading import read_upload
 from app.services.plant.loop_verdicts import loop_health, verdict_history
 from app.services.results import Receipt
 from app.services.upkeep import retention
 from app.services.upkeep.metrics import Sample, metrics
-from app.services.upkeep.sweep import sweep
+from app.services.upkeep.sweep import drop_old_drafts, sweep
 from app.storage import retention as stored_retention
 from app.storage import tables
 from app.storage import uploads as stored_uploads
@@ -344,6 +345,33 @@ def test_an_upload_that_comes_in_while_the_clock_jumps_by_days_is_not_taken_for_
         receiving.write(b"2026-03-01T00:00:00Z,1,2\n")
         upload = receiving.commit().upload
     assert (plant.settings.uploads_dir / upload.fingerprint).read_bytes().count(b"\n") == 2
+
+
+def test_a_draft_that_cannot_be_opened_goes_by_its_age(plant, monkeypatch):
+    """As one that a command of another user left: who has the folder may take it away."""
+    folder, now = plant.settings.uploads_dir, time.time()
+    opened = os.open
+
+    def refuse(path, *arguments, **named):
+        if Path(path).name.startswith(".part-"):
+            raise PermissionError(errno.EACCES, "Permission denied", path)
+        return opened(path, *arguments, **named)
+
+    for name, hours in ((".part-old", 24.5), (".part-young", 0.0)):
+        (folder / name).write_bytes(b"Time,A.PV")
+        os.utime(folder / name, (now - 3600 * hours,) * 2)
+    monkeypatch.setattr(drafts.os, "open", refuse)
+    sweep(plant)
+    assert [file.name for file in folder.glob(".part-*")] == [".part-young"]
+
+
+def test_the_sweeper_takes_no_lock_from_an_upload_that_begins(plant, monkeypatch):
+    """It would have to try it with a lock of its own, and the upload asks for its lock only once."""
+    tried = []
+    monkeypatch.setattr(drafts.fcntl, "flock", lambda descriptor, how: tried.append(descriptor))
+    (plant.settings.uploads_dir / ".part-begins").write_bytes(b"")
+    drop_old_drafts(plant)
+    assert tried == []
 
 
 def test_what_goes_while_the_sweeper_looks_does_not_stop_it(plant, monkeypatch):

@@ -24,15 +24,17 @@ def hold(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def drafts_held_by_nobody(settings: Settings) -> Iterator[Path]:
-    return (draft for draft in settings.uploads_dir.glob(f"{PREFIX}*") if not _is_held(draft))
+def drafts(settings: Settings) -> Iterator[Path]:
+    return settings.uploads_dir.glob(f"{PREFIX}*")
 
 
-def _is_held(draft: Path) -> bool:
+def is_held(draft: Path) -> bool:
+    """Whether its upload comes in. Ask it of old ones alone: this tries the lock for a moment, and one that begins just
+    then would not get it."""
     try:
         descriptor = os.open(draft, os.O_RDWR)
-    except FileNotFoundError:  # it has ended meanwhile
-        return True
+    except (FileNotFoundError, PermissionError):  # it has ended meanwhile, or is of another user: its age is what tells
+        return False
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -13,7 +13,7 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import DATABASE_AWAY, Backend
 from app.services.digests.deliveries import announce_digests
-from app.services.intake.drafts import drafts_held_by_nobody
+from app.services.intake.drafts import drafts, is_held
 from app.services.results import SweepReport
 from app.services.upkeep.retention import older_than, retain_if_due
 from app.storage import audits, explanations, items, uploads
@@ -120,8 +120,8 @@ def drop_what_is_old(backend: Backend) -> SweepReport:
 
 def drop_old_drafts(backend: Backend) -> SweepReport:
     """What is left of uploads that broke off with their process."""
-    for draft in drafts_held_by_nobody(backend.settings):
-        if older_than(draft, DRAFT_LIFE_S):
+    for draft in drafts(backend.settings):
+        if older_than(draft, DRAFT_LIFE_S) and not is_held(draft):
             draft.unlink(missing_ok=True)
     return SweepReport()
 
