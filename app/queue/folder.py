@@ -6,6 +6,7 @@ be read is dropped, and everything stays in one folder that only its owner can e
 """
 
 import fcntl
+import logging
 import os
 import time
 import uuid
@@ -28,10 +29,14 @@ DRAFT = "."
 WERE_THERE: set[Path] = set()
 """Folders of messages that this process has used."""
 
+log = logging.getLogger("loopaudit.queue")
+
 
 class Channel(filesystem.Channel):
     """One folder with `waiting` (a file a message), `taken` (those that are being read) and `queues` (which queue hears
     which exchange)."""
+
+    _told = False
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -46,6 +51,23 @@ class Channel(filesystem.Channel):
         _write_whole(waiting / name, dumps(payload))
 
     def _get(self, queue: str) -> Any:  # type: ignore[override]  # as above
+        try:
+            payload = self._take(queue)
+        except OSError as error:  # the folder is away, or its disk read-only: a worker that is told so ends
+            self._tell(error)
+            raise Empty from error
+        self._told = False
+        if payload is None:
+            raise Empty
+        return payload
+
+    def _tell(self, error: OSError) -> None:
+        if not self._told:
+            log.error("the folder of messages cannot be used, it is waited for: %s", error)
+            self._told = True
+
+    def _take(self, queue: str) -> Any:
+        """The first message that nobody else took; None: there is none."""
         taken = self._folder(TAKEN)
         for path in self._waiting(queue):
             mine = taken / f"{os.getpid()}_{path.name}"
@@ -56,7 +78,7 @@ class Channel(filesystem.Channel):
             payload = _read_once(mine)
             if payload is not None:
                 return payload
-        raise Empty
+        return None
 
     def _size(self, queue: str) -> int:
         return len(self._waiting(queue))

@@ -3,12 +3,14 @@
 import threading
 from pathlib import Path
 from queue import Empty
+from typing import Any
 
 import pytest
 from kombu import Connection
 
 from app.queue import Queue, folder
 from app.queue.application import celery_application
+from app.services.intake import uploads
 from app.settings import Settings
 
 
@@ -133,3 +135,21 @@ def test_folders_above_it_that_are_away_are_not_made_anew(tmp_path: Path) -> Non
     assert not data.exists()
     away.rename(data)
     assert taken(channel, "audit") == ["1"]
+
+
+@pytest.mark.parametrize("plant", ["embedded"], indirect=True)
+def test_a_worker_whose_folder_is_away_for_a_while_goes_on(plant: Any, small_export: bytes) -> None:
+    data = plant.backend.settings.data_dir
+    away, told = data.with_name(f"{data.name}-away"), plant.log.relative_to(data)
+    worker = plant.start("worker")
+    first = plant.send("a.csv", small_export)
+    plant.wait("the first upload", lambda: uploads.get_upload(plant.backend, first.id).state == "done")
+    data.rename(away)
+    try:
+        plant.wait("its absence", lambda: "the folder of messages cannot be used" in (away / told).read_text())
+    finally:
+        away.rename(data)
+    second = plant.send("b.csv", small_export.replace(b"FIC", b"TIC"))
+    plant.wait("the second upload", lambda: uploads.get_upload(plant.backend, second.id).state == "done")
+    assert worker.poll() is None
+    assert plant.log.read_text().count("the folder of messages cannot be used") == 1
