@@ -2,12 +2,14 @@
 
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from alembic.script import ScriptDirectory
 from sqlalchemy import text
 
 from app.errors import RequestError
-from app.services.upkeep.tables import migrate
+from app.services.upkeep.tables import migrate, newer_than_we, refuse_unmigrated
 from app.settings import Settings
 from app.storage import Database, schema
 
@@ -28,3 +30,20 @@ def test_tables_that_others_work_on_are_told_and_nothing_is_changed(tmp_path: Pa
             assert schema.current_revision(database) == BEFORE_KEYS_FOLLOW
         finally:
             assert migrate(settings) == schema.newest_revision()
+
+
+def test_what_is_newer_is_what_was_not_there_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Source that is put in the place of a worker's own brings the migrations of a newer version with it, also where
+    the data base was away as the worker started: its processes, which ask later, inherit what it knew."""
+    schema._versions.cache_clear()
+    refuse_unmigrated(Settings(data_dir=tmp_path, database_url="postgresql://nobody@127.0.0.1:1/away"))
+    monkeypatch.setattr(ScriptDirectory, "walk_revisions", lambda *_: iter([SimpleNamespace(revision="9999")]))
+    settings = Settings(data_dir=tmp_path)
+    migrate(settings)
+    with closing(Database(settings.resolved_database_url)) as database:
+        assert newer_than_we(database) is None
+        with database.write() as connection:
+            connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+        refusal = newer_than_we(database)
+        assert refusal is not None
+        assert refusal.code == "newer_tables"

@@ -69,7 +69,8 @@ def _tell_of_no_writes(database: Database) -> None:
 
 def refuse_other_tables(database: Database) -> None:
     """Raises RequestError("no_tables"), ("older_tables") or ("newer_tables") where these are not this version's."""
-    current, newest = schema.current_revision(database), schema.newest_revision()
+    newest = schema.newest_revision()  # first: what was there at the start is to be known where the data base is away
+    current = schema.current_revision(database)
     refuse_newer(current)
     if current is None:
         raise RequestError("no_tables", "the data base has no tables; run `loopaudit migrate`")
