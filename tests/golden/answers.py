@@ -112,6 +112,11 @@ def beside_no_resonance() -> Comparison:
     return replace(swings(60.0), trace=None, simulation=given)
 
 
+def beside_two_lags() -> Comparison:
+    """The same process beside two equal lags, as a damping of 1 has it."""
+    return replace(swings(60.0), trace=None, simulation=LinearSimulation(gain=1.0, time_constants_s=(19.5, 19.5)))
+
+
 def travels(up: float, down: float) -> Comparison:
     """A lag behind a stem that goes up and down by no more than that a sample, beside a simulation without it."""
     op = [50.0 + 20.0 * drawn for drawn in noise(SAMPLES) for _ in range(40)][:SAMPLES]
@@ -191,6 +196,7 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
     yield "explain: clipped, beside its simulation that swings", lambda: explained(swings(6.0))
     yield "explain: passed on, beside its simulation that swings", lambda: explained(swings(60.0))
     yield "explain: swings, beside a simulation that does not", lambda: explained(beside_no_resonance())
+    yield "explain: swings, beside two lags", lambda: explained(beside_two_lags())
     yield "explain: up faster than down, beside its simulation", lambda: explained(travels(0.9, 0.6))
 
 

@@ -10,7 +10,7 @@ from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
-from app.engine.mismatch.physics.resonance import swinging
+from app.engine.mismatch.physics.resonance import swinging, swinging_behind_a_lag
 from app.engine.recording import FloatArray
 from tests.engine import open_loop
 
@@ -55,9 +55,40 @@ def test_complex_poles_are_named_and_found(natural_s: float, damping: float) -> 
     assert answer.fit.explained.rmse < 0.6 * answer.fit.refitted.rmse
 
 
+def test_the_poles_take_the_place_of_the_first_lag_or_of_both() -> None:
+    u = np.random.default_rng(0).normal(size=N)
+    context, poles = Context(experiment(TS, u, u), Plant(K=1.0, tau=30.0, theta=0.0, tau2=12.0)), np.array([14.0, 0.3])
+    both = run_process(u, swinging(context.plant, poles, context), TS)
+    np.testing.assert_allclose(both, second_order(u, 14.0, 0.3), atol=1e-9)
+    assert swinging_behind_a_lag(context.plant, poles, context).tau3 == 12.0
+
+
+@pytest.mark.parametrize("lags_s", [(33.5, 33.5), (50.0, 22.0)])
+def test_a_process_that_swings_is_found_beside_two_lags(lags_s: tuple[float, float]) -> None:
+    u = moves()
+    pv = 50.0 + 1.4 * second_order(late(u), 33.5, 0.49) + 5.0 * noise()
+    given = LinearSimulation(gain=1.45, time_constants_s=lags_s, dead_time_s=THETA)
+    answer = explain(Comparison("spring", TS, 40.0 + u, pv, simulation=given))
+    assert [effect.code for effect in answer.effects] == ["process.resonance"]
+    found = {p.name: p.value for p in answer.effects[0].parameters}
+    assert found["natural"] == pytest.approx(33.5, rel=0.05)
+    assert found["damping"] == pytest.approx(0.49, rel=0.15)
+    assert answer.fit.explained.rmse < 0.5 * answer.fit.refitted.rmse
+    assert not any(reason.code == "parameters_off" for reason in answer.evidence)
+
+
 @pytest.mark.parametrize("plant", [Plant(1.4, 30.0, 6.0), Plant(1.4, 30.0, 6.0, tau2=12.0), Plant(1.4, 30.0, 16.0)])
 def test_real_poles_are_no_resonance(plant: Plant) -> None:
     u = moves()
     pv = 50.0 + run_process(u, plant, TS) + noise()
     answer = explain(Comparison("lags", TS, 40.0 + u, pv, simulation=GIVEN))
+    assert not any("process.resonance" in (effect.code, *effect.alternatives) for effect in answer.effects)
+
+
+@pytest.mark.parametrize("plant", [Plant(1.4, 20.0, 6.0, tau2=20.0), Plant(1.4, 30.0, 12.0, tau2=12.0)])
+def test_two_lags_that_are_given_are_no_resonance(plant: Plant) -> None:
+    u = moves()
+    pv = 50.0 + run_process(u, plant, TS) + noise()
+    given = LinearSimulation(gain=1.45, time_constants_s=(plant.tau, plant.tau2), dead_time_s=THETA)
+    answer = explain(Comparison("lags", TS, 40.0 + u, pv, simulation=given))
     assert not any("process.resonance" in (effect.code, *effect.alternatives) for effect in answer.effects)

@@ -1,4 +1,4 @@
-"""A process that swings by itself: complex poles in place of the lag, as of a mass on a spring or a loop inside.
+"""A process that swings by itself: complex poles in place of its lags, as of a mass on a spring or a loop inside.
 
 natural^2 x'' + 2 damping natural x' + x = K v + b, one over the natural frequency and the damping ratio fitted; below
 a damping of 1 / sqrt(2) the process has a resonance.
@@ -29,14 +29,25 @@ def pairs_of_poles(context: Context, _: FloatArray) -> FloatArray:
     return grid(np.geomspace(max(0.1 * slow, 0.5 * ts), 1.5 * slow, 9), np.array([0.12, 0.3, 0.6]))
 
 
-def swinging(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def swinging_behind_a_lag(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    """The poles in place of the first lag alone: a second one stays behind them."""
     tau, damping = values.tolist()
     return plant.changed(tau=tau, damping=damping, tau2=0.0, tau3=float(np.hypot(plant.tau2, plant.tau3)))
+
+
+def swinging(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    """The poles in place of both lags: two lags are the same process with a damping of 1 and more."""
+    tau, damping = values.tolist()
+    return plant.changed(tau=tau, damping=damping, tau2=0.0)
 
 
 def settles_without_swinging(context: Context) -> bool:
     """A given simulation that swings has its own poles fitted: they are not missing."""
     return settles(context) and context.plant.damping == 0.0
+
+
+def has_two_lags(context: Context) -> bool:
+    return settles_without_swinging(context) and context.plant.tau2 > 0.0
 
 
 def has_a_resonance(values: FloatArray, _: Context) -> bool:
@@ -51,9 +62,22 @@ BLOCKS = (
         ALWAYS,
         poles,
         pairs_of_poles,
-        alter=swinging,
+        alter=swinging_behind_a_lag,
         penalty=18.0,
         sensible=has_a_resonance,
         suits=settles_without_swinging,
+    ),
+    Block(
+        "process.resonance",
+        "process",
+        "process",
+        ALWAYS,
+        poles,
+        pairs_of_poles,
+        alter=swinging,
+        form="both-lags",
+        penalty=18.0,
+        sensible=has_a_resonance,
+        suits=has_two_lags,
     ),
 )

@@ -17,7 +17,7 @@ def slowness(context: Context) -> float:
     """The slowest time of the linear plant, s."""
     plant = context.plant
     own = plant.tau if plant.leak > 0.0 else 0.0
-    return max(own, plant.tau2, plant.theta, 2.0 * context.record.sampling_interval_s)
+    return max(own, plant.tau2, plant.tau3, plant.theta, 2.0 * context.record.sampling_interval_s)
 
 
 def depth(context: Context) -> float:
