@@ -24,7 +24,7 @@ from tests.proof.generator import (
     make_loop,
     run,
 )
-from tests.proof.outside import NEED_ONE_LAG, OUTSIDE
+from tests.proof.outside import NEED_ONE_LAG, NEED_TWO_LAGS, OUTSIDE
 from tests.proof.plants import Process
 
 TRIES, MOST_TRIES = 12, 200
@@ -59,6 +59,8 @@ def attempt(
     if any(e in NEED_SELF_REGULATION + NEED_ONE_LAG for e in effects) and not self_regulating:
         return None
     if any(e.startswith(EXCITED_BY_SET_POINT) for e in effects) and np.ptp(loop.sp) == 0.0:
+        return None
+    if any(e in NEED_TWO_LAGS for e in effects) and (loop.process.integrating or len(loop.process.taus) != 2):
         return None
     if any(e in NEED_A_MASS for e in effects) and not (loop.process.integrating or len(loop.process.taus) == 2):
         return None
