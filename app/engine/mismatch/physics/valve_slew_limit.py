@@ -9,7 +9,7 @@ from numba import njit
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
-from app.engine.recording import BoolArray, FloatArray
+from app.engine.recording import FloatArray
 
 STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
 LEAST_UNEVEN, MOST_UNEVEN = 1.01, 10.0  # times as fast to one side as to the other; a quick exhaust opens at once
@@ -24,6 +24,13 @@ def _limited(u: FloatArray, up: float, down: float, start: float) -> FloatArray:
     for t in range(1, len(u)):
         v[t] = v[t - 1] + min(max(u[t] - v[t - 1], -down), up)
     return v
+
+
+def travelled(signal: FloatArray, up: float, down: float, off: FloatArray, context: Context) -> FloatArray:
+    """OP (N,), followed at `up` OP/s upwards and `down` times as fast downwards, from `off` beside it (1,) or (0,)."""
+    step = up * context.record.sampling_interval_s
+    start = float(signal[0]) + (float(off[0]) if len(off) else 0.0)
+    return _limited(np.ascontiguousarray(signal), step, step * down, start)
 
 
 def rates(context: Context) -> FloatArray:
@@ -45,13 +52,7 @@ def starts(context: Context, _: FloatArray) -> FloatArray:
 
 
 def follow(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    step = values[0] * context.record.sampling_interval_s
-    start = float(signal[0]) + (float(values[1]) if len(values) > 1 else 0.0)
-    return _limited(np.ascontiguousarray(signal), step, step, start)
-
-
-def active(signal: FloatArray, values: FloatArray, context: Context) -> BoolArray:
-    return np.abs(follow(signal, values, context) - signal) > 1e-3 * context.record.op_span
+    return travelled(signal, float(values[0]), 1.0, values[1:], context)
 
 
 EVEN = Block(
@@ -79,10 +80,7 @@ def uneven_starts(context: Context, _: FloatArray) -> FloatArray:
 
 
 def follow_unevenly(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    """OP (N,), followed at values[0] OP/s upwards and values[1] times as fast downwards."""
-    up = float(values[0]) * context.record.sampling_interval_s
-    start = float(signal[0]) + (float(values[2]) if len(values) > 2 else 0.0)
-    return _limited(np.ascontiguousarray(signal), up, up * float(values[1]), start)
+    return travelled(signal, float(values[0]), float(values[1]), values[2:], context)
 
 
 def is_uneven(values: FloatArray, _: Context) -> bool:
