@@ -142,17 +142,24 @@ def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int, along: Seq
 POLISHING_STEPS = (0.12, 0.04, 0.012, 0.004, 0.0012)
 
 
+def following(task: Task) -> list[int]:
+    """The coordinates along whose slopes the simulation moves evenly: the plant's, and what a block has linear or
+    smooth.
+    """
+    return [k for k, f in enumerate(task.free) if "." not in f.name or f.linear or f.smooth]
+
+
 def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     """A pattern search over the blocks' non-linear parameters, all others following along their slopes.
 
     The noise model is held. Where the simulation jumps with a parameter (a threshold, a moment) its slope misleads, and
     descents end where they began.
     """
-    searched = [k for k, f in enumerate(task.free) if "." in f.name and not f.linear]
+    others = following(task)
+    searched = [k for k in range(len(x)) if k not in others]
     if not searched:
         return x
     at = residual_rows(task, x, noise)
-    others = [k for k in range(len(x)) if k not in searched]
     basis = orthonormal(slopes(task, x, noise, at, others))
     cost = projected_cost(at.rows, basis)
     asked = {x.tobytes()}  # the cost only falls, so that no place is ever better when it is asked again
@@ -227,6 +234,8 @@ def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int 
     best = finish(task, x, noise_left(task, x, noise))
     for _ in range(rounds):
         x = descend(task, polish(task, best.x, best.noise), best.noise, steps)
+        if any(f.smooth for f in task.free):
+            x = descend(task, x, best.noise, steps, following(task))
         fitted = finish(task, x, noise_left(task, x, best.noise))
         gained = fitted.likelihood - best.likelihood
         if gained > 0.0:

@@ -57,6 +57,7 @@ class Free:
     log: bool = False
     step: float = 1e-3
     linear: bool = False
+    smooth: bool = False
 
     def value(self, x: float) -> float:
         return float(self.scale * (np.exp(x) if self.log else x))
@@ -103,10 +104,11 @@ def start_deviation(record: Experiment, plant: Plant) -> float:
 
 def part_free(parameter: Parameter, rough: bool) -> Free:
     """The free number of a block's parameter, with its prior within its bounds."""
-    step, known = 0.02 if rough else 2e-3, parameter.deviation
+    step, known = (0.02 if rough else 2e-3) if parameter.step is None else parameter.step, parameter.deviation
     if parameter.log:
         low, high = np.log(parameter.low / parameter.scale), np.log(parameter.high / parameter.scale)
-        return Free(parameter.name, parameter.scale, 0.0, known, float(low), float(high), log=True, step=step)
+        smooth = parameter.step is not None
+        return Free(parameter.name, parameter.scale, 0.0, known, float(low), float(high), True, step, smooth=smooth)
     low, high = parameter.low / parameter.scale, parameter.high / parameter.scale
     centre = 1.0 if np.isfinite(known) else 0.0
     return Free(parameter.name, parameter.scale, centre, known, low, high, step=step, linear=parameter.linear)

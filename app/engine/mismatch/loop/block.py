@@ -23,6 +23,8 @@ class Parameter:
     it, so that a scan finds it by least squares from the size `scale`. deviation: of a normal prior around `scale` (of
     its logarithm where log); infinite: none.
     begins: it is where a state stood when the record began, so that another record has its own.
+    step: over what a slope is taken, of its logarithm where log, of its scale otherwise; None: as the block is rough
+    or not.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Parameter:
     linear: bool = False
     deviation: float = np.inf
     begins: bool = False
+    step: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

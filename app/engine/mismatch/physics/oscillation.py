@@ -11,6 +11,7 @@ from app.engine.mismatch.physics.scales import size
 from app.engine.recording import FloatArray
 
 PERIODS_TRIED = 3
+PERIOD_STEP = 1e-4  # of its logarithm: over hundreds of turns a wave is a tenth of one off by then
 ODD = (3, 5)
 WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 15))
 COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1, 6))
@@ -18,7 +19,7 @@ COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
     ts, duration = context.record.sampling_interval_s, context.record.duration_s
-    period = Parameter("period", "s", 2.5 * ts, 0.6 * duration, 10.0 * ts, log=True)
+    period = Parameter("period", "s", 2.5 * ts, 0.6 * duration, 10.0 * ts, log=True, step=PERIOD_STEP)
     return (moment("start", context), moment("end", context), period, size(context, "sine"), size(context, "cosine"))
 
 

@@ -1,0 +1,32 @@
+"""A wave that lasts for many turns: its period is found to a share of a turn over all of them."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch.loop.plant import Plant, run_process
+from tests.engine import open_loop
+
+N, TS = 2400, 1.0
+moves, noise = partial(open_loop.moves, N, 120), partial(open_loop.noise, N)
+PLANT = Plant(1.4, 30.0, 6.0)
+GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
+
+
+@pytest.mark.parametrize(("period_s", "begin", "end"), [(33.28, 240, 2000), (57.77, 300, 1900), (17.97, 500, 2300)])
+def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int) -> None:
+    time_s, lasting = TS * np.arange(N), slice(begin, end)
+    wave = np.zeros(N)
+    wave[lasting] = 1.5 * np.sin(2.0 * np.pi * time_s[lasting] / period_s)
+    pv = 50.0 + run_process(moves(), PLANT, TS) + wave + noise()
+    answer = explain(Comparison("shaken", TS, 40.0 + moves(), pv, simulation=GIVEN))
+    (effect,) = answer.effects
+    assert effect.code == "disturbance.oscillation"
+    assert [p.name for p in effect.parameters] == ["start", "end", "period", "sine", "cosine"]
+    found = {p.name: p for p in effect.parameters}
+    assert found["period"].value == pytest.approx(period_s, rel=5e-4)
+    assert found["start"].value == pytest.approx(TS * begin, abs=0.25 * period_s)
+    assert found["end"].value == pytest.approx(TS * end, abs=0.25 * period_s)
+    assert answer.fit.explained.rmse < 1.1 * float(np.std(noise()))
