@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.loop.beginning import answers_the_record
+from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
-from app.engine.mismatch.loop.plant import Plant
+from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics import LATE, NEAR, TWINS
+from app.engine.mismatch.physics.process_dynamics import inverse
 from app.engine.recording import FloatArray
 
 N, FINE = 2000, 20
@@ -45,6 +48,22 @@ def loop(
 def ask(signals: tuple[FloatArray, FloatArray, FloatArray], simulation: LinearSimulation) -> Explanation:
     sp, op, pv = signals
     return explain(Comparison("late", 1.0, op, pv, sp, simulation=simulation))
+
+
+def test_an_inverse_response_behind_a_lag_is_that_of_its_equation() -> None:
+    """K (1 - zero s) / ((tau s + 1) (lag s + 1)), OP held over each sample."""
+    u, (K, tau, zero, lag_s, ts) = np.random.default_rng(0).normal(size=500), (1.4, 30.0, 12.0, 9.0, 5.0)
+    a, b = np.array([[-1.0 / tau, 0.0], [1.0 / lag_s, -1.0 / lag_s]]), np.array([[K / tau], [0.0]])
+    a, b, *_ = cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), ts)
+    x, expected = np.zeros(2), np.zeros(len(u))
+    for t in range(1, len(u)):
+        x = a @ x + b[:, 0] * u[t - 1]
+        expected[t] = x[1] - zero / lag_s * (x[0] - x[1])
+    plant = Plant(K, tau, 0.0)
+    context = Context(experiment(ts, u, u), plant)
+    np.testing.assert_allclose(
+        run_process(u, inverse(plant, np.array([zero, lag_s]), context), ts), expected, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(("cut", "seed"), [(0, 17), (250, 18)])

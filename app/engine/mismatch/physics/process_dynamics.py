@@ -79,8 +79,13 @@ def zeros_and_lags(context: Context, _: FloatArray) -> FloatArray:
 
 
 def inverse(plant: Plant, values: FloatArray, _: Context) -> Plant:
-    """(1 - zero s) / (lag s + 1): a fast path against a slow one; without the lag PV would jump with OP."""
-    return plant.changed(zero=float(values[0]), tau3=float(np.hypot(plant.tau3, values[1])))
+    """(1 - zero s) / (lag s + 1): a fast path against a slow one; without the lag PV would jump with OP. Behind a
+    single lag it is the second one, exactly: one that is put behind the zero takes the jumps before it for ramps.
+    """
+    zero, behind = values.tolist()
+    if plant.leak > 0.0 and plant.tau2 == plant.damping == 0.0:
+        return plant.changed(zero=zero, tau2=behind)
+    return plant.changed(zero=zero, tau3=float(np.hypot(plant.tau3, behind)))
 
 
 def turns_back(values: FloatArray, context: Context) -> bool:
