@@ -116,8 +116,12 @@ def dressed(
     trace = np.array([0.0, *(sim.step(float(u)) for u in recorded.op[:-1])])
     pv_scale = float(10.0 ** rng.uniform(-1.5, 2.0)) if foreign else 1.0
     op_scale = float(10.0 ** rng.uniform(-1.0, 0.3)) if foreign else 1.0
-    truth.sizes = {name: op_scale * size for name, size in fresh.valve.sizes.items()}
     pv_mid, op_mid = (float(rng.uniform(30.0, 70.0)) * s for s in (pv_scale, op_scale))
+    truth.sizes = {name: op_scale * size for name, size in fresh.valve.sizes.items()}
+    if len(effects) == 1 and not foreign:
+        truth.sizes |= fresh.sizes
+        if "limit" in fresh.sizes:
+            truth.sizes["limit"] += op_mid if effects[0].startswith("valve.") else pv_mid
     truth.noise = None if truth.noise is None else truth.noise * pv_scale
     measured = (("AUX1", plain.aux + 40.0), ("AUX2", coloured(rng, plain.n, 0.95, 3.0, "gauss") + 45.0))
     return Case(

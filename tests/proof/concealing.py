@@ -39,6 +39,7 @@ def deadband(loop: Loop, rng: Generator, foreign: bool) -> Windows:
 
 def slew(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     rate = reach(loop) / loop.speed * float(rng.uniform(0.1, 0.35))
+    loop.sizes = {"rate": rate / loop.ts}
     loop.valve = SlewValve(rate, rate * (float(rng.uniform(0.8, 1.25)) if foreign else 1.0))
     return ()
 
@@ -54,7 +55,7 @@ def valve_saturation(loop: Loop, rng: Generator, foreign: bool) -> Windows:
             return side * min(side * u, limit)
         return side * (limit - width * softplus(-over / width))
 
-    loop.valve = StaticValve(curve)
+    loop.valve, loop.sizes = StaticValve(curve), {"limit": side * limit}
     return (("op_beyond", side * limit),)  # type: ignore[return-value]
 
 
@@ -77,18 +78,21 @@ def characteristic(loop: Loop, rng: Generator, foreign: bool) -> Windows:
 def dead_time(loop: Loop, rng: Generator, _: bool) -> Windows:
     extra = loop.ts * float(rng.integers(2, 7)) if loop.speed < 18 else loop.ts * float(rng.integers(4, 10))
     loop.process.dead_time += extra
+    loop.sizes = {"extra": extra}
     loop.process.__post_init__()
     return ()
 
 
 def extra_lag(loop: Loop, rng: Generator, _: bool) -> Windows:
-    loop.process.taus = (*loop.process.taus, loop.ts * loop.speed * float(rng.uniform(0.3, 0.8)))
+    tau = loop.ts * loop.speed * float(rng.uniform(0.3, 0.8))
+    loop.process.taus, loop.sizes = (*loop.process.taus, tau), {"tau": tau}
     loop.process.__post_init__()
     return ()
 
 
 def sensor_lag(loop: Loop, rng: Generator, _: bool) -> Windows:
     loop.sensor_tau = loop.ts * loop.speed * float(rng.uniform(0.3, 0.8))
+    loop.sizes = {"tau": loop.sensor_tau}
     return ()
 
 
@@ -150,6 +154,8 @@ def inverse(loop: Loop, rng: Generator, _: bool) -> Windows:
         loop.process.taus = (*loop.process.taus, 0.3 * slow)
     loop.process.__post_init__()
     loop.process.zero = slow * float(rng.uniform(0.35, 0.7))
+    if not loop.process.integrating:
+        loop.sizes = {"zero": loop.process.zero, "lag": 0.3 * slow}
     return ()
 
 
@@ -160,6 +166,7 @@ def quantization(loop: Loop, rng: Generator, _: bool) -> Windows:
 
 def sensor_saturation(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     loop.limit = float(rng.uniform(1.5, 4.0))
+    loop.sizes = {"limit": loop.limit}
     loop.softness = float(rng.uniform(0.05, 0.4)) if foreign and rng.random() < 0.4 else 0.0
     return (("clean_above", loop.limit),)  # type: ignore[return-value]
 
@@ -167,6 +174,7 @@ def sensor_saturation(loop: Loop, rng: Generator, foreign: bool) -> Windows:
 def shape_of_drift(loop: Loop, rng: Generator, foreign: bool, start: int) -> FloatArray:
     t = np.arange(loop.n)
     lasting = int(loop.n * rng.uniform(0.12, 0.35))
+    loop.sizes = {"start": start * loop.ts, "lasting": lasting * loop.ts}
     if foreign and rng.random() < 0.5:
         return np.where(t >= start, 1.0 - np.exp(-(t - start) / (0.5 * lasting)), 0.0)
     return np.clip((t - start) / lasting, 0.0, 1.0)
@@ -175,6 +183,7 @@ def shape_of_drift(loop: Loop, rng: Generator, foreign: bool, start: int) -> Flo
 def drift(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     start = int(loop.n * rng.uniform(0.15, 0.6))
     loop.added = float(rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 6.0)) * shape_of_drift(loop, rng, foreign, start)
+    loop.sizes["size"] = float(loop.added[-1])
     return tail(loop, start)
 
 
@@ -184,12 +193,14 @@ def load_ramp(loop: Loop, rng: Generator, foreign: bool) -> Windows:
         loop.speed * loop.ts if loop.process.integrating else 1.0
     )
     loop.load_added = size * shape_of_drift(loop, rng, foreign, start)
+    loop.sizes |= {} if loop.process.integrating else {"size": size}
     return tail(loop, start)
 
 
 def sensor_step(loop: Loop, rng: Generator, _: bool) -> Windows:
     start = int(loop.n * rng.uniform(0.15, 0.8))
     loop.added = float(rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 4.0)) * (np.arange(loop.n) >= start)
+    loop.sizes = {"start": start * loop.ts, "size": float(loop.added[-1])}
     return tail(loop, start)
 
 
@@ -199,6 +210,7 @@ def load_step(loop: Loop, rng: Generator, _: bool) -> Windows:
         loop.speed * loop.ts if loop.process.integrating else 1.0
     )
     loop.load_added = size * (np.arange(loop.n) >= start)
+    loop.sizes = {"start": start * loop.ts} | ({} if loop.process.integrating else {"size": size})
     return tail(loop, start)
 
 
@@ -206,7 +218,8 @@ def oscillation(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     start = int(loop.n * rng.uniform(0.05, 0.3))
     end = int(loop.n * rng.uniform(0.6, 0.95))
     t = np.arange(loop.n)
-    phase = 2.0 * np.pi * t / (loop.speed * float(rng.uniform(1.5, 5.0)))
+    period = loop.speed * float(rng.uniform(1.5, 5.0))
+    phase, loop.sizes = 2.0 * np.pi * t / period, {"period": period * loop.ts}
     wave = np.sin(phase)
     if foreign:
         wave = {"sine": wave, "square": np.sign(wave), "triangle": np.arcsin(wave) * 0.64}[

@@ -63,12 +63,13 @@ class Loop:
     softness: float = 0.0
     stuck: tuple[int, int] | None = None
     step_size: float = 0.0
+    sizes: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
 class Truth:
     """The concealed effects and what is right to say. noise: (N,) what the true model leaves of PV, in its unit. sizes:
-    of the valve, by the engine's names, unit of OP.
+    by the engine's names, in its units; those of a valve, and of an effect alone in its own form.
     """
 
     effects: tuple[str, ...]

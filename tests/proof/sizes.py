@@ -1,7 +1,7 @@
-"""How often the intervals that explain states of a valve hold the truth: `python sizes.py [--count N] [--seed N]`.
+"""How often the intervals that explain states hold the truth: `python sizes.py [--count N] [--seed N] [--all]`.
 
-Loops whose valve is the engine's own form (else its S is another number): limit cycles at a constant set point, and
-blind loops whose set point moves.
+Loops whose effect has the engine's own form (else its S is another number): limit cycles at a constant set point, and
+blind loops whose set point moves. `--all`: blind loops of every effect of which a size is known.
 """
 
 import argparse
@@ -18,6 +18,12 @@ from app.engine.simulate import Pid, Signal, TwoParameterValve, first_order
 from tests.proof.cases import make_case
 from tests.proof.stems import SAMPLES, loop, recorded
 
+OF_A_VALVE = ("valve.stiction", "valve.deadband")
+SIZED = (
+    *OF_A_VALVE, "valve.slew_limit", "valve.saturation", "process.dead_time", "process.extra_lag",
+    "process.inverse_response", "sensor.saturation", "sensor.drift", "sensor.step", "disturbance.step",
+    "disturbance.ramp", "disturbance.oscillation",
+)  # fmt: skip
 Known = tuple[str, Comparison, dict[str, float]]
 Stated = tuple[float, float, float, float]
 
@@ -55,21 +61,24 @@ def told(what: str, found: dict[str, list[Stated]]) -> Iterator[str]:
     for name, rows in found.items():
         true, value, low, high = np.array(rows).T
         held = int(np.sum((low <= true) & (true <= high)))
-        off, width = np.median(np.abs(value / true - 1.0)), np.median((high - low) / true)
-        yield f"{what}, {name}: held by {held} of {len(rows)}, median error {off:.1%}, median width {width:.0%}"
+        off, width = np.median(np.abs(value / true - 1.0)), np.median((high - low) / np.abs(true))
+        short, long = int(np.sum(high < true)), int(np.sum(low > true))
+        off_by = f"median error {off:.1%}, median width {width:.1%}"
+        yield f"{what}, {name}: held by {held} of {len(rows)}, {short} too low and {long} too high, {off_by}"
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--count", type=int, default=40, help="loops of each kind")
     options.add_argument("--seed", type=int, default=3000)
+    options.add_argument(
+        "--all", action="store_true", help="blind loops of every effect with a size, in place of limit cycles"
+    )
     given = options.parse_args()
     compile_kernels()
-    kinds = {
-        "limit cycles": limit_cycles(given.count, given.seed),
-        "blind, valve.stiction": blind("valve.stiction", given.count, given.seed),
-        "blind, valve.deadband": blind("valve.deadband", given.count, given.seed),
-    }
+    kinds = {} if given.all else {"limit cycles": limit_cycles(given.count, given.seed)}
+    for effect in SIZED if given.all else OF_A_VALVE:
+        kinds[f"blind, {effect}"] = blind(effect, given.count, given.seed)
     for what, known in kinds.items():
         for line in told(what, stated(known)):
             print(line, flush=True)

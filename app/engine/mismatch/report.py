@@ -10,7 +10,7 @@ from app.engine.mismatch.compete.naming import Believed
 from app.engine.mismatch.compete.worth import hidden_gain
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.windows import active_mask, whole, windows_along
-from app.engine.mismatch.judge.intervals import deviations, interval
+from app.engine.mismatch.judge.intervals import deviations, interval, interval_tried
 from app.engine.mismatch.judge.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.judge.stem_sizes import size_of_stiction
 from app.engine.mismatch.loop.block import Context, Parameter, Part
@@ -23,6 +23,7 @@ CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
+MOMENTS = ("start", "end", "lasting")
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
 
 
@@ -117,10 +118,12 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     spread = deviations(found)
     index = next(k for k, p in enumerate(found.parts) if p is part)
     mids = {"OP level": found.record.op_mid, "PV level": found.record.pv_mid}
-    said = []
+    said, sticks = [], part.block.code == "valve.stiction"  # whose sizes are tried together
     for p in part.block.parameters(Context(found.record, found.given.plant)):
-        said.append(interval(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
-    if part.block.code == "valve.stiction":
+        bends = p.name in MOMENTS or (part.block.rough and not (p.linear or sticks))
+        ends = interval_tried if bends else interval
+        said.append(ends(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
+    if sticks:
         said[:3] = size_of_stiction(found, index)
     elif said and said[-1].name == STEM_START:
         reach = 1.0 if said[-1].unit == "OP" else 0.5 * sum(estimate.value for estimate in said[:-1])

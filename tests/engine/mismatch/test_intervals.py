@@ -1,0 +1,54 @@
+"""How well a record tells a moment: its interval reaches as far as other moments explain the record nearly as well."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch.fit.fitting import Fit, fit
+from app.engine.mismatch.fit.task import Given, make_task, start_at
+from app.engine.mismatch.judge.intervals import deviations, interval, interval_tried
+from app.engine.mismatch.judge.result import Estimate
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.physics import by_name
+from tests.engine import open_loop
+
+N, TS, SEEDS = 900, 2.0, range(12)
+START_S, LASTING_S, SIZE = 700.0, 400.0, 1.2
+PLANT = Plant(1.4, 30.0, 6.0)
+moves = partial(open_loop.moves, N, 60)
+
+
+def drifting(seed: int) -> Fit:
+    """A sensor that drifts beside a linear plant, fitted from the truth under the noise of a seed."""
+    time_s = TS * np.arange(N)
+    drift = SIZE * np.clip((time_s - START_S) / LASTING_S, 0.0, 1.0)
+    pv = 50.0 + run_process(moves(), PLANT, TS) + drift + open_loop.noise(N, seed)
+    record = experiment(TS, 40.0 + moves(), pv, None, ())
+    task = make_task(record, Given(PLANT), (by_name(record)["sensor.drift"],))
+    return fit(task, start_at(task, PLANT, np.array([START_S, LASTING_S, SIZE])))
+
+
+def held(estimates: list[Estimate], truth: float) -> int:
+    return sum(estimate.low <= truth <= estimate.high for estimate in estimates)
+
+
+@pytest.mark.parametrize(("name", "truth"), [("start", START_S), ("lasting", LASTING_S)])
+def test_the_moments_of_a_drift_lie_in_their_intervals(name: str, truth: float) -> None:
+    fits = [drifting(seed) for seed in SEEDS]
+    by_slopes, tried = (
+        [told(found, f"0.{name}", 0.0, "s", name, deviations(found)) for found in fits]
+        for told in (interval, interval_tried)
+    )
+    assert held(by_slopes, truth) <= 9
+    assert held(tried, truth) >= 11
+    for narrow, wide in zip(by_slopes, tried, strict=True):
+        assert wide.low <= narrow.low <= wide.value == narrow.value <= narrow.high <= wide.high
+
+
+def test_an_interval_stays_within_what_a_number_may_be() -> None:
+    found = drifting(0)
+    duration = found.record.duration_s
+    told = interval_tried(found, "0.start", 0.0, "s", "start", 1e3 * deviations(found))
+    assert 0.0 <= told.low < told.value < told.high <= duration
