@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
+from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.loop.chain import simulate
+from app.engine.mismatch.loop.experiment import experiment
+from app.engine.mismatch.loop.plant import Plant, lag
+from app.engine.mismatch.physics import by_name
 from app.engine.recording import FloatArray
 
 N, FINE = 900, 40
@@ -57,3 +62,18 @@ def test_a_further_lag_without_friction_is_none() -> None:
     said = ask(own=4.0, dry=0.0)
     assert [effect.code for effect in said.effects] == ["process.extra_lag"]
     assert "process.friction" not in said.effects[0].alternatives
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("process.friction", [2.0, 0.3]), ("process.friction/before-the-lag", [2.0, 4.0])]
+)
+def test_an_inverse_response_beside_friction_leaves_its_equation(name: str, values: list[float]) -> None:
+    """Its lag comes behind what has the friction: it makes no spring of a speed, and does not get lost."""
+    op = np.repeat(np.random.default_rng(0).uniform(30.0, 50.0, 10), 40)
+    record, plant = experiment(1.0, op, op), Plant(K, TAU, float(LATE))
+    held = Part(by_name(record)[name], np.array(values))
+    turned = Part(by_name(record)["process.inverse_response"], np.array([3.0, 8.0]))
+    for parts in ((held, turned), (turned, held)):
+        np.testing.assert_allclose(
+            simulate(record, plant, parts), lag(simulate(record, plant, (held,)), 8.0, 1.0), atol=1e-9
+        )

@@ -85,8 +85,19 @@ def has_one_lag(plant: Plant) -> bool:
 
 
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
-    """PV (N,) of the mass, behind the further lag that another block may have given the plant."""
-    return lag(moved(v, plant, values, context), plant.tau3, context.record.sampling_interval_s)
+    """PV (N,) of the mass, behind the further lags that another block may have given the plant."""
+    further = further_lag(plant, context)
+    own = plant.changed(tau2=plant.tau2 - further)
+    return behind(moved(v, own, values, context), further, plant.tau3, context.record.sampling_interval_s)
+
+
+def further_lag(plant: Plant, context: Context) -> float:
+    """The second lag, s, that another block gave a plant that has one: it makes no spring of a speed."""
+    return plant.tau2 if one_lag(context) else 0.0
+
+
+def behind(pv: FloatArray, lag_s: float, last_s: float, ts: float) -> FloatArray:
+    return lag(lag(pv, lag_s, ts), last_s, ts)
 
 
 def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
@@ -127,8 +138,7 @@ def _sprung(force: FloatArray, x: float, dry: float, tau: float, ts: float) -> F
 
 def before_a_lag(v: FloatArray, plant: Plant, dry: float, own: float, further: float, ts: float) -> FloatArray:
     """PV (N,) behind a further lag, and before it what has the friction, with a time constant of its own; s."""
-    held = _sprung(drive_of(v, plant, ts), plant.x0, dry, own, ts)
-    return lag(lag(held, further, ts), plant.tau3, ts)
+    return behind(_sprung(drive_of(v, plant, ts), plant.x0, dry, own, ts), further, plant.tau3, ts)
 
 
 def drive_of(v: FloatArray, plant: Plant, ts: float) -> FloatArray:
@@ -188,8 +198,8 @@ def one_lag(context: Context) -> bool:
 
 def before_the_lag(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) behind the plant's one lag, and before it what has the friction and a time constant of its own."""
-    dry, own = (float(value) for value in values)
-    return before_a_lag(v, plant, dry, own, plant.tau, context.record.sampling_interval_s)
+    ts, (dry, own) = context.record.sampling_interval_s, values.tolist()
+    return lag(before_a_lag(v, plant, dry, own, plant.tau, ts), further_lag(plant, context), ts)
 
 
 def holds_before_the_lag(values: FloatArray, context: Context) -> bool:
