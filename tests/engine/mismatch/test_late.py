@@ -6,10 +6,11 @@ from scipy.signal import cont2discrete
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.loop.beginning import answers_the_record
-from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.loop.block import Context, Part
+from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
-from app.engine.mismatch.physics import LATE, NEAR, TWINS
+from app.engine.mismatch.physics import LATE, NEAR, TWINS, by_name
 from app.engine.mismatch.physics.process_dynamics import inverse
 from app.engine.recording import FloatArray
 
@@ -64,6 +65,17 @@ def test_an_inverse_response_behind_a_lag_is_that_of_its_equation() -> None:
     np.testing.assert_allclose(
         run_process(u, inverse(plant, np.array([zero, lag_s]), context), ts), expected, atol=1e-9
     )
+
+
+@pytest.mark.parametrize("name", ["process.integrating", "process.integrating/leaky", "process.resonance"])
+def test_an_inverse_response_beside_another_process_is_the_same_in_either_order(name: str) -> None:
+    op = np.random.default_rng(0).normal(size=500)
+    record, plant = experiment(5.0, op, op), Plant(1.4, 30.0, 6.0)
+    block = by_name(record)[name]
+    other = Part(block, block.starts(Context(record, plant), op)[0])
+    turned = Part(by_name(record)["process.inverse_response"], np.array([12.0, 9.0]))
+    both, reversed_ = simulate(record, plant, (other, turned)), simulate(record, plant, (turned, other))
+    np.testing.assert_allclose(both, reversed_, atol=1e-9)
 
 
 @pytest.mark.parametrize(("cut", "seed"), [(0, 17), (250, 18)])

@@ -78,12 +78,13 @@ def zeros_and_lags(context: Context, _: FloatArray) -> FloatArray:
     return grid(np.geomspace(0.5 * ts, 3.0 * slow, 7), np.geomspace(0.2 * ts, 1.5 * slow, 5))
 
 
-def inverse(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def inverse(plant: Plant, values: FloatArray, context: Context) -> Plant:
     """(1 - zero s) / (lag s + 1): a fast path against a slow one; without the lag PV would jump with OP. Behind a
     single lag it is the second one, exactly: one that is put behind the zero takes the jumps before it for ramps.
     """
     zero, behind = values.tolist()
-    if plant.leak > 0.0 and plant.tau2 == plant.damping == 0.0:
+    # The given plant's leak: what else takes it away may come before this or after.
+    if context.plant.leak > 0.0 and plant.tau2 == plant.damping == 0.0:
         return plant.changed(zero=zero, tau2=behind)
     return plant.changed(zero=zero, tau3=float(np.hypot(plant.tau3, behind)))
 
