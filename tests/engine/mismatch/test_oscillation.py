@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch.fit.fitting import residual_rows, slopes
+from app.engine.mismatch.fit.noise import NoiseModel
+from app.engine.mismatch.fit.task import Given, make_task, start_at
+from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.physics import by_name
 from tests.engine import open_loop
 
 N, TS = 2400, 1.0
@@ -30,3 +35,20 @@ def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int)
     assert found["start"].value == pytest.approx(TS * begin, abs=0.25 * period_s)
     assert found["end"].value == pytest.approx(TS * end, abs=0.25 * period_s)
     assert answer.fit.explained.rmse < 1.1 * float(np.std(noise()))
+
+
+@pytest.mark.parametrize("name", ["disturbance.oscillation", "disturbance.oscillation/shaped"])
+def test_the_slope_of_the_period_is_right_over_thousands_of_turns(name: str) -> None:
+    """d/d ln(period) of sin(2 pi t / period) is -2 pi t / period cos(2 pi t / period)."""
+    n, period_s = 8000, 2.83
+    phase = 2.0 * np.pi * np.arange(n) / period_s
+    pv = np.random.default_rng(0).normal(size=n)
+    record = experiment(TS, np.repeat([40.0, 44.0], n // 2), pv, None, ())
+    task = make_task(record, Given(PLANT), (by_name(record)[name],))
+    count = len(task.free) - task.linear_count
+    x = start_at(task, PLANT, np.array([0.0, n * TS, period_s, 1.0, *np.zeros(count - 4)]))
+    white, at = NoiseModel(deviation=1.0), task.linear_count + 2
+    slope = slopes(task, x, white, residual_rows(task, x, white), [at])[: -len(x), 0]
+    exact = (phase * np.cos(phase))[-len(slope) :]
+    assert task.free[at].name == "0.period"
+    assert np.linalg.norm(slope - exact) < 0.02 * np.linalg.norm(exact)

@@ -11,7 +11,7 @@ from app.engine.mismatch.physics.scales import size
 from app.engine.recording import FloatArray
 
 PERIODS_TRIED = 3
-PERIOD_STEP = 1e-4  # of its logarithm: over hundreds of turns a wave is a tenth of one off by then
+PERIOD_STEP = 1e-6  # of its logarithm: a wave of thousands of turns is a hundredth of one off by then
 ODD = (3, 5)
 WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 15))
 COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1, 6))
