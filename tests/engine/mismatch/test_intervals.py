@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from app.engine.mismatch.fit.fitting import Fit, fit
+from app.engine.mismatch.fit.fitting import Fit, finish, fit, task_of
 from app.engine.mismatch.fit.task import Given, make_task, start_at
 from app.engine.mismatch.judge.intervals import deviations, interval, interval_tried
 from app.engine.mismatch.judge.result import Estimate
@@ -52,3 +52,14 @@ def test_an_interval_stays_within_what_a_number_may_be() -> None:
     duration = found.record.duration_s
     told = interval_tried(found, "0.start", 0.0, "s", "start", 1e3 * deviations(found))
     assert 0.0 <= told.low < told.value < told.high <= duration
+
+
+@pytest.mark.parametrize("name", ["start", "lasting"])
+def test_an_interval_does_not_hang_on_how_far_the_other_numbers_are_from_the_least_cost(name: str) -> None:
+    """As they are after a fit by the free run alone: what they can regain speaks for no other moment."""
+    found = drifting(0)
+    spread = deviations(found)
+    x = found.x + 6.0 * spread * np.array([free.name == "K" for free in found.free])
+    settled = finish(task_of(found), x, found.noise)
+    near, far = (interval_tried(one, f"0.{name}", 0.0, "s", name, spread) for one in (found, settled))
+    assert far.high - far.low == pytest.approx(near.high - near.low, rel=0.2)

@@ -48,14 +48,17 @@ def interval_tried(found: Fit, name: str, shift: float, unit: str, label: str, s
 
 def passing(found: Fit, k: int, deviation: float) -> float:
     """The last coordinate k, going by so many deviations (of either sign), at which the record is explained nearly as
-    well.
+    well as at the fitted one, where all others follow too: a fit by the free run alone is not at its least cost.
     """
     task, others = task_of(found), [j for j in range(len(found.x)) if j != k]
-    x, at, cost = found.x, float(found.x[k]), residual_rows(task, found.x, found.noise).cost
+    x, at = descend(task, found.x, found.noise, FOLLOWING, others), float(found.x[k])
+    cost = residual_rows(task, x, found.noise).cost
     allowed = cost + WEAKENED * CHI2_95
     for move in MOVES:
         there = x.copy()
         there[k] = np.clip(found.x[k] + move * deviation, task.low[k], task.high[k])
+        if there[k] == at:
+            return at  # at a bound
         there = descend(task, there, found.noise, FOLLOWING, others)
         costs = residual_rows(task, there, found.noise).cost
         if not costs <= allowed:
