@@ -34,7 +34,24 @@ def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int)
     assert found["period"].value == pytest.approx(period_s, rel=5e-4)
     assert found["start"].value == pytest.approx(TS * begin, abs=0.25 * period_s)
     assert found["end"].value == pytest.approx(TS * end, abs=0.25 * period_s)
+    assert found["period"].low <= period_s <= found["period"].high
     assert answer.fit.explained.rmse < 1.1 * float(np.std(noise()))
+
+
+@pytest.mark.parametrize(
+    ("period_s", "begin", "end", "size"), [(150.0, 600, 1080, 1.5), (120.0, 900, 1300, 1.2), (33.28, 240, 2000, 1.5)]
+)
+def test_the_ends_of_a_wave_are_found(period_s: float, begin: int, end: int, size: float) -> None:
+    """Each turn and each sample has a valley of its own: from a wrong one a step made good what the ends were off."""
+    time_s, lasting = TS * np.arange(N), slice(begin, end)
+    wave = np.zeros(N)
+    wave[lasting] = size * np.sin(2.0 * np.pi * time_s[lasting] / period_s)
+    pv = 50.0 + run_process(moves(), PLANT, TS) + wave + noise()
+    answer = explain(Comparison("shaken", TS, 40.0 + moves(), pv, simulation=GIVEN))
+    assert [effect.code for effect in answer.effects] == ["disturbance.oscillation"]
+    found = {p.name: p for p in answer.effects[0].parameters}
+    assert found["start"].value == pytest.approx(TS * begin, abs=0.02 * period_s)
+    assert found["end"].value == pytest.approx(TS * end, abs=0.02 * period_s)
 
 
 @pytest.mark.parametrize("name", ["disturbance.oscillation", "disturbance.oscillation/shaped"])

@@ -9,7 +9,7 @@ import numpy as np
 from app.engine.mismatch.compete.competition import Contender, descended
 from app.engine.mismatch.compete.pairing import alone_as, fit_again, placed, without
 from app.engine.mismatch.compete.worth import makes_sense
-from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.fitting import Fit, fit
 from app.engine.mismatch.fit.scan import Start, ground, scan
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
 from app.engine.recording import FloatArray
@@ -17,6 +17,8 @@ from app.engine.recording import FloatArray
 # Where a valve jumps hangs on thousandths of its band, and the likelihood has an optimum for each such band: in which
 # of them a descent ends hangs on the last bits of where it began.
 WIDTH, POINTS = 0.3, 121
+WAVE, TURN_POINTS, ENDS_MOVED = "disturbance.oscillation", 60, 4
+LEAST_MOVED = 0.1  # nat
 PURSUED, NEAR, NEAR_OTHERWISE = 3, 0.01, 0.15
 STEPS = 6
 
@@ -34,6 +36,8 @@ def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
     where nothing jumps and where nothing better is there.
     """
     found, context = contender.fit, Context(contender.fit.record, contender.fit.plant)
+    if contender.block.code == WAVE:
+        return between_its_ends(contender)
     if not jumps(contender.block, context):
         return contender
     forms = [block for block in blocks if block.code == contender.block.code and jumps(block, context)]
@@ -46,6 +50,50 @@ def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
     best = max((best, fit_again(best)), key=score_of)
     again = Contender(best.parts[-1].block, best, best.likelihood - contender.over.likelihood, contender.over)
     return again if makes_sense(again) or not makes_sense(contender) else contender
+
+
+def between_its_ends(contender: Contender) -> Contender:
+    """A wave between the best of all beginnings and ends within a turn of where it stands: each turn has a valley of
+    its own, and each sample too where the wave begins away from zero.
+    """
+    found = contender.fit
+    for _ in range(ENDS_MOVED):
+        moved = from_other_ends(found)
+        if not moved.score > found.score + LEAST_MOVED:
+            break
+        found = moved
+    if found is contender.fit:
+        return contender
+    again = Contender(contender.block, found, found.likelihood - contender.over.likelihood, contender.over)
+    return again if makes_sense(again) or not makes_sense(contender) else contender
+
+
+def from_other_ends(found: Fit) -> Fit:
+    """The last part of a fit, a wave, fitted from the ends that suit it best: with all its other numbers as they are,
+    and with the sizes of the scan, which are those beside a loop without it.
+    """
+    part = found.parts[-1]
+    start = scan(about_its_ends(part), (ground(without(found, -1), found.noise),))[0][0]
+    values = np.concatenate((start.values[:2], part.values[2:]))
+    kept = fit(*placed(found, (*found.parts[:-1], Part(part.block, values))), found.noise, 2, STEPS)
+    return max((kept, fit_again(begun_from(found, Begun(part.block, start)))), key=score_of)
+
+
+def about_its_ends(part: Part) -> Block:
+    """A wave's block with a grid about where it begins and ends, one of the two moved by up to a turn."""
+
+    def starts(context: Context, _: FloatArray) -> FloatArray:
+        ts, duration = context.record.sampling_interval_s, context.record.duration_s
+        period = float(part.values[2])
+        by = max(ts, period / TURN_POINTS) * np.arange(-TURN_POINTS, TURN_POINTS + 1)
+        by = by[np.abs(by) <= period]
+        grid = np.tile(part.values, (2, len(by), 1))
+        for end in (0, 1):
+            grid[end, :, end] = np.clip(part.values[end] + by, 0.0, duration)
+        points = grid.reshape(-1, len(part.values))
+        return points[points[:, 1] > points[:, 0]]
+
+    return replace(part.block, starts=starts)
 
 
 def jumps(block: Block, context: Context) -> bool:
