@@ -31,7 +31,7 @@ def test_a_blind_loop_of_known_size_carries_its_simulation():
 
 def test_intervals_are_counted_by_parameter():
     (line,) = told("limit cycles", {"S": [(4.0, 4.0, 3.9, 4.1), (4.0, 4.4, 4.3, 4.5)]})
-    assert line == "limit cycles, S: held by 1 of 2, median error 5.0%, median width 5%"
+    assert line == "limit cycles, S: held by 1 of 2, 0 too low and 1 too high, median error 5.0%, median width 5.0%"
 
 
 def test_rows_become_tables_of_what_can_be_seen(tmp_path):
