@@ -13,6 +13,7 @@ WEAKENED = 3.0
 """By how much less the cost of another moment or rate counts than if the cost were a parabola: it has many small
 valleys, and the least of them is the best of many. Measured: docs/PROOF.md."""
 MOVES = (1.0, 1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0)  # standard deviations by slopes
+BETWEEN_SAMPLES = ("start", "end")  # what is there at a sample and was not before may have come at any time between
 FOLLOWING = 2  # descents of the other numbers at each
 
 
@@ -43,6 +44,8 @@ def interval_tried(found: Fit, name: str, shift: float, unit: str, label: str, s
     if not np.isfinite(spread[k]):
         return by_slopes
     ends = [f.value(passing(found, k, side * float(spread[k]))) + shift for side in (-1.0, 1.0)]
+    if label in BETWEEN_SAMPLES:
+        ends.append(by_slopes.value + found.record.sampling_interval_s)
     return Estimate(label, by_slopes.value, min(*ends, by_slopes.low), max(*ends, by_slopes.high), unit)
 
 
