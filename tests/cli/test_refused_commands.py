@@ -58,7 +58,7 @@ def test_a_check_without_tables_is_one_line(tmp_path, monkeypatch, capsys):
 def test_a_night_without_room_names_the_disk_alone(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
     assert as_program(monkeypatch, capsys, "migrate")[0] == 0
-    monkeypatch.setattr(readiness, "_free", lambda settings: 3_000_000)
+    monkeypatch.setattr(readiness, "free_bytes", lambda settings: 3_000_000)
     code, _, err = as_program(monkeypatch, capsys, "nightly")
     assert code == 2
     said = "nothing was begun: the disk of the data folder has 3 MB free, and 105 MB are needed [not_ready]"

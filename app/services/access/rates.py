@@ -46,11 +46,11 @@ class Rates:
     def refusal_wait_s(self, address: str, via: Via = "key") -> int:
         """Counts a wrong key from this address, or apart from those a wrong session; 0, or the seconds for which it
         should stay away. May wait for Redis: to be called away from the event loop."""
-        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), refused_as(address, via))
+        return self._hit(RateLimitItemPerMinute(REFUSALS_PER_MINUTE), refusals_of(address, via))
 
     def refused_s(self, address: str, via: Via = "key") -> int:
         """The same without counting one: 0, or the seconds for which this address should stay away."""
-        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), refused_as(address, via)
+        item, name = RateLimitItemPerMinute(REFUSALS_PER_MINUTE), refusals_of(address, via)
         return self._asked(lambda limiter: limiter.test(item, name), item, name)
 
     def _hit(self, item: RateLimitItem, name: str) -> int:
@@ -71,7 +71,7 @@ class Rates:
         return self._own if time.monotonic() < self._away_until_s else self._shared
 
 
-def refused_as(address: str, via: Via) -> str:
+def refusals_of(address: str, via: Via) -> str:
     return f"refused-{counted_as(address)}" if via == "key" else f"refused-{via}-{counted_as(address)}"
 
 
