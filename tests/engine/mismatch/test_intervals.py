@@ -65,12 +65,13 @@ def test_an_interval_does_not_hang_on_how_far_the_other_numbers_are_from_the_lea
     assert far.high - far.low == pytest.approx(near.high - near.low, rel=0.2)
 
 
-def test_a_jump_may_have_come_at_any_time_between_two_samples() -> None:
+@pytest.mark.parametrize("off_s", [-0.02, 0.0, 0.02])
+def test_a_jump_may_have_come_at_any_time_between_two_samples(off_s: float) -> None:
     jumped = np.where(np.arange(N) >= 400, SIZE, 0.0)
     pv = 50.0 + run_process(moves(), PLANT, TS) + jumped + open_loop.noise(N, 1)
     record = experiment(TS, 40.0 + moves(), pv, None, ())
     task = make_task(record, Given(PLANT), (by_name(record)["sensor.step"],))
-    found = fit(task, start_at(task, PLANT, np.array([TS * 399, SIZE])))
+    found = fit(task, start_at(task, PLANT, np.array([TS * 399 + off_s, SIZE])), None, 0)
     told = interval_tried(found, "0.start", 0.0, "s", "start", deviations(found))
     assert told.low <= TS * 399.01 < TS * 400.0 <= told.high
     assert told.high - told.low < 3.0 * TS

@@ -45,7 +45,8 @@ def interval_tried(found: Fit, name: str, shift: float, unit: str, label: str, s
         return by_slopes
     ends = [f.value(passing(found, k, side * float(spread[k]))) + shift for side in (-1.0, 1.0)]
     if label in BETWEEN_SAMPLES:
-        ends.append(by_slopes.value + found.record.sampling_interval_s)
+        ts = found.record.sampling_interval_s
+        ends.append(ts * (round(by_slopes.value / ts) + 1))
     return Estimate(label, by_slopes.value, min(*ends, by_slopes.low), max(*ends, by_slopes.high), unit)
 
 
