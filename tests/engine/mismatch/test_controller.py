@@ -96,9 +96,9 @@ def test_where_none_is_given_no_given_loop_is_shown() -> None:
     assert answer.closed_loop.given is None
 
 
-def sticking(S: float, slip: float) -> dict[str, np.ndarray]:
+def sticking(S: float, slip: float, seed: int = 4) -> dict[str, np.ndarray]:
     """The loop at a constant set point under a stem that moves only when OP is S away, and then to within `slip`."""
-    rng = np.random.default_rng(4)
+    rng = np.random.default_rng(seed)
     noise, op, pv, stem = 0.05 * rng.normal(size=N), np.full(N, 40.0), np.full(N, 50.0), np.full(N, 40.0)
     e, x, law, decay = np.zeros(N), 0.0, RECORDED.law(TS), np.exp(-TS / PLANT.tau)
     e[0], op[0] = -3.0, 38.0
@@ -118,9 +118,12 @@ def compared(signals: dict[str, np.ndarray]) -> Explanation:
     return explain(Comparison("TIC1", TS, signals["op"], signals["pv"], signals["sp"], simulation=simulation))
 
 
-def test_the_given_loop_shows_what_it_lacks_beside_the_explained_one() -> None:
-    """A valve sticks in the recorded loop: the given one does not oscillate, the explained one does as recorded."""
-    answer = compared(sticking(1.5, 0.2))
+@pytest.mark.parametrize("seed", [5, 8, 10])
+def test_the_given_loop_shows_what_it_lacks_beside_the_explained_one(seed: int) -> None:
+    """A valve sticks in the recorded loop: the given one does not oscillate, the explained one does as recorded. By
+    their noise alone the cycles last 150 to 172 s.
+    """
+    answer = compared(sticking(1.5, 0.2, seed))
     assert answer.effects[0].code.startswith("valve.")
     closed = answer.closed_loop
     assert closed.given.amplitude < 0.5 * closed.recorded.amplitude
