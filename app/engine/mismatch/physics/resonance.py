@@ -5,6 +5,8 @@ a damping of 1 / sqrt(2) the process has a resonance.
 Source: Seborg, Edgar, Mellichamp, Process Dynamics and Control, ISBN 978-1-119-28591-5, chapter 5.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
@@ -54,30 +56,16 @@ def has_a_resonance(values: FloatArray, _: Context) -> bool:
     return bool(values[1] < RESONANT)
 
 
-BLOCKS = (
-    Block(
-        "process.resonance",
-        "process",
-        "process",
-        ALWAYS,
-        poles,
-        pairs_of_poles,
-        alter=swinging_behind_a_lag,
-        penalty=18.0,
-        sensible=has_a_resonance,
-        suits=settles_without_swinging,
-    ),
-    Block(
-        "process.resonance",
-        "process",
-        "process",
-        ALWAYS,
-        poles,
-        pairs_of_poles,
-        alter=swinging,
-        form="both-lags",
-        penalty=18.0,
-        sensible=has_a_resonance,
-        suits=has_two_lags,
-    ),
+BEHIND_A_LAG = Block(
+    "process.resonance",
+    "process",
+    "process",
+    ALWAYS,
+    poles,
+    pairs_of_poles,
+    alter=swinging_behind_a_lag,
+    penalty=18.0,
+    sensible=has_a_resonance,
+    suits=settles_without_swinging,
 )
+BLOCKS = (BEHIND_A_LAG, replace(BEHIND_A_LAG, form="both-lags", alter=swinging, suits=has_two_lags))
