@@ -13,22 +13,17 @@ _BITS = np.uint64(0x7FF8_0000_0000_07A2)
 BLANK = float(_BITS.view(np.float64))
 
 
-Samples = list[tuple[TimeArray, FloatArray]]
-
-
 def are_blank(values: FloatArray) -> BoolArray:
     return np.asarray(values.view(np.uint64) == _BITS)
 
 
-def without_blanks(cells: Samples, samples: Samples, signal: Signal) -> Samples:
-    """Times and values of a signal's samples: its cells but the blank ones, chunk by chunk, where it was stored at
-    times of its own. Else `samples`, the cells as they are taken otherwise, with blank ones missing as refused values
-    are, in place where that can be."""
-    blank = [are_blank(values) for _, values in cells]
-    if _stored_apart(np.concatenate(blank), signal):
-        each = zip(cells, blank, strict=True)
-        return [(time_ns[~out], values[~out]) for (time_ns, values), out in each if not np.all(out)]
-    return [(time_ns, _missing(values)) for time_ns, values in samples]
+def without_blanks(time_ns: TimeArray, values: FloatArray, signal: Signal) -> tuple[TimeArray, FloatArray]:
+    """Times and values of a signal's samples: its cells (N,) but the blank ones where it was stored at times of its
+    own. Else all of them, with blank ones missing as refused values are, in place where that can be."""
+    blank = are_blank(values)
+    if _stored_apart(blank, signal):
+        return time_ns[~blank], values[~blank]
+    return time_ns, _missing(values)
 
 
 def _missing(values: FloatArray) -> FloatArray:

@@ -388,13 +388,12 @@ class WideTable:
             )
             for row in np.flatnonzero(given).tolist():
                 place = self._places[int(whole.codes[row])]
-                samples = [(whole.time_ns, whole.values[row])]
+                time_ns, values = whole.time_ns, whole.values[row]
                 if with_blanks[row]:
-                    samples = without_blanks(samples, samples, place.signal)
-                for time_ns, values in samples:
-                    if place.signal == "MODE":
-                        values = self._tally.modes.flags(values, place.tag)
-                    yield SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
+                    time_ns, values = without_blanks(time_ns, values, place.signal)
+                if place.signal == "MODE":
+                    values = self._tally.modes.flags(values, place.tag)
+                yield SignalBlock(place.tag, place.loop, place.signal, time_ns, values)
 
     def _whole(self, grids: list[Grid]) -> Grid:
         """Those of some columns, chunk by chunk, as one. Where time goes back from one to the next, rows may contradict
