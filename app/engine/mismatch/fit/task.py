@@ -104,14 +104,14 @@ def start_deviation(record: Experiment, plant: Plant) -> float:
 
 def part_free(parameter: Parameter, rough: bool) -> Free:
     """The free number of a block's parameter, with its prior within its bounds."""
-    step, known = (0.02 if rough else 2e-3) if parameter.step is None else parameter.step, parameter.deviation
+    smooth, known = parameter.step is not None, parameter.deviation
+    step = parameter.step if parameter.step is not None else 0.02 if rough else 2e-3
     if parameter.log:
         low, high = np.log(parameter.low / parameter.scale), np.log(parameter.high / parameter.scale)
-        smooth = parameter.step is not None
         return Free(parameter.name, parameter.scale, 0.0, known, float(low), float(high), True, step, smooth=smooth)
     low, high = parameter.low / parameter.scale, parameter.high / parameter.scale
     centre = 1.0 if np.isfinite(known) else 0.0
-    return Free(parameter.name, parameter.scale, centre, known, low, high, step=step, linear=parameter.linear)
+    return Free(parameter.name, parameter.scale, centre, known, low, high, False, step, parameter.linear, smooth)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ numbers where it bends or jumps with them.
 import numpy as np
 
 from app.engine.mismatch.fit.fitting import Fit, descend, residual_rows, slopes, task_of
+from app.engine.mismatch.fit.task import Task
 from app.engine.mismatch.judge.result import Estimate
 from app.engine.recording import FloatArray
 
@@ -43,19 +44,22 @@ def interval_tried(found: Fit, name: str, shift: float, unit: str, label: str, s
     f, by_slopes = found.free[k], interval(found, name, shift, unit, label, spread)
     if not np.isfinite(spread[k]):
         return by_slopes
-    ends = [f.value(passing(found, k, side * float(spread[k]))) + shift for side in (-1.0, 1.0)]
+    task, others = task_of(found), [j for j in range(len(found.x)) if j != k]
+    # A fit by the free run alone is not at the least cost of its other numbers.
+    least = descend(task, found.x, found.noise, FOLLOWING, others)
+    ends = [passing(found, task, least, k, side * float(spread[k])) for side in (-1.0, 1.0)]
+    ends = [f.value(end) + shift for end in ends]
     if label in BETWEEN_SAMPLES:
         ts = found.record.sampling_interval_s
         ends.append(ts * (round(by_slopes.value / ts) + 1))
     return Estimate(label, by_slopes.value, min(*ends, by_slopes.low), max(*ends, by_slopes.high), unit)
 
 
-def passing(found: Fit, k: int, deviation: float) -> float:
-    """The last coordinate k, going by so many deviations (of either sign), at which the record is explained nearly as
-    well as at the fitted one, where all others follow too: a fit by the free run alone is not at its least cost.
+def passing(found: Fit, task: Task, least: FloatArray, k: int, deviation: float) -> float:
+    """The last coordinate k, going from `least` (P,) by so many deviations (of either sign), at which the record is
+    explained nearly as well as there, all others following.
     """
-    task, others = task_of(found), [j for j in range(len(found.x)) if j != k]
-    x, at = descend(task, found.x, found.noise, FOLLOWING, others), float(found.x[k])
+    x, at, others = least, float(found.x[k]), [j for j in range(len(least)) if j != k]
     cost = residual_rows(task, x, found.noise).cost
     allowed = cost + WEAKENED * CHI2_95
     for move in MOVES:

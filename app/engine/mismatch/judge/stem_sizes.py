@@ -7,12 +7,12 @@ from scipy.ndimage import binary_dilation
 
 from app.engine.mismatch.fit.fitting import Fit, orthonormal, projected_cost, residual_rows, slopes, task_of
 from app.engine.mismatch.fit.task import Task, clipped
+from app.engine.mismatch.judge.intervals import CHI2_95
 from app.engine.mismatch.judge.result import Estimate
 from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.physics.valve_stiction import reach, start_slipping_as
 from app.engine.recording import BoolArray, FloatArray
 
-CHI2_95 = 3.84
 WEAKENED = 24.0
 """By how much less the cost of other sizes of stiction counts than if the model were the truth: the least cost is the
 best of many narrow ones, one for each sample at which a stem could have slipped. Measured: docs/PROOF.md."""

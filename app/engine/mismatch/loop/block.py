@@ -23,8 +23,8 @@ class Parameter:
     it, so that a scan finds it by least squares from the size `scale`. deviation: of a normal prior around `scale` (of
     its logarithm where log); infinite: none.
     begins: it is where a state stood when the record began, so that another record has its own.
-    step: over what a slope is taken, of its logarithm where log, of its scale otherwise; None: as the block is rough
-    or not.
+    step: over what a slope is taken, of its logarithm where log, of its scale otherwise; the simulation moves evenly
+    with it, however rough the block is. None: as the block is rough or not.
     """
 
     name: str
