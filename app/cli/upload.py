@@ -92,7 +92,7 @@ def upload(
                 say(f"{file}: {error.message} [{error.code}]")
             except FileNotFoundError:
                 failures += 1
-                say(f"{file}: is not there [no_such_file]")
+                say_absent(file)
             except OSError as error:
                 failures += 1
                 say(f"{file}: cannot be read: {error.strerror} [file]")
@@ -107,8 +107,12 @@ def refuse_absent(files: list[Path]) -> None:
     if not all(map(is_absent, files)):
         return
     for file in files:
-        say(f"{file}: is not there [no_such_file]")
+        say_absent(file)
     raise typer.Exit(ExitCode.NOTHING_USABLE)
+
+
+def say_absent(file: Path) -> None:
+    say(f"{file}: is not there [no_such_file]")
 
 
 def is_absent(file: Path) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count, takewhile
 
 from sqlalchemy import ColumnElement, Connection, Update, and_, case, or_, select, update
 
@@ -13,7 +14,6 @@ from app.storage.types import clock_s, now, run_out
 
 FIRST_WAIT_S = 60.0
 LONGEST_WAIT_S = 3600.0
-TRIES_UNTIL_LONGEST = 7
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def due(connection: Connection) -> int:
 
 
 def _due() -> ColumnElement[bool]:
-    tries = range(1, TRIES_UNTIL_LONGEST)
-    longest_s = case({count: wait_s(count) for count in tries}, value=deliveries.c.attempts, else_=LONGEST_WAIT_S)
+    sooner = takewhile(lambda tries: wait_s(tries) < LONGEST_WAIT_S, count(1))
+    longest_s = case({tries: wait_s(tries) for tries in sooner}, value=deliveries.c.attempts, else_=LONGEST_WAIT_S)
     its_turn = or_(deliveries.c.next_try_s.is_(None), run_out(deliveries.c.next_try_s, longest_s))
     return and_(UNDELIVERED, deliveries.c.state == "open", its_turn)
 
