@@ -1,4 +1,4 @@
-"""Redis as Celery's broker, with a worker that goes on where its acknowledgement was lost.
+"""Redis as Celery's broker, with a worker that goes on where its acknowledgement was lost, and queues that end.
 
 A task that ends while Redis is away cannot be acknowledged. kombu's own channel counts it as unfinished from then on,
 asks for no other as long as a worker may hold one, and so never hears that Redis has come back: the worker stands still
@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from kombu.transport import redis, virtual
+
+from app.queue.jobs import MOST_WAITING
 
 
 class QoS(redis.QoS):
@@ -38,6 +40,11 @@ class Channel(redis.Channel):
     """A channel of such messages."""
 
     QoS = QoS
+
+    def _put(self, queue: str, message: Any, **options: Any) -> None:
+        """What is left out is announced again by a sweep, once there is less."""
+        if self._size(queue) < MOST_WAITING:
+            super()._put(queue, message, **options)
 
 
 class Transport(redis.Transport):

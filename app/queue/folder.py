@@ -19,8 +19,7 @@ from typing import Any
 from kombu.transport import filesystem
 from kombu.utils.json import dumps, loads
 
-MOST_WAITING = 2000
-"""More doorbells than this ring for nobody: without a worker, the schedule must not fill the disk."""
+from app.queue.jobs import MOST_WAITING
 
 LEFT_AFTER_S = 3600.0
 """What was taken, or is being written, for longer than this is nobody's any more: both take milliseconds."""

@@ -15,6 +15,10 @@ SWEEP = "loopaudit.sweep"
 BROKER_REFUSED = "broker_refused"
 """Stable code of what is logged where a broker answers and takes nothing."""
 
+MOST_WAITING = 2000
+"""More doorbells of a queue than this ring for nobody. Without a worker, or behind hours of work, which is announced
+again and again, they must fill no disk and no memory of Redis."""
+
 KIND_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain", DELIVER: "deliver"}
 
 
