@@ -28,6 +28,7 @@ from app.http.paths import KeepTagsEncoded
 from app.http.probing import Probe
 from app.http.receiving import MAPPINGS_AT_ONCE
 from app.http.request_ids import RequestIds
+from app.http.stopping import AnswerWhenStopped
 from app.services.access.authentication import Authenticator
 from app.services.access.rates import Rates
 from app.services.backend import Backend
@@ -79,6 +80,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
     app.add_middleware(AnswerHead)
+    app.add_middleware(AnswerWhenStopped)
     app.add_middleware(RequestIds)
     app.include_router(api())
     app.include_router(operations.router)

@@ -1,5 +1,6 @@
 """What requests do and what they are refused stands in the trail, before the answer goes out."""
 
+import asyncio
 import logging
 from typing import Any
 
@@ -41,9 +42,11 @@ async def answer_noted(
 
     try:
         await app(asked.scope, receive, noted)
-    except Exception:
+    except (Exception, asyncio.CancelledError) as error:
         if not answered:
-            await note(of, asked, identity, "failed", 500)
+            # When the service is stopped, a thread may go on with it all the same.
+            stopped = isinstance(error, asyncio.CancelledError)
+            await note(of, asked, identity, *(("not_known", 503) if stopped else ("failed", 500)))
         raise
 
 

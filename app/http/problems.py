@@ -226,6 +226,18 @@ def _in_doubt(request: Request, error: Exception, action: str) -> Response:
     return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
 
 
+def stopped(request: Request) -> Response:
+    """For what was not done when the service, told to stop, could wait no longer. What a thread is about is done to its
+    end, or not: nobody hears of it."""
+    action = request.scope.get("state", {}).get("action")
+    text = "the service is being stopped, and this was not done by then"
+    if action in SECOND_ONE or "if-match" in request.headers:
+        text += "; it is not known whether it will be: look whether it is there before you send it again"
+        return respond(request, 504, "outcome_unknown", text)
+    text += "; send it again: done twice, it changes nothing more" if action else "; ask again"
+    return respond(request, 503, "unavailable", text, headers={"Retry-After": "5"})
+
+
 async def _os_error(request: Request, error: Exception) -> Response:
     if no_room(error):
         return _disk_full(request)

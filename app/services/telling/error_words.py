@@ -19,7 +19,7 @@ _HTTP = {
     "media_type": "The body is of another kind than this takes; send the one asked for, and name it in Content-Type.",
     "method_not_allowed": "This address is not asked that way; `Allow` names the methods that it takes.",
     "no_such_route": "There is no such address; it may be mistyped, or of another version of the service.",
-    "outcome_unknown": "The data base went away while this was written; look whether it is there, then send it anew.",
+    "outcome_unknown": "Data base or service ended while it was written; look whether it is there, then send it anew.",
     "role": "The key has a role that may not do this; use a key with the role that is named.",
     "route_not_listed": "The route has no entry in the table of permissions, a fault of the service; report it.",
     "too_many_requests": (
