@@ -241,6 +241,13 @@ def stopped(request: Request) -> Response:
 async def _os_error(request: Request, error: Exception) -> Response:
     if no_room(error):
         return _disk_full(request)
+    if isinstance(error, OSError) and error.errno == errno.EFBIG:
+        log.error("no file so large for %s %s", request.method, request.scope["path"][:LONGEST_ECHO])
+        text = (
+            "the system lets the service write no file as large as this needs (its file system, or LimitFSIZE and "
+            "`ulimit -f`); nothing was kept of it, send it in parts"
+        )
+        return respond(request, 413, "body_too_large", text)
     if isinstance(error, OSError) and error.errno in NO_MORE_FILES:
         log.error("no file can be opened for %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
         text = "the service has as many files and connections open as it may; try again"

@@ -3,11 +3,13 @@
 import asyncio
 import errno
 import os
+import resource
 import shutil
 import socket
 import tempfile
 import threading
 import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -269,6 +271,25 @@ def test_a_full_disk_is_507_and_nothing_is_left(client, settings, monkeypatch):
     assert not list(settings.uploads_dir.iterdir())
     monkeypatch.undo()
     assert client.post("/v1/uploads", content=b"time,PV,OP\n0,1,2\n").status_code == 202
+
+
+@pytest.fixture
+def files_of_at_most() -> Iterator[Callable[[int], None]]:
+    """What `ulimit -f` sets."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda most_bytes: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("sent", [{"content": b"x" * 3_000_000}, {"files": {"file": ("a.csv", b"x" * 3_000_000)}}])
+def test_a_file_longer_than_the_system_lets_it_be_is_413(client, settings, files_of_at_most, sent):
+    files_of_at_most(2_000_000)
+    answer = client.post("/v1/uploads", **sent)
+    assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
+    assert "ulimit -f" in answer.json()["detail"]
+    assert not list(settings.uploads_dir.iterdir())
+    files_of_at_most(4_000_000)
+    assert client.post("/v1/uploads", **sent).status_code == 202
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,11 @@
 import errno
 import io
 import os
+import resource
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Any
 
 import pytest
 from psycopg.errors import DiskFull
@@ -234,6 +236,31 @@ def test_what_could_never_fit_on_the_disk_fails_and_the_rest_waits(
     else:
         reading.read_upload(backend, int(upload.id), "reader")
         assert uploads.get_upload(backend, upload.id).state == "done"
+
+
+def test_parts_longer_than_the_system_lets_a_file_be_are_told(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload = send_export(backend, export(rows=4000))
+    options = reading._options
+    small = {"chunk_bytes": 1 << 13, "buffered_values": 2000}
+    monkeypatch.setattr(reading, "_options", lambda *known: replace(options(*known), **small))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def read_on(*arguments: Any, **named: Any) -> Any:
+        """Only its parts: the data base goes on."""
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+        try:
+            return write(*arguments, **named)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    write = spilling.Spill._write
+    monkeypatch.setattr(spilling.Spill, "_write", read_on)
+    reading.read_upload(backend, int(upload.id), "reader")
+    found = uploads.get_upload(backend, upload.id)
+    assert (found.state, found.error_code) == ("failed", "larger_than_disk")
+    assert "ulimit -f" in (found.reason or "")
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Reading an upload: from its bytes to loops and series, in bounded memory; done twice, it has the same effect."""
 
+import errno
 import json
 import shutil
 from collections import deque
@@ -116,6 +117,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         with closing(_batches(export, set_points)) as batches:
             _store_all(backend, claim, batches, {} if mapping is None else _attributes(mapping))
     except NoRoomToPartError as error:
+        _refuse_files_too_large(error)
         _refuse_what_never_fits(backend, row, error.parted_bytes / export.share_taken)
         raise
     with backend.database.read() as connection:
@@ -141,6 +143,16 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         **_times(summary),
     }
     return Read(told, [_tags(loop) for loop in summary.loops[:LISTED_LOOPS]], refused, places)
+
+
+def _refuse_files_too_large(error: NoRoomToPartError) -> None:
+    """Raises DataError("larger_than_disk") where it is the length of a single file that is too great."""
+    if error.errno == errno.EFBIG:
+        text = (
+            "reading it puts parts of it aside, and the system lets the service write no file as large as these get "
+            "(its file system, or LimitFSIZE and `ulimit -f`); send it in parts"
+        )
+        raise DataError("larger_than_disk", text)
 
 
 def _refuse_what_never_fits(backend: Backend, row: UploadRow, parted_bytes: float) -> None:

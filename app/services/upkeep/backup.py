@@ -178,10 +178,13 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
 
 @contextmanager
 def _written(target: Path) -> Iterator[Path]:
-    """A full disk is told by what is written on it: SQLite names no file, and a copy the one that is read."""
+    """A full disk is told by what is written on it: SQLite names no file, and a copy the one that is read. So is what
+    takes no more for another reason, such as a limit to the length of a file."""
     try:
         yield target
     except (OSError, sqlite3.Error) as error:
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_IOERR_WRITE:
+            raise OSError(errno.EIO, "cannot be written any further", str(target)) from error
         if (
             getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
             or getattr(error, "errno", None) in DISK_FULL

@@ -1,5 +1,6 @@
 """A backup or a restore that ends half-way, by a full disk, a power cut or damage, leaves what was there whole."""
 
+import resource
 import shutil
 import sqlite3
 from contextlib import suppress
@@ -48,6 +49,21 @@ def test_a_full_disk_is_told_by_what_a_restore_writes_there(plant, tmp_path_fact
     with pytest.raises(OSError, match="No space") as raised:
         backups.restore(plant.settings, elsewhere, force=True)
     assert Path(raised.value.filename).is_relative_to(plant.settings.data_dir)
+
+
+def test_what_takes_no_more_of_a_copy_is_told_by_its_name(plant, tmp_path):
+    """As a file system without large files: SQLite says no more than that something failed."""
+    if not plant.database.is_sqlite:
+        pytest.skip("pg_dump writes that one, and says so")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
+    try:
+        with pytest.raises(OSError, match="cannot be written") as raised:
+            backups.backup(plant.settings, tmp_path / "there" / "kept")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert Path(raised.value.filename).is_relative_to(tmp_path / "there")
+    assert not list((tmp_path / "there").iterdir())
 
 
 def test_where_there_is_no_room_for_the_exports_the_data_base_stays_as_it_was(plant, tmp_path_factory, monkeypatch):
