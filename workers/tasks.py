@@ -9,9 +9,10 @@ from typing import ParamSpec
 
 from celery import shared_task
 
+from app.errors import RequestError
 from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.services.auditing import chunks
-from app.services.backend import DATABASE_AWAY, no_room
+from app.services.backend import DATABASE_AWAY, no_room, takes_no_writes
 from app.services.data_folder import folder_away
 from app.services.digests import deliveries
 from app.services.explaining import working as explaining
@@ -26,20 +27,33 @@ log = logging.getLogger("loopaudit.worker")
 
 
 @contextmanager
-def a_line_if_full() -> Iterator[None]:
-    """A disk that is full, or takes nothing, is no fault of the task: what it was for waits, and is tried again. That
-    is so every few seconds, and needs no traceback each time."""
+def a_line_if_away() -> Iterator[None]:
+    """A disk that is full, or takes nothing, and a data base that is away are no fault of the task: what it was for
+    waits, and is tried again. That is so every few seconds, and needs no traceback each time."""
     try:
         yield
+    except RequestError as error:
+        log.error("%s; what waits is tried again", one_line(error.message), extra={"code": error.code})
     except (*DATABASE_AWAY, OSError) as error:
-        if no_room(error):
-            wanting = "no room on the disk, make room"
-        elif folder_away(backend().settings, error):
-            wanting = "the data folder is gone or read-only"
-        else:
+        wanting = what_is_wanting(error)
+        if not wanting:
             raise
         reason = getattr(error, "orig", None) or error
         log.error("%s; what waits is tried again: %s", wanting, one_line(str(reason)))
+
+
+def what_is_wanting(error: Exception) -> str:
+    """Empty for a fault of ours."""
+    if no_room(error):
+        return "no room on the disk, make room"
+    if folder_away(backend().settings, error):
+        return "the data folder is gone or read-only"
+    if isinstance(error, DATABASE_AWAY):
+        if takes_no_writes(error):
+            return "the data base takes no writes"
+        if not sweeping.answers(backend()):
+            return "the data base does not answer"
+    return ""
 
 
 def unless_outdated(task: Callable[P, None]) -> Callable[P, None]:
@@ -52,35 +66,35 @@ def unless_outdated(task: Callable[P, None]) -> Callable[P, None]:
 
 
 @shared_task(name=READ_UPLOAD)
-@a_line_if_full()
+@a_line_if_away()
 @unless_outdated
 def read_upload(upload_id: int) -> None:
     reading.read_upload(backend(), upload_id, owner=uuid.uuid4().hex)
 
 
 @shared_task(name=AUDIT_CHUNK)
-@a_line_if_full()
+@a_line_if_away()
 @unless_outdated
 def audit_chunk(audit_id: int) -> None:
     chunks.audit_chunk(backend(), audit_id, owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=EXPLAIN)
-@a_line_if_full()
+@a_line_if_away()
 @unless_outdated
 def explain() -> None:
     explaining.explain_next(backend(), owner=uuid.uuid4().hex, watchdog=True)
 
 
 @shared_task(name=DELIVER)
-@a_line_if_full()
+@a_line_if_away()
 @unless_outdated
 def deliver() -> None:
     deliveries.deliver_next(backend(), owner=uuid.uuid4().hex)
 
 
 @shared_task(name=SWEEP)
-@a_line_if_full()
+@a_line_if_away()
 @unless_outdated
 def sweep() -> None:
     sweeping.sweep(backend())

@@ -7,9 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from psycopg.errors import DiskFull
+from psycopg.errors import DiskFull, ReadOnlySqlTransaction
 from sqlalchemy.exc import OperationalError
 
+from app.errors import RequestError
 from app.settings import Settings
 from workers import tasks
 
@@ -49,6 +50,32 @@ def test_so_does_a_data_folder_that_is_gone(
     (told,) = [record for record in caplog.records if record.levelno == logging.ERROR]
     assert "the data folder is gone" in told.getMessage()
     assert not told.exc_info
+
+
+@pytest.mark.parametrize("told", ["does not answer", "takes no writes"])
+def test_so_does_a_data_base_that_is_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, told: str
+) -> None:
+    driver = ReadOnlySqlTransaction("cannot execute UPDATE") if "writes" in told else Exception("connection refused")
+    away = OperationalError("SELECT", {}, driver)
+    backend = SimpleNamespace(settings=Settings(data_dir=tmp_path), database=SimpleNamespace(answers=raising(away)))
+    monkeypatch.setattr(tasks, "backend", lambda: backend)
+    monkeypatch.setattr(tasks.sweeping, "sweep", raising(away))
+    tasks.sweep()
+    (line,) = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert f"the data base {told}" in line.getMessage()
+    assert not line.exc_info
+
+
+def test_so_do_exports_that_cannot_be_looked_into(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """By retention, while their folder is away."""
+    monkeypatch.setattr(tasks, "backend", lambda: None)
+    monkeypatch.setattr(tasks.sweeping, "sweep", raising(RequestError("no_exports_folder", "cannot be looked into")))
+    tasks.sweep()
+    (line,) = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert "cannot be looked into" in line.getMessage()
 
 
 @pytest.mark.parametrize("error", [OperationalError("SELECT", {}, Exception("gone")), OSError(errno.EIO, "broken")])

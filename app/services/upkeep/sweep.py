@@ -44,7 +44,7 @@ def in_turn(backend: Backend, actions: Iterable[Callable[[], T]]) -> list[T]:
             given.append(action())
         except Exception as error:  # noqa: BLE001 - what fails each time must not keep all else from being done
             faults.append(error)
-            if isinstance(error, DATABASE_AWAY) and not _answers(backend):
+            if isinstance(error, DATABASE_AWAY) and not answers(backend):
                 break
     for further in faults[1:]:
         log.error("a further duty of the sweep failed", exc_info=further)
@@ -53,7 +53,8 @@ def in_turn(backend: Backend, actions: Iterable[Callable[[], T]]) -> list[T]:
     return given
 
 
-def _answers(backend: Backend) -> bool:
+def answers(backend: Backend) -> bool:
+    """Whether the data base does, at the moment."""
     try:
         backend.database.answers()
     except SQLAlchemyError:
