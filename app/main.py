@@ -96,6 +96,7 @@ def begin(app: FastAPI, backend: Backend) -> None:
     """What the routes share, made when the server starts."""
     app.state.backend = backend
     app.state.access = Authenticator(backend)
+    app.state.one_by_one = asyncio.Lock()
     app.state.ready = Probe(partial(readiness, backend), READY_KEPT_S, late=NO_ANSWER)
     app.state.watched = WeakValueDictionary()
     app.state.spelled_tags = set()

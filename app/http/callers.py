@@ -23,7 +23,6 @@ class Callers:
     def __init__(self, of: FastAPI) -> None:
         self._of = of
         self._rates: Rates = of.state.rates
-        self._one_by_one = asyncio.Lock()
         self._noting: set[asyncio.Task[None]] = set()
 
     @property
@@ -39,7 +38,7 @@ class Callers:
         key = key_of(asked.headers)
         if key is not None:
             found = self._access.remembered(key)
-            identity = found.identity if found else await self._looked_up(key, "key", asked)
+            identity = found.identity if found else await looked_up(self._of, key, "key", asked.address)
             if identity is None and asked.permission.needs is not None:
                 await self._refuse_key(asked)
             return identity
@@ -58,18 +57,10 @@ class Callers:
             return found.identity
         if not may_be_token(token):
             return None
-        identity = await self._looked_up(token, "session", asked)
+        identity = await looked_up(self._of, token, "session", asked.address)
         if identity is None:
             await run_in_threadpool(self._rates.refusal_wait_s, asked.address, "session")
         return identity
-
-    async def _looked_up(self, secret: str, via: Via, asked: Asked) -> Identity | None:
-        """Of addresses that sent too many wrong ones one after the other: they take one thread and one connection. A
-        proxy may be such an address, with good keys behind it."""
-        good = self._access.was_good(secret, via)
-        wait_s = 0 if good else await run_in_threadpool(self._rates.refused_s, asked.address, via)
-        async with self._one_by_one if wait_s else nullcontext():
-            return await run_in_threadpool(self._access.key if via == "key" else self._access.session, secret)
 
     async def _refuse_key(self, asked: Asked) -> None:
         wait_s = await run_in_threadpool(self._rates.refusal_wait_s, asked.address)
@@ -96,6 +87,15 @@ class Callers:
             await run_in_threadpool(self._access.note_use, key_id)
         except AWAY as error:
             log.warning("the last use of a key could not be noted: %s", type(error).__name__)
+
+
+async def looked_up(of: FastAPI, secret: str, via: Via, address: str) -> Identity | None:
+    """Whose it is. Of addresses that sent too many wrong ones one after the other: they take one thread and one
+    connection. A proxy may be such an address, with good keys behind it."""
+    access: Authenticator = of.state.access
+    wait_s = 0 if access.was_good(secret, via) else await run_in_threadpool(of.state.rates.refused_s, address, via)
+    async with of.state.one_by_one if wait_s else nullcontext():
+        return await run_in_threadpool(access.key if via == "key" else access.session, secret)
 
 
 def unauthorized(text: str, code: str) -> Refusal:

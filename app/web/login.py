@@ -7,6 +7,7 @@ from starlette.datastructures import FormData
 from starlette.responses import RedirectResponse, Response
 
 from app.http.asked import SECURE_SESSION, SESSION, session_of
+from app.http.callers import looked_up
 from app.services.access.authentication import Authenticator, Session
 from app.services.access.identity import current
 from app.services.access.rates import Rates
@@ -30,7 +31,8 @@ async def open_session(request: Request) -> Response:
     rates: Rates = request.app.state.rates
     access: Authenticator = request.app.state.access
     key = text(given, "key").strip()[:LONGEST_KEY]
-    owner = await run_in_threadpool(access.key, key)
+    address = request.client.host if request.client else "unknown"
+    owner = await looked_up(request.app, key, "key", address)
     if owner and (wait_s := await run_in_threadpool(rates.wait_s, owner)):  # a session is a row, and so is its trail
         return form(
             wanted,
@@ -40,7 +42,6 @@ async def open_session(request: Request) -> Response:
         )
     session = await run_in_threadpool(access.open_session, owner) if owner else None
     if session is None:
-        address = request.client.host if request.client else "unknown"
         wait_s = await run_in_threadpool(rates.refusal_wait_s, address)
         if wait_s:
             return form(wanted, f"Too many wrong keys came from your address. Try again in {wait_s} s.", 429, wait_s)

@@ -253,15 +253,25 @@ def cookie(token: str) -> dict[str, str]:
     return {"Cookie": f"loopaudit_session={token}"}
 
 
+def made_key() -> str:
+    return key_text.make(Role.read).text
+
+
+def made_token() -> str:
+    return secrets.token_urlsafe(32)
+
+
 @pytest.mark.parametrize(
-    ("by", "sent", "made", "refused"),
+    ("by", "asks", "made", "at_once", "refused"),
     [
-        ("key", bearer, lambda: key_text.make(Role.read).text, 429),
-        ("session", cookie, lambda: secrets.token_urlsafe(32), 401),
+        ("key", lambda client, key: client.get("/v1/loops", headers=bearer(key)), made_key, 12, 429),
+        ("key", lambda client, key: client.post("/login", data={"key": key}), made_key, 10, 429),
+        ("session", lambda client, token: client.get("/v1/loops", headers=cookie(token)), made_token, 12, 401),
     ],
+    ids=["key", "login", "session"],
 )
 def test_secrets_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(
-    serve, settings, monkeypatch, texts, by, sent, made, refused
+    serve, settings, monkeypatch, texts, by, asks, made, at_once, refused
 ):
     inside, most, lock, look = [], [], threading.Lock(), getattr(Authenticator, by)
 
@@ -275,10 +285,10 @@ def test_secrets_of_an_address_that_sends_wrong_ones_are_looked_up_one_by_one(
         return look(self, text)
 
     wrong = [made() for _ in range(REFUSALS_PER_MINUTE + 12)]
-    with serve(create_app(settings)) as client, ThreadPoolExecutor(12) as pool:
+    with serve(create_app(settings)) as client, ThreadPoolExecutor(at_once) as pool:
 
         def answered(secret: str) -> int:
-            return client.get("/v1/loops", headers=sent(secret)).status_code
+            return asks(client, secret).status_code
 
         assert {answered(secret) for secret in wrong[:REFUSALS_PER_MINUTE]} == {401}
         monkeypatch.setattr(Authenticator, by, counted)
