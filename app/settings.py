@@ -177,7 +177,10 @@ class Settings(BaseSettings):
     )
 
     keep_series_days: int = Field(
-        400, ge=0, description="Samples are kept for this long before the newest one of their loop; 0: for ever."
+        400,
+        ge=0,
+        description="Samples are kept for this long before the newest one of their loop, without a date after they "
+        "came; 0: for ever.",
     )
     keep_details_days: int = Field(
         90, ge=0, description="Details of a verdict (its curves) are kept for this many days; 0: for ever."

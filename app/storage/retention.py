@@ -1,7 +1,7 @@
 """What is old: dropped in small batches, each its own short statement, so that nobody waits behind them."""
 
 from collections.abc import Iterable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, delete, exists, func, or_, select, true, tuple_, update
@@ -39,9 +39,10 @@ def one_at_a_time(connection: Connection) -> None:
     hold(connection, Lock.RETENTION)
 
 
-def drop_series(connection: Connection, kept_h: float, batch: int, until_ns: int) -> int:
+def drop_series(connection: Connection, kept_h: float, batch: int, until_ns: int, dated_ns: int = 0) -> int:
     """Stretches that ended so long before the newest sample of their loop, of those up to `until_ns`: an archive sent
-    late stays whole, and so does what a sample ahead of the clock would make old.
+    late stays whole, and so does what a sample ahead of the clock would make old. What ended before `dated_ns`
+    (0: nothing) has no date, and is old when it came so long ago.
 
     Those stay that say which set point and mode held then: they hold until their next value, however old they are.
     """
@@ -50,10 +51,20 @@ def drop_series(connection: Connection, kept_h: float, batch: int, until_ns: int
         select(series.c.id)
         # + 0: else both data bases walk all stretches there are and look up the loop of each; so they walk the loops.
         .join(loops, loops.c.id + 0 == series.c.loop_id)
+        .where(or_(series.c.end_ns >= dated_ns, ~_came_since(now() - timedelta(hours=kept_h))))
         .where(series.c.end_ns < since, *(_held_no_more(f"{begin}_ns", since) for begin in HOLDING.values()))
         .limit(batch)
     )
     return connection.execute(delete(series).where(series.c.id.in_(old))).rowcount
+
+
+def _came_since(moment: datetime) -> ColumnElement[bool]:
+    brought_it = exists().where(uploads.c.id == series.c.upload_id, _last_sent() >= moment)
+    return brought_it.correlate(series, loops)
+
+
+def _last_sent() -> ColumnElement[datetime]:
+    return func.coalesce(uploads.c.sent_again_at, uploads.c.received_at)
 
 
 def _held_no_more(name: str, since: ColumnElement[int]) -> ColumnElement[bool]:
@@ -194,5 +205,4 @@ def _ended_before(before: datetime) -> ColumnElement[bool]:
 def _bytes_needed(before: datetime | None) -> ColumnElement[bool]:
     if before is None:
         return true()
-    last_sent = func.coalesce(uploads.c.sent_again_at, uploads.c.received_at)
-    return UNREAD | (last_sent >= before)
+    return UNREAD | (_last_sent() >= before)

@@ -72,6 +72,17 @@ def test_series_go_by_the_time_before_the_newest_sample_of_their_loop(plant):
         assert set(connection.scalars(select(tables.series.c.fingerprint))) == {old["fingerprint"], "8", "6"}
 
 
+def test_series_without_a_date_go_by_when_they_came(plant):
+    kept = with_settings(plant, keep_series_days=7, window_h=24)
+    with uploads.receive(plant, filename="step test.csv") as receiving:
+        receiving.write(b"time,FIC1.PV,FIC1.OP\n" + b"".join(b"%d,%d,%d\n" % (k, k % 7, k % 5) for k in range(99)))
+        read_upload(plant, int(receiving.commit().upload.id), "test")
+    before = count(plant, "series")
+    assert (retention.retain(kept)["series"], count(plant, "series")) == (0, before)
+    aged(plant, 8)
+    assert (retention.retain(kept)["series"], count(plant, "series")) == (1, before - 1)
+
+
 def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):
     with uploads.receive(plant, filename="waiting.csv") as receiving:
         receiving.write(EXPORT + b"2026-01-02T00:00:00Z,1,2,3\n")

@@ -15,6 +15,7 @@ from app.services.auditing.nightly import latest_hour
 from app.services.backend import Backend
 from app.services.intake.uploads import stored_files
 from app.services.moments import latest_ns
+from app.services.recency import DATED_NS
 from app.settings import Settings
 from app.storage import retention, uploads
 from app.storage import trail as trail_rows
@@ -100,7 +101,7 @@ def _drops(backend: Backend, batch: int) -> Iterator[tuple[str, Drop]]:
     if kept.keep_series_days:
         kept_h = max(24.0 * kept.keep_series_days, kept.window_h)  # never what the next audit would look at
         until_ns = latest_ns()
-        yield "series", lambda connection: retention.drop_series(connection, kept_h, batch, until_ns)
+        yield "series", lambda connection: retention.drop_series(connection, kept_h, batch, until_ns, DATED_NS)
     if kept.keep_details_days:
         yield "details", older(kept.keep_details_days, retention.drop_details)
     if kept.keep_verdicts_days:
