@@ -12,6 +12,7 @@ import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say
+from app.cli.opening import tell_missing
 from app.cli.starting import ready_to_work
 from app.errors import RequestError
 
@@ -51,6 +52,8 @@ def serve(
     keys_required = asks_for_keys(host, settings)
     warn_of_openness(host, keys_required)
     signal.signal(signal.SIGTERM, stop_quietly)
+    if settings.embedded:
+        tell_missing(settings)
     with (
         listen(host, port) as listening,
         only_one(settings, listening),

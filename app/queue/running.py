@@ -18,7 +18,6 @@ def run_worker(settings: Settings, concurrency: int = 1, log_level: str = "WARNI
     use_one_thread()
     from app.queue.application import celery_application
 
-    settings.prepare_folders()
     logs.configure(settings)
     name = f"loopaudit-{os.getpid()}-{uuid.uuid4().hex[:6]}@%h"
     pool = ("--pool", "prefork", "--concurrency", str(concurrency))
@@ -34,7 +33,6 @@ def run_beat(settings: Settings, log_level: str = "WARNING") -> None:
     """Asks for a sweep every few seconds, which also starts the nightly audit when it is due. Two do no harm."""
     from app.queue.application import celery_application
 
-    settings.prepare_folders()
     logs.configure(settings)
     application = celery_application(settings)
     application.set_current()

@@ -11,6 +11,7 @@ from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.errors import RequestError
 from app.queue import Queue
+from app.services.data_folder import make_where_new
 from app.services.found_groups import PARTING_S, FoundGroups
 from app.services.moments import PlantClock
 from app.settings import Settings
@@ -104,12 +105,12 @@ class Backend:
 
     @classmethod
     def open(cls, settings: Settings, *, worker: bool = False, looks_only: bool = False) -> "Backend":
-        """`worker`: statements may take longer than those of an API. `looks_only`: folders that are missing are not
-        made."""
-        if not looks_only:
-            settings.prepare_folders()
+        """`worker`: statements may take longer than those of an API. `looks_only`: a data folder that is missing is
+        not made."""
         limit_s = settings.worker_statement_timeout_s if worker else settings.statement_timeout_s
         database = Database(settings.resolved_database_url, statement_timeout_s=limit_s, pool_size=settings.pool_size)
+        if not looks_only:
+            make_where_new(settings, database)
         return cls(settings, database, Queue(settings))
 
     @cached_property

@@ -1,11 +1,19 @@
 """Whether the data folder takes what is written: it may be a share that is away, or a disk that the system made
 read-only after an error. Both come back, and neither is a fault of the program."""
 
+import logging
 import os
 import shutil
+from contextlib import suppress
 from typing import Literal
 
+from sqlalchemy.exc import SQLAlchemyError
+
 from app.settings import Settings
+from app.sqlite_files import file_of
+from app.storage import Database, schema, uploads
+
+log = logging.getLogger("loopaudit.upkeep")
 
 FolderState = Literal["ok", "read-only", "gone"]
 
@@ -28,3 +36,33 @@ def free_bytes(settings: Settings) -> int:
         return shutil.disk_usage(settings.data_dir).free
     except OSError:
         return 0
+
+
+def make_where_new(settings: Settings, database: Database) -> None:
+    """The data folder with its parts. Where the data base knows of exports it is not new but away, as a share that is
+    not mounted: what was taken in its place would be gone from sight with its return. So it is not made either where
+    the data base cannot be asked."""
+    if settings.uploads_dir.is_dir():
+        return
+    with suppress(SQLAlchemyError):  # which whoever needs the data base tells
+        if not _knows_exports(database):
+            settings.prepare_folders()
+
+
+def tell_if_gone(settings: Settings) -> None:
+    """For a process that stays."""
+    if folder_state(settings) == "gone":
+        log.error("%s is not there and is waited for: mount it; %s", settings.uploads_dir, if_lost(settings))
+
+
+def if_lost(settings: Settings) -> str:
+    return f"only if it is lost for good, `mkdir -p -m 700 {settings.uploads_dir}` lets new exports in"
+
+
+def _knows_exports(database: Database) -> bool:
+    if database.is_sqlite and not file_of(database.url).is_file():
+        return False  # looking would make it
+    if schema.current_revision(database) is None:
+        return False
+    with database.read() as connection:
+        return uploads.any_known(connection)

@@ -103,6 +103,10 @@ def by_id(connection: Connection, upload_id: int) -> UploadRow | None:
     return None if row is None else UploadRow(*row)
 
 
+def any_known(connection: Connection) -> bool:
+    return connection.scalar(select(uploads.c.id).limit(1)) is not None
+
+
 def reading_of(connection: Connection, upload_id: int) -> dict[str, Any]:
     """How the upload is to be read, with its mapping, which may have megabytes."""
     return json.loads(connection.execute(select(uploads.c.reading_json).where(uploads.c.id == upload_id)).scalar_one())
@@ -308,10 +312,10 @@ def hand_back(connection: Connection, claim: ReadingClaim) -> None:
     connection.execute(_held(claim).values(lease_until_s=clock_s(), **NO_PAUSE))
 
 
-def wait_for_room(connection: Connection, claim: ReadingClaim, first_pause_s: float) -> None:
-    """The disk was full, which is no fault of the file: this attempt does not count, however long that lasts, and the
-    pause to the next one doubles up to some minutes."""
+def wait(connection: Connection, claim: ReadingClaim, first_pause_s: float, *, for_room: bool) -> None:
+    """The disk was full, or the data folder away, which is no fault of the file: this attempt does not count, however
+    long that lasts, and the pause to the next one doubles up to some minutes. for_room: told is since when it waits."""
     pause_s = longer_pause(uploads.c.pause_s, first_pause_s)
     waiting = {"state": "received", "attempts": uploads.c.attempts - 1, "owner": None, "lease_until_s": None}
-    since = func.coalesce(uploads.c.waits_since, literal(now(), uploads.c.waits_since.type))
+    since = func.coalesce(uploads.c.waits_since, literal(now(), uploads.c.waits_since.type)) if for_room else None
     connection.execute(_held(claim).values(**waiting, pause_s=pause_s, waits_since=since, announced_s=clock_s()))

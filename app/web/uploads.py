@@ -20,6 +20,7 @@ from app.http.receiving import LARGEST_MAPPING, MULTIPART, is_empty, mapping_of,
 from app.http.spooling import FORM_OVERHEAD_BYTES, spooled
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.backend import Backend
+from app.services.data_folder import folder_state
 from app.services.intake import places
 from app.services.intake import uploads as service
 from app.web.rendering import page
@@ -65,7 +66,8 @@ def _upload_page(backend: Backend, upload_id: str, typed: TypedMapping = NO_MAPP
     found = service.get_upload(backend, upload_id)
     in_service = service.loops_in_service(backend, found)
     audited = service.audited_since(backend, found)
-    told = {"upload": found, "in_service": in_service, "audited": audited, "typed": typed}
+    waits = found.state == "received" and folder_state(backend.settings) != "ok"
+    told = {"upload": found, "in_service": in_service, "audited": audited, "typed": typed, "waits_for_folder": waits}
     return page("upload.html", backend.clock, shown_tags=SHOWN_TAGS, shown_rejects=SHOWN_REJECTS, **told)
 
 

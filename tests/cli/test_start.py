@@ -128,6 +128,7 @@ def test_settings_that_contradict_each_other_are_told_by_their_names(tmp_path: P
 def test_with_a_broker_of_its_own_a_missing_file_is_no_plant_to_begin_on(
     tmp_path: Path, command: tuple[str, ...]
 ) -> None:
-    done = run(*command, data_dir=tmp_path, broker_url="redis://127.0.0.1:1/0")
+    done = run(*command, data_dir=tmp_path / "none", broker_url="redis://127.0.0.1:1/0")
     assert done.returncode == 2
     assert done.stderr.endswith("`loopaudit migrate` makes one [no_database]\n")
+    assert not list(tmp_path.iterdir())

@@ -205,7 +205,8 @@ def test_a_data_folder_that_takes_nothing_is_no_fault_of_the_file(
         for _ in range(backend.settings.max_reading_attempts + 5):
             with pytest.raises(OSError, match="Read-only"):
                 reading.read_upload(backend, int(upload), "reader")
-            assert uploads.get_upload(backend, upload).state == "received"
+            found = uploads.get_upload(backend, upload)
+            assert (found.state, found.waits_for_room_since) == ("received", None)  # there is room enough
     reading.read_upload(backend, int(upload), "reader")
     assert uploads.get_upload(backend, upload).state == "done"
 

@@ -42,12 +42,17 @@ def test_an_upload_that_waits_for_room_says_so_on_its_page_and_in_the_list(clien
     assert "no room" not in client.get(f"/uploads/{answer['id']}").text
     with web_backend.database.write() as connection:
         claim = stored_uploads.claim(connection, int(answer["id"]), "test", 40.0, 1)
-        stored_uploads.wait_for_room(connection, claim, 20.0)
+        stored_uploads.wait(connection, claim, 20.0, for_room=True)
     since = client.get(f"/v1/uploads/{answer['id']}").json()["waits_for_room_since"]
     page = seen(client, f"/uploads/{answer['id']}").texts
     assert "waits for room on the disk" in page
     assert any(text.startswith(f"Since {since[:10]} {since[11:16]} there is no room to read it.") for text in page)
     assert "waits for room on the disk" in seen(client, "/uploads").texts
+    folder = web_backend.settings.uploads_dir
+    away = folder.rename(folder.with_name("away"))
+    assert "The data folder of the service is gone" in client.get(f"/uploads/{answer['id']}").text
+    away.rename(folder)
+    assert "The data folder" not in client.get(f"/uploads/{answer['id']}").text
     read_upload(web_backend, int(answer["id"]), "test")
     assert "no room" not in client.get(f"/uploads/{answer['id']}").text
 

@@ -338,9 +338,10 @@ def _end(backend: Backend, claim: ReadingClaim, state: str, values: dict[str, An
 
 
 def _stumble(backend: Backend, claim: ReadingClaim, error: Exception) -> None:
-    if no_room(error) or folder_away(backend.settings, error):
+    for_room = no_room(error)
+    if for_room or folder_away(backend.settings, error):
         with suppress(*DATABASE_AWAY), backend.database.write() as connection:  # whose disk may be the full one
-            uploads.wait_for_room(connection, claim, backend.settings.stalled_s)
+            uploads.wait(connection, claim, backend.settings.stalled_s, for_room=for_room)
         return
     if isinstance(error, DATABASE_AWAY):
         return  # for too long: no fault of the file, and nothing can be written; it is read when the lease is over

@@ -18,6 +18,7 @@ from app.services.access import keys
 from app.services.access.rates import shared_answers
 from app.services.auditing.standing_still import stands_still_s
 from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_room, takes_no_writes
+from app.services.data_folder import if_lost
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
@@ -98,7 +99,8 @@ def data_folder(settings: Settings) -> Check:
     if folder.exists() and not folder.is_dir():
         return Check("data folder", "problem", f"{folder} is no folder", "name another one in LOOPAUDIT_DATA_DIR")
     if not folder.is_dir():
-        return Check("data folder", "problem", f"{folder} is not there", "`loopaudit serve` or `migrate` makes it")
+        advice = "`loopaudit serve` or `migrate` makes it, unless it was there: then mount it"
+        return Check("data folder", "problem", f"{folder} is not there", advice)
     if _is_read_only(folder):
         advice = "mount it for writing, or name another folder in LOOPAUDIT_DATA_DIR"
         return Check("data folder", "problem", f"{folder} is on a file system that is mounted read-only", advice)
@@ -318,7 +320,10 @@ def exports(backend: Backend) -> Check:
         there = {file.name for file in backend.settings.uploads_dir.iterdir()}
     except OSError as error:
         found = f"{backend.settings.uploads_dir} cannot be looked into: {error.strerror}"
-        return Check("exports", "problem", found, "see the data folder")
+        gone = not backend.settings.uploads_dir.exists()
+        return Check(
+            "exports", "problem", found, f"mount it; {if_lost(backend.settings)}" if gone else "see the data folder"
+        )
     advice = "look whether all processes have the same data folder; restore a backup, or send the exports again"
     if lost := unread - there:
         found = f"{len(lost)} exports that are still to be read are gone, such as {min(lost)[:12]}"

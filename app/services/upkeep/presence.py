@@ -3,11 +3,13 @@
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY
+from app.services.data_folder import make_where_new
 from app.settings import Settings
+from app.storage import Database
 from app.storage.presence import present
 
 LOCK = "at-work.lock"
@@ -81,8 +83,13 @@ def _locked(settings: Settings, how: int, refusal: RequestError) -> Iterator[Non
 
 @contextmanager
 def _lock_file(settings: Settings, name: str) -> Iterator[int]:
-    settings.prepare_folders()
-    lock = os.open(settings.data_dir / name, os.O_RDWR | os.O_CREAT, 0o600)
+    """Where the folder is away, one that nobody else has."""
+    with closing(Database(settings.resolved_database_url)) as database:
+        make_where_new(settings, database)
+    try:
+        lock = os.open(settings.data_dir / name, os.O_RDWR | os.O_CREAT, 0o600)
+    except FileNotFoundError:
+        lock = os.memfd_create(name)
     try:
         yield lock
     finally:

@@ -1,0 +1,71 @@
+"""A data folder that is away, as a share that is not mounted, is waited for: none is made in its place."""
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.main import create_app
+from app.services.backend import Backend
+from app.services.data_folder import tell_if_gone
+from app.services.upkeep import doctor
+from app.services.upkeep.presence import at_work
+from app.services.upkeep.readiness import readiness
+from app.services.upkeep.tables import migrate
+from app.settings import Settings
+from tests.conftest import served
+from tests.services.sent_uploads import send
+
+EXPORT = b"time,FIC1.PV,FIC1.OP\n0,1,2\n60,2,3\n"
+
+
+@contextmanager
+def away(settings: Settings) -> Iterator[None]:
+    """Its place is there, as that of a share is."""
+    folder = settings.uploads_dir
+    folder.rename(folder.with_name("away"))
+    yield
+    folder.with_name("away").rename(folder)
+
+
+def test_where_the_data_base_knows_of_exports_none_is_made(backend: Backend, caplog: pytest.LogCaptureFixture) -> None:
+    settings = backend.settings
+    send(backend, EXPORT)
+    with away(settings):
+        migrate(settings)
+        with at_work(settings), closing(Backend.open(settings)) as opened:
+            assert not settings.uploads_dir.exists()
+            assert readiness(opened).checks["data_folder"] == "gone"
+        tell_if_gone(settings)
+        assert "mount it" in caplog.text
+        with served(create_app(settings)) as client:
+            assert refusal_of(client) == (503, "data_folder_away")
+        told = next(check for check in doctor.examine(settings) if check.name == "exports")
+        assert f"mkdir -p -m 700 {settings.uploads_dir}" in told.advice
+        assert not settings.uploads_dir.exists()
+
+
+def refusal_of(client: httpx.Client) -> tuple[int, str]:
+    answer = client.post("/v1/uploads", content=EXPORT)
+    return answer.status_code, answer.json()["code"]
+
+
+def test_a_new_one_is_made(backend: Backend) -> None:
+    with away(backend.settings), closing(Backend.open(backend.settings)) as opened:
+        assert readiness(opened).checks["data_folder"] == "ok"
+        opened.settings.uploads_dir.rmdir()
+
+
+def test_where_that_cannot_be_told_it_is_made_for_the_first_export(
+    tmp_path: Path, emptied_postgres: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = Settings(data_dir=tmp_path, database_url="postgresql://nobody@127.0.0.1:1/away")
+    with at_work(settings), closing(Backend.open(settings)):
+        assert not settings.uploads_dir.exists()
+    there = settings.model_copy(update={"database_url": emptied_postgres})
+    with monkeypatch.context() as unasked:
+        unasked.setattr("app.services.backend.make_where_new", lambda *_: None)  # as if it had been away at the start
+        with served(create_app(there)) as client:
+            assert client.post("/v1/uploads", content=EXPORT).status_code == 202
