@@ -1,10 +1,12 @@
 """Backup and restore: the data base as it is at one instant, and the exports as they came."""
 
+import ctypes
 import errno
 import hashlib
 import json
 import os
 import shutil
+import signal
 import sqlite3
 import subprocess
 from collections.abc import Iterator
@@ -38,6 +40,9 @@ ANEW = 3
 """So many times its parts may be copied before nobody is let in between any more."""
 UNUSABLE = (DatabaseError, sqlite3.Error)
 """What is raised of a file that is no data base."""
+LIBC = ctypes.CDLL(None)
+PR_SET_PDEATHSIG = 1
+"""Of Linux: which signal a process gets when the one that started it has ended."""
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EACCES)
 
 
@@ -361,7 +366,17 @@ def _run(command: list[str], address: ProgramAddress, *extra: Path) -> None:
     environment = os.environ if address.password is None else {**os.environ, "PGPASSWORD": address.password}
     name = f"--dbname={address.url}"
     done = subprocess.run(  # noqa: S603 - a program of PostgreSQL with arguments of ours
-        [program, *command[1:], name, *map(str, extra)], env=environment, capture_output=True, text=True
+        [program, *command[1:], name, *map(str, extra)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        preexec_fn=_end_with_parent,
     )
     if done.returncode != 0:
         raise RequestError("backup_failed", f"{command[0]} ended with {done.returncode}: {done.stderr.strip()[-400:]}")
+
+
+def _end_with_parent() -> None:
+    """In a process before it becomes a program. Left alone by one that was killed, pg_restore would go on, and replace
+    what a service that was started meanwhile has taken."""
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -6,7 +6,8 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -199,3 +200,28 @@ def test_a_restore_writes_through_no_link_that_is_made_while_it_begins(settings,
     with pytest.raises(FileExistsError):
         backups.restore(settings, kept, force=True)
     assert elsewhere.read_text() == "somebody's own"
+
+
+def test_a_program_of_postgresql_ends_with_a_restore_that_is_killed(tmp_path):
+    """It would bring the backup back all the same, over what was taken since."""
+    program = tmp_path / "pg_restore"
+    program.write_text("#!/bin/sh\necho $$ > $0.pid\nexec sleep 60\n")
+    program.chmod(0o755)
+    started = tmp_path / "pg_restore.pid"
+    runs = (
+        "from sqlalchemy import make_url\n"
+        "from app.services.upkeep.backup import _run, program_address\n"
+        "_run(['pg_restore'], program_address(make_url('postgresql:///none')))\n"
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    with subprocess.Popen([sys.executable, "-c", runs], env=environment) as restoring:
+        until(lambda: started.is_file() and started.read_text())
+        restoring.kill()
+    until(lambda: not Path(f"/proc/{started.read_text().strip()}").exists())
+
+
+def until(holds: Callable[[], object]) -> None:
+    ends = time.monotonic() + 20
+    while not holds():
+        assert time.monotonic() < ends
+        time.sleep(0.02)
