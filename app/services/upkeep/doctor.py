@@ -320,10 +320,9 @@ def exports(backend: Backend) -> Check:
         there = {file.name for file in backend.settings.uploads_dir.iterdir()}
     except OSError as error:
         found = f"{backend.settings.uploads_dir} cannot be looked into: {error.strerror}"
-        gone = not backend.settings.uploads_dir.exists()
-        return Check(
-            "exports", "problem", found, f"mount it; {if_lost(backend.settings)}" if gone else "see the data folder"
-        )
+        is_there = backend.settings.uploads_dir.exists()
+        advice = "see the data folder" if is_there else f"mount it; {if_lost(backend.settings)}"
+        return Check("exports", "problem", found, advice)
     advice = "look whether all processes have the same data folder; restore a backup, or send the exports again"
     if lost := unread - there:
         found = f"{len(lost)} exports that are still to be read are gone, such as {min(lost)[:12]}"
