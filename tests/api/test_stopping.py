@@ -26,6 +26,7 @@ def begun(address: tuple[str, int], head: str, body: bytes) -> socket.socket:
 def answer_of(connection: socket.socket) -> tuple[int, dict[str, Any]]:
     with connection, connection.makefile("rb") as file:
         head, _, body = file.read().partition(b"\r\n\r\n")
+    assert b"x-content-type-options: nosniff" in head.lower()
     return int(head.split()[1]), json.loads(body)
 
 
