@@ -28,7 +28,7 @@ from app.http.paths import KeepTagsEncoded
 from app.http.probing import Probe
 from app.http.receiving import MAPPINGS_AT_ONCE
 from app.http.request_ids import RequestIds
-from app.http.stopping import AnswerWhenStopped
+from app.http.stopping import AnswerWhenStopped, all_told
 from app.services.access.authentication import Authenticator
 from app.services.access.rates import Rates
 from app.services.backend import Backend
@@ -55,6 +55,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         begin(app, await run_in_threadpool(Backend.open, settings))
         yield
+        await all_told(app.state.under_way)
         await run_in_threadpool(app.state.backend.close)
 
     app = FastAPI(
@@ -69,6 +70,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
         generate_unique_id_function=operation_id,
     )
     app.state.rates = Rates(settings)
+    app.state.under_way = set()
     app.state.error_page = error_page
     problems.install(app)
     # Called from the last to the first.

@@ -3,6 +3,7 @@
 import json
 import socket
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,12 @@ def test_what_the_service_waits_no_longer_for_is_told(tmp_path: Path, monkeypatc
         at_it.set()
         ends.wait(20)
 
+    def noted_late(*noted: Any, **detail: Any) -> None:
+        time.sleep(0.3)
+        record(*noted, **detail)
+
+    record = trail.record
+    monkeypatch.setattr(trail, "record", noted_late)
     monkeypatch.setattr(notes, "add_note", writes_for_long)
     with listening(create_app(settings)) as address:
         sending = begun(address, "POST /v1/uploads", b"Content-Length: 1000\r\n\r\ntime,FIC1.PV")
