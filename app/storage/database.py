@@ -23,9 +23,10 @@ WAL_SAFE_FROM = (3, 51, 3)
 MOST_OF_A_FILE = 15
 """Connections that SQLAlchemy's pool opens where nothing is said: 5, and 10 more."""
 READ_ONLY = "25006"
-AWAY_TO_THE_DRIVER_A_FAULT = (READ_ONLY, "25P03")
-"""SQLSTATEs of a server that takes no writes (a standby, or a disk that ran full and is looked after so), or that ended
-a transaction for its idleness: the driver has them in one class with damaged data."""
+HUNG_UP = ("25P03", "25P04")
+"""SQLSTATEs of a server that ended a transaction for its idleness, or for its length (`transaction_timeout`). The
+driver has them in one class with damaged data, as it has READ_ONLY, that of a server that takes no writes (a standby,
+or one whose disk ran full and that is looked after so)."""
 
 
 LOST_AFTER_30_S = {
@@ -257,7 +258,8 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
     @event.listens_for(engine, "handle_error", retval=True)
     def as_away(context: ExceptionContext) -> Exception | None:
         told: Any = context.original_exception
-        if not writes or getattr(told, "sqlstate", None) not in AWAY_TO_THE_DRIVER_A_FAULT:
+        state = getattr(told, "sqlstate", None)
+        if state not in HUNG_UP and not (writes and state == READ_ONLY):
             return None
         return OperationalError(context.statement, context.parameters, told)
 

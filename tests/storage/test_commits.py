@@ -3,6 +3,7 @@
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from sqlalchemy import Connection, create_engine, delete, text
@@ -91,6 +92,15 @@ def test_a_server_that_ends_a_transaction_or_takes_no_writes_is_away(
     with pytest.raises(OperationalError) as raised:
         write()
     assert not isinstance(raised.value, CommitLostError)
+
+
+@pytest.mark.parametrize("opened", [Database.read, Database.write])
+def test_so_is_one_that_ends_a_transaction_for_its_length(
+    database: Database, other: Connection, opened: Callable[..., Any]
+) -> None:
+    """`transaction_timeout`, of PostgreSQL 17; raised here as an older one can."""
+    with pytest.raises(OperationalError), opened(database) as connection:
+        connection.exec_driver_sql("DO $$ BEGIN RAISE EXCEPTION 'too long' USING ERRCODE = '25P04'; END $$")
 
 
 def test_a_refusal_is_an_answer(database: Database) -> None:
