@@ -5,6 +5,7 @@ import os
 import socket
 import sys
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -75,8 +76,10 @@ def refuse_unready(backend: "Backend") -> None:
 
 
 def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":
-    """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work."""
+    """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work. A data
+    base that is away is waited for too: the run goes on once it is back."""
     from app.services.auditing.audits import get_audit
+    from app.services.patience import patiently
 
     deadline = time.monotonic() + timeout_s
     if backend.settings.embedded:
@@ -87,7 +90,7 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
                 raise _timeout(run, timeout_s, "is a worker running?")
             before = run.done + run.failed
             lend_a_hand(backend, run.id)
-            run = get_audit(backend, run.id)
+            run = patiently(partial(get_audit, backend, run.id), deadline - time.monotonic())
             advance(run.done + run.failed - before)
     loops = "1 loop" if run.total == 1 else f"{run.total} loops"
     say(f"loopaudit: {loops}, {run.done} with a verdict, {run.failed} failed")

@@ -3,8 +3,11 @@
 from types import SimpleNamespace
 
 import pytest
+from sqlalchemy.exc import OperationalError
 
+from app.cli import nightly
 from app.cli.nightly import watched
+from app.services.auditing import audits
 
 
 @pytest.mark.parametrize(("total", "words"), [(1, "1 loop, 1 with a verdict"), (60, "60 loops, 60 with a verdict")])
@@ -13,3 +16,24 @@ def test_a_run_of_one_loop_is_told_of_one(capsys: pytest.CaptureFixture[str], to
     run = SimpleNamespace(id="1", total=total, done=total, failed=0, ended=True)
     assert watched(backend, run, 1.0) is run
     assert capsys.readouterr().err == f"loopaudit: {words}, 0 failed\n"
+
+
+def test_a_data_base_that_is_away_meanwhile_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As long as the command waits: the run goes on when it is back."""
+    away = OperationalError("SELECT", {}, Exception("connection refused"))
+    ended = SimpleNamespace(id="1", total=1, done=1, failed=0, ended=True)
+    found = iter([away, away, ended])
+
+    def get(*_: object) -> SimpleNamespace:
+        if isinstance(it := next(found), Exception):
+            raise it
+        return it
+
+    monkeypatch.setattr(audits, "get_audit", get)
+    monkeypatch.setattr(nightly, "LOOK_S", 0.0)
+    backend = SimpleNamespace(settings=SimpleNamespace(embedded=False))
+    begun = SimpleNamespace(id="1", total=1, done=0, failed=0, ended=False)
+    assert watched(backend, begun, 60.0) is ended
+    found = iter([away] * 9)
+    with pytest.raises(OperationalError):
+        watched(backend, begun, 0.5)
