@@ -12,7 +12,6 @@ from starlette.datastructures import FormData, UploadFile
 from app.errors import RequestError
 from app.http.backend import Services, caller
 from app.http.spooling import spooled
-from app.services.data_folder import make_where_new
 from app.services.intake import uploads as service
 from app.services.results import Receipt
 
@@ -36,8 +35,6 @@ class Description:
 
 
 async def store(request: Request, backend: Services, filename: str | None, reading: service.ReadingOptions) -> Receipt:
-    if not backend.settings.uploads_dir.is_dir():  # whether it is new could not be told where the data base was away
-        await run_in_threadpool(make_where_new, backend.settings, backend.database)
     content_type = request.headers.get("content-type", "application/octet-stream")
     if not content_type.lower().startswith(MULTIPART):
         described = Description(filename or told_name(request), content_type, reading)

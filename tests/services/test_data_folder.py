@@ -58,14 +58,7 @@ def test_a_new_one_is_made(backend: Backend) -> None:
         opened.settings.uploads_dir.rmdir()
 
 
-def test_where_that_cannot_be_told_it_is_made_for_the_first_export(
-    tmp_path: Path, emptied_postgres: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_that_cannot_be_told_none_is_made(tmp_path: Path) -> None:
     settings = Settings(data_dir=tmp_path, database_url="postgresql://nobody@127.0.0.1:1/away")
     with at_work(settings), closing(Backend.open(settings)):
         assert not settings.uploads_dir.exists()
-    there = settings.model_copy(update={"database_url": emptied_postgres})
-    with monkeypatch.context() as unasked:
-        unasked.setattr("app.services.backend.make_where_new", lambda *_: None)  # as if it had been away at the start
-        with served(create_app(there)) as client:
-            assert client.post("/v1/uploads", content=EXPORT).status_code == 202

@@ -328,13 +328,13 @@ def test_what_found_no_room_is_tried_again_with_pauses_that_grow_to_minutes(back
         with backend.database.write() as connection:
             claim = stored.claim(connection, upload, f"reader {number}", 40.0, max_attempts=1)
             assert claim is not None
-            stored.wait_for_room(connection, claim, first_pause_s=20.0)
+            stored.wait(connection, claim, first_pause_s=20.0, for_room=True)
         assert not announced_after(backend, pause_s - 10)
         assert announced_after(backend, pause_s + 10)
     with backend.database.write() as connection:
         other = stored.claim(connection, upload, "other", 40.0, max_attempts=1)
         assert other is not None
-        stored.wait_for_room(connection, claim, first_pause_s=20.0)  # who had it before has nothing to hand back
+        stored.wait(connection, claim, first_pause_s=20.0, for_room=True)  # who had it before has nothing to hand back
         assert stored.renew(connection, other, 40.0)
 
 
