@@ -7,9 +7,11 @@ from pathlib import Path
 import httpx
 import pytest
 
+from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
 from app.services.data_folder import tell_if_gone
+from app.services.upkeep import backup as backups
 from app.services.upkeep import doctor
 from app.services.upkeep.presence import at_work
 from app.services.upkeep.readiness import readiness
@@ -45,6 +47,16 @@ def test_where_the_data_base_knows_of_exports_none_is_made(backend: Backend, cap
         told = next(check for check in doctor.examine(settings) if check.name == "exports")
         assert f"mkdir -p -m 700 {settings.uploads_dir}" in told.advice
         assert not settings.uploads_dir.exists()
+
+
+def test_a_restore_that_is_refused_makes_none_either(backend: Backend, tmp_path: Path) -> None:
+    send(backend, EXPORT)
+    backups.backup(backend.settings, tmp_path / "kept")
+    with away(backend.settings):
+        with pytest.raises(RequestError) as refused:
+            backups.restore(backend.settings, tmp_path / "kept")
+        assert refused.value.code == "not_empty"
+        assert not backend.settings.uploads_dir.exists()
 
 
 def refusal_of(client: httpx.Client) -> tuple[int, str]:

@@ -116,9 +116,9 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
         if not schema.is_known(told["schema"]):
             text = f"the backup has tables of version {told['schema']}, which is newer than {schema.newest_revision()}"
             raise RequestError("backup_newer", f"{text}; restore it with the version of loopaudit that made it")
-        settings.prepare_folders()
         if not force and _in_use(database):
             raise RequestError("not_empty", "the data base is not empty; --force replaces what is in it")
+        settings.prepare_folders()
         if not is_sqlite and told["database"] == POSTGRESQL:
             # What is restored replaces tables of its own version only: newer ones would stay, and hold on to it.
             refuse_newer(schema.current_revision(database))
