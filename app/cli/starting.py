@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 def ready_to_work(settings: "Settings", until_parent_ends: bool, *, migrates: bool = False) -> Iterator[None]:
     """Known to who would restore a backup, on tables of this version; migrates: which it makes of older ones."""
     from app import logs
-    from app.services.data_folder import tell_if_gone
+    from app.services.data_folder import tell_if_away
     from app.services.upkeep import presence
     from app.services.upkeep.tables import migrate, refuse_missing, refuse_unmigrated
 
@@ -28,5 +28,5 @@ def ready_to_work(settings: "Settings", until_parent_ends: bool, *, migrates: bo
             migrate(settings)
         else:
             refuse_unmigrated(settings)
-        tell_if_gone(settings)
+        tell_if_away(settings)
         yield

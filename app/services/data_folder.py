@@ -49,10 +49,13 @@ def make_where_new(settings: Settings, database: Database) -> None:
             settings.prepare_folders()
 
 
-def tell_if_gone(settings: Settings) -> None:
+def tell_if_away(settings: Settings) -> None:
     """For a process that stays."""
-    if folder_state(settings) == "gone":
+    state = folder_state(settings)
+    if state == "gone":
         log.error("%s is not there and is waited for: mount it; %s", settings.uploads_dir, if_lost(settings))
+    elif state == "read-only":
+        log.error("%s cannot be written to: exports are refused until it can", settings.uploads_dir)
 
 
 def if_lost(settings: Settings) -> str:

@@ -1,8 +1,11 @@
 """A data folder that is away, as a share that is not mounted, is waited for: none is made in its place."""
 
+import errno
+import os
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -10,10 +13,10 @@ import pytest
 from app.errors import RequestError
 from app.main import create_app
 from app.services.backend import Backend
-from app.services.data_folder import tell_if_gone
+from app.services.data_folder import tell_if_away
 from app.services.upkeep import backup as backups
 from app.services.upkeep import doctor
-from app.services.upkeep.presence import at_work
+from app.services.upkeep.presence import LOCK, alone, at_work
 from app.services.upkeep.readiness import readiness
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
@@ -40,7 +43,7 @@ def test_where_the_data_base_knows_of_exports_none_is_made(backend: Backend, cap
         with at_work(settings), closing(Backend.open(settings)) as opened:
             assert not settings.uploads_dir.exists()
             assert readiness(opened).checks["data_folder"] == "gone"
-        tell_if_gone(settings)
+        tell_if_away(settings)
         assert "mount it" in caplog.text
         with served(create_app(settings)) as client:
             assert refusal_of(client) == (503, "data_folder_away")
@@ -57,6 +60,31 @@ def test_a_restore_that_is_refused_makes_none_either(backend: Backend, tmp_path:
             backups.restore(backend.settings, tmp_path / "kept")
         assert refused.value.code == "not_empty"
         assert not backend.settings.uploads_dir.exists()
+
+
+@pytest.mark.parametrize("had_lock", [True, False])
+def test_one_that_is_read_only_keeps_no_process_from_starting(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, had_lock: bool
+) -> None:
+    if had_lock:
+        with at_work(backend.settings):
+            pass
+    opened, access = os.open, os.access
+
+    def read_only(path: Any, flags: int, *mode: int) -> int:
+        if Path(path).name == LOCK and flags & (os.O_RDWR | os.O_CREAT):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+        return opened(path, flags, *mode)
+
+    monkeypatch.setattr(os, "open", read_only)
+    monkeypatch.setattr(os, "access", lambda path, how: not how & os.W_OK and access(path, how))
+    with at_work(backend.settings):
+        tell_if_away(backend.settings)
+        assert "cannot be written to" in caplog.text
+        if had_lock:
+            with pytest.raises(RequestError) as refused, alone(backend.settings):
+                pass
+            assert refused.value.code == "still_running"
 
 
 def refusal_of(client: httpx.Client) -> tuple[int, str]:

@@ -1,9 +1,11 @@
 """Who works on a data folder and on a data base: a restore must be alone on both."""
 
+import errno
 import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
 
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY
@@ -83,15 +85,23 @@ def _locked(settings: Settings, how: int, refusal: RequestError) -> Iterator[Non
 
 @contextmanager
 def _lock_file(settings: Settings, name: str) -> Iterator[int]:
-    """Where the folder is away, one that nobody else has."""
     with closing(Database(settings.resolved_database_url)) as database:
         make_where_new(settings, database)
-    try:
-        lock = os.open(settings.data_dir / name, os.O_RDWR | os.O_CREAT, 0o600)
-    except FileNotFoundError:
-        lock = os.memfd_create(name)
+    lock = _opened(settings.data_dir / name, to_write=name == SERVING)
     try:
         yield lock
     finally:
         with suppress(OSError):
             os.close(lock)
+
+
+def _opened(file: Path, *, to_write: bool) -> int:
+    """Where its folder is away, or read-only and without it, one that nobody else has."""
+    try:
+        return os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
+    except FileNotFoundError:
+        return os.memfd_create(file.name)
+    except OSError as error:
+        if to_write or error.errno != errno.EROFS:
+            raise
+        return os.open(file, os.O_RDONLY) if file.exists() else os.memfd_create(file.name)

@@ -52,7 +52,6 @@ def _in_use_in_words() -> Iterator[None]:
 
 def refuse_unmigrated(settings: Settings) -> None:
     """`refuse_other_tables` at the start of a process that stays. A data base that is away is waited for."""
-    refuse_missing(settings)
     database = Database(settings.resolved_database_url)
     try:
         refuse_other_tables(database)
