@@ -5,6 +5,7 @@ import logging
 import os
 import shutil
 from contextlib import suppress
+from pathlib import Path
 from typing import Literal
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -14,6 +15,9 @@ from app.sqlite_files import file_of
 from app.storage import Database, schema, uploads
 
 log = logging.getLogger("loopaudit.upkeep")
+
+UNTOLD: set[Path] = set()
+"""Folders of exports of which this process could not be told whether they are new."""
 
 FolderState = Literal["ok", "read-only", "gone"]
 
@@ -41,12 +45,24 @@ def free_bytes(settings: Settings) -> int:
 def make_where_new(settings: Settings, database: Database) -> None:
     """The data folder with its parts. Where the data base knows of exports it is not new but away, as a share that is
     not mounted: what was taken in its place would be gone from sight with its return. So it is not made either where
-    the data base cannot be asked."""
-    if settings.uploads_dir.is_dir():
+    the data base cannot be asked, until `make_once_told`."""
+    folder = settings.uploads_dir
+    if folder.is_dir():
         return
+    UNTOLD.add(folder)
     with suppress(SQLAlchemyError):  # which whoever needs the data base tells
         if not _knows_exports(database):
             settings.prepare_folders()
+        UNTOLD.discard(folder)
+
+
+def make_once_told(settings: Settings, database: Database) -> None:
+    """`make_where_new` again, where the data base was away when this process asked it. One that was there meanwhile, or
+    at the start, is not new."""
+    if settings.uploads_dir.is_dir():
+        UNTOLD.discard(settings.uploads_dir)
+    elif settings.uploads_dir in UNTOLD:
+        make_where_new(settings, database)
 
 
 def tell_if_away(settings: Settings) -> None:

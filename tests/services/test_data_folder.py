@@ -3,12 +3,13 @@
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from sqlalchemy.exc import OperationalError
 
 from app.errors import RequestError
 from app.main import create_app
@@ -18,8 +19,10 @@ from app.services.upkeep import backup as backups
 from app.services.upkeep import doctor
 from app.services.upkeep.presence import LOCK, alone, at_work
 from app.services.upkeep.readiness import readiness
+from app.services.upkeep.sweep import sweep
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from app.storage import schema
 from tests.conftest import served
 from tests.services.sent_uploads import send
 
@@ -96,6 +99,28 @@ def test_a_new_one_is_made(backend: Backend) -> None:
     with away(backend.settings), closing(Backend.open(backend.settings)) as opened:
         assert readiness(opened).checks["data_folder"] == "ok"
         opened.settings.uploads_dir.rmdir()
+
+
+@pytest.mark.parametrize("was_there", [False, True])
+def test_where_that_could_not_be_told_at_the_start_a_sweep_makes_it(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, was_there: bool
+) -> None:
+    """A service that started before its data base takes exports without anybody's help."""
+
+    def is_away(*_: object) -> None:
+        raise OperationalError("SELECT", {}, Exception("connection refused"))
+
+    with away(backend.settings):
+        if not was_there:
+            with monkeypatch.context() as patched:
+                patched.setattr(schema, "current_revision", is_away)
+                Backend.open(backend.settings).close()
+        assert not backend.settings.uploads_dir.exists()
+        with suppress(RequestError):  # of retention, which looks into the folder
+            sweep(backend)
+        assert backend.settings.uploads_dir.exists() != was_there
+        if not was_there:
+            backend.settings.uploads_dir.rmdir()
 
 
 def test_where_that_cannot_be_told_none_is_made(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from app.services.auditing.calling import call_workers
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import DATABASE_AWAY, Backend
+from app.services.data_folder import make_once_told
 from app.services.digests.deliveries import announce_digests
 from app.services.intake.drafts import drafts, is_held
 from app.services.results import SweepReport
@@ -114,6 +115,11 @@ def begin_night(backend: Backend) -> SweepReport:
     return SweepReport(nightly=run.id if run else None)
 
 
+def make_folder(backend: Backend) -> SweepReport:
+    make_once_told(backend.settings, backend.database)
+    return SweepReport()
+
+
 def drop_what_is_old(backend: Backend) -> SweepReport:
     retain_if_due(backend)
     return SweepReport()
@@ -136,6 +142,7 @@ DUTIES = (
     explain_the_worst,
     send_digests,
     begin_night,
+    make_folder,
     drop_what_is_old,
     drop_old_drafts,
 )
