@@ -47,7 +47,7 @@ def make_where_new(settings: Settings, database: Database) -> None:
     not mounted: what was taken in its place would be gone from sight with its return. So it is not made either where
     the data base cannot be asked, until `make_once_told`."""
     folder = settings.uploads_dir
-    if folder.is_dir():
+    if _is_there(folder):
         return
     UNTOLD.add(folder)
     with suppress(SQLAlchemyError):  # which whoever needs the data base tells
@@ -59,10 +59,16 @@ def make_where_new(settings: Settings, database: Database) -> None:
 def make_once_told(settings: Settings, database: Database) -> None:
     """`make_where_new` again, where the data base was away when this process asked it. One that was there meanwhile, or
     at the start, is not new."""
-    if settings.uploads_dir.is_dir():
+    if _is_there(settings.uploads_dir):
         UNTOLD.discard(settings.uploads_dir)
     elif settings.uploads_dir in UNTOLD:
         make_where_new(settings, database)
+
+
+def _is_there(folder: Path) -> bool:
+    with suppress(OSError):  # of a share whose server is away
+        return folder.is_dir()
+    return False
 
 
 def tell_if_away(settings: Settings) -> None:

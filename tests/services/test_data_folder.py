@@ -101,6 +101,27 @@ def test_a_new_one_is_made(backend: Backend) -> None:
         opened.settings.uploads_dir.rmdir()
 
 
+@pytest.mark.parametrize("code", [errno.ESTALE, errno.EIO, errno.ENOTCONN])
+def test_so_does_one_whose_share_answers_with_an_error(
+    backend: Backend, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    """NFS and file systems in user space do, where their server is away."""
+    send(backend, EXPORT)
+    looked_at, opened = os.stat, os.open
+    away = (str(backend.settings.uploads_dir), str(backend.settings.data_dir / LOCK))
+
+    def stat(path: Any, **how: Any) -> os.stat_result:
+        if str(path) in away:
+            raise OSError(code, os.strerror(code), str(path))
+        return looked_at(path, **how)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "stat", stat)
+        patched.setattr(os, "open", lambda path, *how: stat(path) if str(path) in away else opened(path, *how))
+        with at_work(backend.settings), closing(Backend.open(backend.settings)):
+            migrate(backend.settings)
+
+
 @pytest.mark.parametrize("was_there", [False, True])
 def test_where_that_could_not_be_told_at_the_start_a_sweep_makes_it(
     backend: Backend, monkeypatch: pytest.MonkeyPatch, was_there: bool

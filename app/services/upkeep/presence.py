@@ -16,6 +16,8 @@ from app.storage.presence import present
 
 LOCK = "at-work.lock"
 SERVING = "serving.lock"
+AWAY = (errno.ENOENT, errno.ESTALE, errno.EIO, errno.ENOTCONN, errno.EHOSTDOWN)
+"""A folder that is not mounted, or is a share whose server is away."""
 
 
 @contextmanager
@@ -99,9 +101,9 @@ def _opened(file: Path, *, to_write: bool) -> int:
     """Where its folder is away, or read-only and without it, one that nobody else has."""
     try:
         return os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
-    except FileNotFoundError:
-        return os.memfd_create(file.name)
     except OSError as error:
-        if to_write or error.errno != errno.EROFS:
+        if error.errno not in AWAY and (to_write or error.errno != errno.EROFS):
             raise
-        return os.open(file, os.O_RDONLY) if file.exists() else os.memfd_create(file.name)
+    with suppress(OSError):
+        return os.open(file, os.O_RDONLY)
+    return os.memfd_create(file.name)
