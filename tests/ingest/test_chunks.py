@@ -145,3 +145,68 @@ def test_notes_name_tags_in_their_order_wherever_odd_numbers_stand(read: Read) -
     rows = (f"{stamp(k)},{odd(k, 500)},{odd(k, 300)},{odd(k, 5)}" for k in range(600))
     content = same_content(read, wide(*rows))
     assert any("°C (FIC101.PV, FIC101.OP, FIC101.SP)" in note for note in content.summary.notes)
+
+
+def of_two_tags(told: str, usual: str, first: int, count: int, quality: bool = False) -> str:
+    """Sorted by tag: `told` stands in some rows of each, `usual` in the others, each with the number of its row."""
+
+    def rows(tag: str) -> Iterator[str]:
+        for k in range(600):
+            cell = told if first <= k < first + count else usual
+            yield f"FIC101.{tag};{stamp(k)};{cell.format(k % 90 + 100, k % 10)}"
+
+    return by_tag(f"tag;time;value{';quality' if quality else ''}", rows("PV"), rows("OP"))
+
+
+PLACES = pytest.mark.parametrize(("first", "count"), [(0, 150), (225, 150), (450, 150), (150, 450)])
+
+
+@PLACES
+@pytest.mark.parametrize(("rare", "often"), [("0", "1"), ("1", "0"), ("-1", "0"), ("0", "192"), ("500", "192")])
+def test_which_quality_is_good_is_told_by_all_rows(read: Read, rare: str, often: str, first: int, count: int) -> None:
+    told, usual = (rare, often) if count < 300 else (often, rare)
+    content = same_content(read, of_two_tags(f"{{}};{told}", f"{{}};{usual}", first, count, quality=True))
+    assert content.rejects.counts == {"bad_quality": 300}
+
+
+def test_which_quality_is_good_is_told_by_all_columns(read: Read) -> None:
+    rows = (f"{stamp(k)},{k % 9},{int(k < 350)},{k % 7 + 40},1" for k in range(600))
+    content = same_content(read, "\n".join(("Time,A.PV,A.PV.Quality,A.OP,A.OP.Quality", *rows)) + "\n")
+    assert content.rejects.counts == {"bad_quality": 250}
+
+
+@PLACES
+def test_the_unit_behind_numbers_is_that_of_most_of_its_tag(read: Read, first: int, count: int) -> None:
+    told, usual = ("psi", "bar") if count < 300 else ("bar", "psi")
+    content = same_content(read, of_two_tags(f"{{}}.{{}} {told}", f"{{}}.{{}} {usual}", first, count))
+    assert content.rejects.counts == {"not_a_number": 300}
+    assert any("in another unit than most of their tag, and were refused: psi" in n for n in content.summary.notes)
+
+
+@PLACES
+@pytest.mark.parametrize(
+    ("told", "usual", "least"),
+    [
+        ("1 {0}", "9{1}8", 908),  # blanks part thousands, as 998 beside 1 100 shows
+        ("1,{0}", "9{1}8", 908),
+        ("9{1}8", "1.{0}", 908),
+        ("1,{0}.5", "1,{0}", 1100),
+        ("1.{0},5", "1.{0}", 1100),
+    ],
+)
+def test_parted_thousands_are_told_by_all_rows(
+    read: Read, told: str, usual: str, least: float, first: int, count: int
+) -> None:
+    content = same_content(read, of_two_tags(told, usual, first, count), (1_500, 4_000))
+    assert content.rejects.total == 0
+    assert content.loops["FIC101"].pv is not None
+    assert content.loops["FIC101"].pv.min() >= least
+    assert content.loops["FIC101"].pv.max() < 1190
+
+
+def test_what_is_plain_is_read_once(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.ingest.exports.export.TableExport._known", lambda *_: pytest.fail("read once more"))
+    monkeypatch.setattr("app.ingest.tables.frames.LEAST_BYTES", 8)
+    same_content(read, of_two_tags("{}.5;192", "{}.5;0", 0, 500, quality=True))
+    same_content(read, of_two_tags("1,{0}.5 bar", "0.5 bar", 0, 300))
+    same_content(read, of_two_tags("{0},125", "{0},250", 0, 300))

@@ -111,13 +111,13 @@ def test_words_of_something_else_in_a_long_table_are_no_qualities(read: Read, us
     assert refused(read(long(usual, other, "Further"))) == []
 
 
-def test_what_was_decided_stays(read: Read) -> None:
+def test_which_number_is_good_is_decided_by_all_rows(read: Read) -> None:
     """The first chunk has zeros alone, most of the file has ones."""
     rows = [f"A.PV,2026-03-01 {i // 60:02d}:{i % 60:02d}:00,{i},{0 if i < 20 else 1}\n" for i in range(100)]
     content = read("Tagname,TimeStamp,Value,Quality\n" + "".join(rows), options=IngestOptions(chunk_bytes=600))
     assert content.loops["A"].samples == 100
-    assert np.isfinite(content.loops["A"].pv).sum() == 20
-    assert content.summary.notes[0].startswith("the file does not tell which quality number is good, 0 was taken")
+    assert np.isfinite(content.loops["A"].pv).tolist() == [i >= 20 for i in range(100)]
+    assert content.rejects.counts == {"bad_quality": 20}
 
 
 def wide(head: str, row: str, bad: str = "Bad", good: str = "Good") -> str:

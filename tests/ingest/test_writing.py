@@ -10,13 +10,15 @@ import pytest
 
 from app.ingest import IngestOptions
 from tests.ingest.conftest import Read
+from tests.ingest.test_chunks import same_content
 from tests.ingest.test_tables import workbook
 
 DOUBT = "the mark of numbers such as 1,000 may part thousands or decimals: "
 TWO_WAYS = "decimals are written in two ways, and were read as each tag writes them: "
 NAMES = "tagname\tFIC7.MV\tFIC7.PV\tbOpOFL\tbPvOFL"
 Table = Callable[..., str]
-CHUNKS = IngestOptions(chunk_bytes=10_000)
+SIZES = (10_000,)
+CHUNKS = IngestOptions(chunk_bytes=SIZES[0])
 
 
 def wide(pv: Sequence[str], op: Sequence[str], delimiter: str = ";", count: int = 60) -> str:
@@ -119,37 +121,31 @@ def test_what_numbers_without_a_mark_tell_otherwise_than_the_file_is_refused(rea
 
 
 @LAYOUTS
-def test_a_tag_that_shows_itself_late_is_not_read_both_ways(read: Read, table: Table) -> None:
+def test_a_tag_that_shows_itself_late_is_read_so_from_the_start(read: Read, table: Table) -> None:
     pv = ["50,123"] * 800 + ["50,12", "50,123"] * 200
-    content = read(table(pv, ["40.1"], count=1200), options=CHUNKS)
-    found = content.loops["FIC1"].pv
-    assert found[:400].tolist() == [50123] * 400
-    assert found[800::2].tolist() == [50.12] * 200
-    assert np.isnan(found[1001::2]).all()
+    content = same_content(read, table(pv, ["40.1"], count=1200), SIZES)
+    assert content.loops["FIC1"].pv.tolist() == [50.123] * 800 + [50.12, 50.123] * 200
+    assert content.rejects.total == 0
     assert content.summary.notes[0].startswith(f"{TWO_WAYS}decimal commas: FIC1.PV")
 
 
 @LAYOUTS
-def test_plain_numbers_of_a_tag_that_shows_itself_late_are_not_read_both_ways(read: Read, table: Table) -> None:
+def test_plain_numbers_of_a_tag_that_shows_itself_late_are_read_so_too(read: Read, table: Table) -> None:
     pv = ["1.005"] * 800 + ["50,12", "1.005", "50,123"] * 200
-    content = read(table(pv, ["40.1"], count=1400), options=CHUNKS)
-    found = content.loops["FIC1"].pv
-    assert found[:400].tolist() == [1.005] * 400
-    assert np.isnan(found[1101::3]).all()
-    assert found[802::3].tolist() == [50.123] * 200
-    assert dict(content.rejects.counts) == {"unclear_mark": np.count_nonzero(np.isnan(found))}
+    content = same_content(read, table(pv, ["40.1"], count=1400), SIZES)
+    assert content.loops["FIC1"].pv.tolist() == [1005] * 800 + [50.12, 1005, 50.123] * 200
+    assert content.rejects.total == 0
 
 
 @LAYOUTS
-def test_a_tag_may_come_into_doubt_only_after_another_has_told(read: Read, table: Table) -> None:
+def test_a_tag_is_in_doubt_though_another_tells_behind_it(read: Read, table: Table) -> None:
     pv, op = ["1,005"] * 900 + ["1005.5"] * 300, ["40"] * 900 + ["50,123"] * 300
-    content = read(table(pv, op, count=1200), options=CHUNKS)
+    content = same_content(read, table(pv, op, count=1200), SIZES)
     loop = content.loops["FIC1"]
-    assert loop.pv[:600].tolist() == [1.005] * 600
-    assert loop.pv[900:].tolist() == [1005.5] * 300
+    assert loop.pv.tolist() == [1005] * 900 + [1005.5] * 300
     assert loop.op[:900].tolist() == [40] * 900
     assert np.isnan(loop.op[900:]).all()
-    assert content.summary.notes == (f"{DOUBT}refused: FIC1.OP; read as decimals: FIC1.PV",)
+    assert content.summary.notes == (f"{DOUBT}refused: FIC1.OP",)
 
 
 @LAYOUTS
@@ -255,15 +251,14 @@ def test_doubtful_numbers_alone_have_nothing_to_learn_from(
 
 
 @LAYOUTS
-@pytest.mark.parametrize(("late", "expected"), [("999", [999]), ("50,12", [50.12]), ("Bad", [])])
-def test_points_in_all_numbers_before_others_are_not_read_both_ways(
-    read: Read, table: Table, late: str, expected: Sequence[float]
+@pytest.mark.parametrize(("late", "expected"), [("999", {999, 1005}), ("50,12", {50.12, 1005}), ("Bad", {1.005})])
+def test_points_in_all_numbers_are_read_as_later_ones_tell(
+    read: Read, table: Table, late: str, expected: set[float]
 ) -> None:
-    content = read(table(["1.005"] * 800 + [late, "1.005"] * 200, ["40.100"], count=1200), options=CHUNKS)
+    content = same_content(read, table(["1.005"] * 800 + [late, "1.005"] * 200, ["40.100"], count=1200), SIZES)
     found = content.loops["FIC1"].pv
-    assert found[:400].tolist() == [1.005] * 400
-    assert found[900::2][np.isfinite(found[900::2])].tolist() == expected * 150
-    assert set(found[np.isfinite(found)]) == {1.005, *expected}
+    assert set(found[np.isfinite(found)]) == expected
+    assert dict(content.rejects.counts) == ({"not_a_number": 200} if late == "Bad" else {})
 
 
 def test_points_in_all_numbers_are_read_as_other_tags_tell(read: Read) -> None:
@@ -315,12 +310,10 @@ def test_numbers_of_cells_are_not_in_doubt(read: Read) -> None:
 
 
 @pytest.mark.parametrize("op", ["40.1", "40"])
-def test_a_tag_that_was_refused_in_between_is_not_read_both_ways(read: Read, op: str) -> None:
-    """Its numbers are thousands at first, in doubt beside 50, and decimals at the end."""
+def test_a_tag_that_tells_at_its_end_is_read_so_from_the_start(read: Read, op: str) -> None:
+    """Its first numbers alone would be thousands, those beside 5 in doubt."""
     first = ["50,123"] * 400 if op == "40.1" else ["999", "1,001"] * 200
     pv = [*first, *["5", "5,123"] * 200, *["50,12", "50,123"] * 200]
-    content = read(wide(pv, [op], count=1200), options=CHUNKS)
-    found = content.loops["FIC1"].pv
-    assert found[:300].min() > 900
-    assert found[1000::2].tolist() == [50.12] * 100
-    assert np.isnan(found[1001::2]).all()
+    content = same_content(read, wide(pv, [op], count=1200), SIZES)
+    assert content.loops["FIC1"].pv.tolist() == [float(text.replace(",", ".")) for text in pv]
+    assert content.rejects.total == 0

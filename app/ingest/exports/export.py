@@ -17,15 +17,17 @@ from app.ingest.exports.mixing import refuse_mixed
 from app.ingest.exports.preparing import prepared
 from app.ingest.files.head import Head
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, Rejects, SignalBlock
+from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.marks import DoubtfulMarks
 from app.ingest.numbers.scale_jumps import ScaleJumps
+from app.ingest.numbers.units import UnitsOfTags
 from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import UNREADABLE, RowReader, in_short
 from app.ingest.tables.long_table import LongTable
 from app.ingest.tables.loop_rows_table import LoopRowsTable
 from app.ingest.tables.spreading import SPREAD_NOTE
-from app.ingest.tables.tally import Tally
+from app.ingest.tables.tally import Tally, UnsettledError
 from app.ingest.tables.wide_table import WideTable
 from app.ingest.tags.grouping import TagMapping
 from app.ingest.tags.loops import Grouping, group
@@ -130,37 +132,45 @@ class TableExport(Export):
 
     def __init__(self, source: Source, stem: str, mapping: TagMapping | None, options: IngestOptions) -> None:
         self._options = options
-        self._log = RejectLog(options.max_rejects)
         self.stem = stem
         self._source = source
-        usual = "thousands" if source.head.delimiter == "," else "decimals"
-        self._tally = Tally(writing=Writing(source.head.thousands_mark, marks=DoubtfulMarks(usual)))
         self._mapping = mapping
-        self._grouping = Grouping(source.head.stem, mapping)
-        self._plan: Plan = prepared(source.plan, self._grouping, source.head, options, self._log)
         self._scale_jumps = ScaleJumps()
         self._taken = False
+        self._begin(Tally(writing=self._writing()))
+
+    def _begin(self, tally: Tally) -> None:
+        """With nothing found yet but what is known before."""
+        head = self._source.head
+        self._tally = tally
+        self._log = RejectLog(self._options.max_rejects)
+        self._grouping = Grouping(head.stem, self._mapping)
+        self._plan: Plan = prepared(self._source.plan, self._grouping, head, self._options, self._log)
+
+    def _writing(self) -> Writing:
+        head = self._source.head
+        return Writing(head.thousands_mark, marks=DoubtfulMarks("thousands" if head.delimiter == "," else "decimals"))
 
     @property
     def share_taken(self) -> float:
         return self._source.share_taken
 
     def __iter__(self) -> Iterator[SignalBlock]:
-        for batch in self._batches(self._table(self._plan)):
+        for batch in self._batches():
             yield from batch
 
     def loops(self) -> Iterator[LoopSamples]:
-        for batch in self._batches(self._table(self._plan)):
+        for batch in self._batches():
             for block in batch:
                 self._scale_jumps.look(block)
             yield from stretches(batch)
 
-    def _batches(self, table: WideTable | LongTable) -> Iterator[list[SignalBlock]]:
+    def _batches(self) -> Iterator[list[SignalBlock]]:
         if self._taken:
             raise RuntimeError("an export is read once; open it again")
         self._taken = True
         try:
-            for batch in table.batches(self._source.reader(self._plan.width, table.types(), self._log)):
+            for batch in self._settled():
                 self._refuse_mixed()
                 self._refuse_half_clock()
                 yield batch
@@ -168,6 +178,29 @@ class TableExport(Export):
             raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
         if not self._tally.rows_kept:
             raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
+
+    def _settled(self) -> Iterator[list[SignalBlock]]:
+        """Rows are read once more where the later ones told how the earlier ones are meant."""
+        table = self._table(self._plan)
+        try:
+            yield from table.batches(self._reader(table, self._log))
+        except UnsettledError:
+            self._begin(self._known(table))
+            table = self._table(self._plan)
+            yield from table.batches(self._reader(table, self._log))
+
+    def _reader(self, table: WideTable | LongTable, log: RejectLog) -> RowReader:
+        return self._source.reader(self._plan.width, table.types(), log)
+
+    def _known(self, table: WideTable | LongTable) -> Tally:
+        """With what all rows tell."""
+        read, writing = self._tally.writing, self._writing()
+        if not read.is_settled(table.kinds()):
+            evidence = Evidence(read.odd.union(read.marks.met()))
+            table.tell(self._reader(table, RejectLog(0)), evidence)
+            writing.learn_once(evidence)
+        writing.units = UnitsOfTags(read.units.of_most())
+        return Tally(writing=writing, quality=self._tally.quality.settled(), again=True)
 
     def _refuse_mixed(self) -> None:
         lines = self._tally.contradictions.lines_to_ask()

@@ -23,6 +23,7 @@ class Blanks:
     def __init__(self) -> None:
         self._parted: set[str] = set()
         self._two: set[str] = set()
+        self._joins: dict[str, set[bool]] = {}  # of tags with blanks, whether they part thousands, as it was known then
 
     def learn(self, odd: pl.DataFrame, rest: Callable[[], pl.DataFrame]) -> None:
         """odd: tag and text of what the fast reader left. rest: of what it read."""
@@ -31,7 +32,17 @@ class Blanks:
             return
         grouped = spaced["text"].str.contains(GROUPED)
         self._two.update(spaced["tag"].filter(~grouped))
-        spaced = spaced.filter(grouped & ~spaced["tag"].is_in([*self._two, *self._parted]))
+        self._look(spaced.filter(grouped & ~spaced["tag"].is_in([*self._two, *self._parted])), odd, rest)
+        joins = bool(self._parted - self._two)
+        for tag in spaced["tag"].filter(grouped).unique():
+            self._joins.setdefault(tag, set()).add(joins and tag not in self._two)
+
+    @property
+    def are_settled(self) -> bool:
+        """Whether the blanks of each tag were read in one way, and nothing can tell otherwise."""
+        return all(joins == {tag not in self._two} for tag, joins in self._joins.items())
+
+    def _look(self, spaced: pl.DataFrame, odd: pl.DataFrame, rest: Callable[[], pl.DataFrame]) -> None:
         if not len(spaced):
             return
         self._parted.update(spaced["tag"].filter(spaced["text"].str.contains(WITH_DECIMALS)))

@@ -10,6 +10,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import polars as pl
 
+from app.ingest.numbers.kind_codes import WHOLE as WITHOUT_MARK
+from app.ingest.numbers.kinds import WITH
 from app.ingest.telling import tags_by
 
 POINT, RETURN, LINE_FEED, QUOTE, BLANK = b'.\r\n" '
@@ -67,6 +69,7 @@ class DoubtfulMarks:
         self._usual = usual
         self._of: dict[str, str] = {}  # decimals, thousands or, where neither is clear, nothing
         self._as_file: dict[str, str] = {}  # thousands or nothing, of tags that are read as the others tell
+        self._assumed: set[str] = set()  # tags that were read as others or as usual
         self.changing: set[str] = set()  # tags whose marks change over: what would be thousands is refused
 
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
@@ -86,7 +89,34 @@ class DoubtfulMarks:
         """decimals, thousands or nothing where it is not clear; the same from now on."""
         if tag not in self._of:
             self._of[tag] = next(filter(None, self._of.values()), self._usual)
+            self._assumed.add(tag)
         return self._of[tag]
+
+    def decided(self) -> dict[tuple[str, str], str]:
+        """By what was decided, and of which tag."""
+        changing = dict.fromkeys(self.changing, "")
+        kinds = {"in doubt": self._of, "as the file": self._as_file, "changing": changing}
+        return {(kind, tag): found for kind, of in kinds.items() for tag, found in of.items()}
+
+    def are_decimals(self, kinds: Mapping[str, int], thousands: str) -> bool:
+        """Whether all marks in doubt were read as decimals, and none of them parts thousands as the file tells it."""
+        return all(
+            found == "decimals" and not kinds.get(tag, WITH[thousands]) & WITH[thousands]
+            for tag, found in self._of.items()
+        )
+
+    def forget(self) -> None:
+        """What was in doubt before the file told it."""
+        self._of, self._assumed = {}, set()
+
+    def may_be_told(self, kinds: Mapping[str, int]) -> bool:
+        """Whether the numbers of all chunks together may tell more of doubtful marks than those of each: where numbers
+        without a mark stand in the tags that have some, or others tell of tags that were read as usual. kinds: of the
+        fields of tags, as far as they were seen."""
+        if any(kinds.get(tag, WITHOUT_MARK) & WITHOUT_MARK for tag in self._of):
+            return True
+        meant = {found for tag, found in self._of.items() if tag not in self._assumed}
+        return any(self._of[tag] not in meant for tag in self._assumed) and bool(meant)
 
     def met(self) -> Collection[str]:
         """The tags whose marks were in doubt before the file told them."""

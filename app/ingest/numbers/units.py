@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -37,10 +38,11 @@ _NAMED = _NO_UNIT | {"pct": "%", "percent": "%", "c": "degc", "celsius": "degc",
 
 class UnitsOfTags:
     """The unit behind the numbers of each tag, as most of those have it that come first: a number in another one is
-    none of the same quantity."""
+    none of the same quantity. of: units that are known before."""
 
-    def __init__(self) -> None:
-        self.of: dict[str, str] = {}
+    def __init__(self, of: Mapping[str, str] | None = None) -> None:
+        self.of: dict[str, str] = dict(of or {})
+        self._times: dict[str, Counter[str]] = {}  # by tag, how often it has each unit
         self._others: dict[str, str] = {}
         self._shortened: dict[str, str] = {}
 
@@ -52,11 +54,21 @@ class UnitsOfTags:
         units = units.set(~are_units(units), None)
         given = pl.DataFrame([tags.alias("tag"), units.alias("unit")]).drop_nulls()
         counted = given.group_by("tag", "unit", maintain_order=True).len()
-        for tag, unit, _ in counted.sort("len", descending=True, maintain_order=True).iter_rows():
+        for tag, unit, times in counted.sort("len", descending=True, maintain_order=True).iter_rows():
+            self._times.setdefault(tag, Counter())[unit] += times
             if self.of.setdefault(tag, unit) != unit:
                 self._others.setdefault(tag, unit)
         same = units == tags.replace_strict(self.of, default=None, return_dtype=pl.String)
         return np.where(same.fill_null(False).to_numpy(), to_numbers(numbers), np.nan)
+
+    def of_most(self) -> dict[str, str]:
+        """By tag, the unit that most of all its numbers have that were read; of equal ones the earlier."""
+        return {tag: times.most_common(1)[0][0] for tag, times in self._times.items()}
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether each tag's is that of most of all its numbers."""
+        return self.of_most().items() <= self.of.items()
 
     def _look_for_shortened(self, units: pl.Series, tags: pl.Series) -> None:
         short = units.str.strip_chars().str.to_lowercase().is_in(_SHORT).fill_null(False)

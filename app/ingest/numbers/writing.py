@@ -1,11 +1,12 @@
 """How a file writes numbers that are not plain: what stands between their thousands, and the units behind them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import polars as pl
 
 from app.ingest.numbers.blanks import Blanks
+from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.kinds import decimal_mark_of
 from app.ingest.numbers.marks import (
     DECIMALS,
@@ -35,15 +36,53 @@ _STYLES = {",": "decimal points", ".": "decimal commas", "": "both"}
 class Writing:
     """thousands: the mark between them, empty as long as the file does not tell it from the decimal mark; what is in
     doubt until then is left to `marks`. own: the same of tags that show another one than the file, empty where they
-    show point and comma before decimals. units: behind the numbers of each tag."""
+    show point and comma before decimals. units: behind the numbers of each tag. odd: tags with numbers that are not
+    plain.
+
+    It is learnt chunk by chunk. Where a later one tells what would have had earlier ones read otherwise, it is not
+    settled: `learn_once` from all rows then, and read again."""
 
     thousands: str = ""
     own: dict[str, str] = field(default_factory=dict)
     units: UnitsOfTags = field(default_factory=UnitsOfTags)
     marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
     blanks: Blanks = field(default_factory=Blanks)
+    odd: set[str] = field(default_factory=set)
+    _chunks: int = 0  # that were read to their end
+    _unsettled: bool = False
+    _knows_all: bool = False
+    _told_before: bool = field(init=False)
+    _slips: set[str] = field(default_factory=set)  # tags of which a few numbers are written otherwise
     _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
     _parted: set[str] = field(default_factory=set)  # tags whose thousands are parted for sure
+
+    def __post_init__(self) -> None:
+        self._told_before = bool(self.thousands)
+
+    def learn_once(self, evidence: Evidence) -> None:
+        """From what all rows tell."""
+        odd = evidence.odd
+        self.learn(odd["text"], odd["tag"], evidence.rest)
+        self._knows_all = True
+
+    def end_chunk(self) -> None:
+        self._chunks += 1
+
+    def is_settled(self, kinds: Mapping[str, int]) -> bool:
+        """Whether all numbers were read as all chunks together tell. kinds: of the fields of tags, as far as they were
+        seen."""
+        if self._knows_all or self._chunks < 2:
+            return True
+        if self._unsettled or not self.blanks.are_settled:
+            return False
+        if self.thousands:
+            return self.marks.are_decimals(kinds, self.thousands)
+        return not self.marks.may_be_told(kinds)
+
+    def settle(self) -> None:
+        """When all chunks were read: what was taken for decimals before the file told it is no longer in doubt."""
+        if self.thousands and self._chunks > 1:
+            self.marks.forget()
 
     def learn(
         self,
@@ -55,16 +94,42 @@ class Writing:
         """Looks for what tells thousands from decimals, before numbers are read. texts: what the fast reader left.
         rest: tag and text of what it read. before: how large the numbers of a tag are at most that were read before;
         None where none of it was."""
+        if self._knows_all:
+            return
         odd = pl.DataFrame({"tag": tags, "text": texts})
+        self.odd.update(odd["tag"].unique().drop_nulls())
+        decided = self._decided()
+        self._learn(odd, rest, before)
+        if self._chunks:
+            self._unsettled |= self._would_change(decided, before)
+
+    def _decided(self) -> dict[tuple[str, str], str]:
+        return self.marks.decided() | {("own", tag): mark for tag, mark in self.own.items()}
+
+    def _would_change(self, decided: Mapping[tuple[str, str], str], before: Callable[[str], float | None]) -> bool:
+        """Whether what is known now of tags is not what was decided when earlier chunks were read."""
+        now = self._decided()
+        if any(now.get(what) != how for what, how in decided.items()):
+            return True
+        new = now.keys() - decided.keys()
+        own = not self._told_before and any(kind == "own" for kind, _ in new)
+        return own or any(before(tag) is not None for _, tag in new)
+
+    def _learn(
+        self, odd: pl.DataFrame, rest: Callable[[], pl.DataFrame], before: Callable[[str], float | None]
+    ) -> None:
         self.blanks.learn(odd, rest)
-        odd = odd.with_columns(text=self._without_groups(texts, tags))
+        odd = odd.with_columns(text=self._without_groups(odd["text"], odd["tag"]))
         otherwise = self._otherwise(odd)
         doubtful = odd.filter(_contains(odd["text"], self._doubtful()))
         concerned = otherwise | self.own.keys() | set(doubtful["tag"].unique())
         if not concerned:
             return
         every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(concerned)))
-        otherwise -= self._that_slip(every)
+        slips = self._that_slip(every)
+        otherwise -= slips
+        self._unsettled |= not slips.isdisjoint(self._slips)
+        self._slips |= slips
         self._learn_own(otherwise, every, lambda tag: before(tag) is not None)
         self._learn_changing(doubtful, every, before)
         doubtful = doubtful.filter(~pl.col("tag").is_in(list(self.own)))
@@ -73,7 +138,7 @@ class Writing:
 
     def learn_from(self, kinds: int) -> None:
         """The same from the kinds of all fields, where no text is needed to tell."""
-        if not self.thousands and not self.own and (mark := decimal_mark_of(kinds)):
+        if not self._knows_all and not self.thousands and not self.own and (mark := decimal_mark_of(kinds)):
             self.thousands = other_mark(mark)
 
     def _doubtful(self) -> str:

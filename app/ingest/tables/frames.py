@@ -17,8 +17,8 @@ from app.ingest.columns.plans import LongPlan, name_of
 from app.ingest.files.ahead import ahead, side_by_side
 from app.ingest.files.head import split_line
 from app.ingest.files.opening import Lines, TextFile
-from app.ingest.numbers.kinds import WITH, kinds_of
-from app.ingest.numbers.marks import has_points, pointed
+from app.ingest.numbers.kinds import IN_DOUBT, WITH, kinds_of
+from app.ingest.numbers.marks import has_points, marked, pointed
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_lines import parts_between, with_empty_lines
 from app.ingest.tables.line_widths import Uneven, uneven_lines
@@ -99,6 +99,11 @@ class Rows:
             if (at := self.pointed.get(name_of(index))) is not None:
                 found.missing[:, position] |= at
         return found
+
+    def doubtful(self, column: int, texts: pl.Series) -> NDArray[np.bool_]:
+        """Where the marks of a column's numbers that were read are in doubt."""
+        in_doubt = self.kinds is not None and bool(self.kinds[column] & IN_DOUBT)
+        return marked(texts) if in_doubt else np.zeros(len(texts), dtype=bool)
 
     def may_be_short(self) -> NDArray[np.int64]:
         """Rows that may have too few fields, as comments and empty lines have."""

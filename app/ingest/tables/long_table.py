@@ -13,6 +13,7 @@ from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import LongPlan, name_of
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.kinds import IN_DOUBT, tells_nothing
 from app.ingest.numbers.marks import marked
 from app.ingest.numbers.values import odd_numbers, refused_as
@@ -21,6 +22,7 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.tables.beside_values import BesideValues
 from app.ingest.tables.cells import Cells
 from app.ingest.tables.frames import NUMBERED, RowReader, Rows
+from app.ingest.tables.kinds_seen import KindsSeen
 from app.ingest.tables.parting import BlocksByTag
 from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.tables.scanning import Scan, Scanner
@@ -47,7 +49,10 @@ class LongTable:
         self._time = TimeReader(plan.form, options)
         self._time.half_clock = HalfClock(by_tag=True)
         self._dates = DatesOnce(plan.time)
-        self._quality = tally.quality = Quality(options.drop_uncertain, plan.zero_is_good, plan.good_if_set)
+        if not tally.again:
+            tally.quality = Quality(options.drop_uncertain, plan.zero_is_good, plan.good_if_set)
+        self._quality = tally.quality
+        self._qualities_of = 0  # the first line of the rows whose qualities were learnt when they were scanned
         self._tag_type = pl.Categorical(pl.Categories.random())
         self._quality_type = pl.Categorical(pl.Categories.random())
         # polars forgets the codes of a type of which no series is left: between two chunks that it parsed, others may
@@ -68,6 +73,7 @@ class LongTable:
         self._largest = np.zeros(0)  # by number of the tag, of the values that were read before
         self._scanner: Scanner | None = None
         self._beside = BesideValues(plan)
+        self._kinds = KindsSeen()
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -103,6 +109,8 @@ class LongTable:
                     whole, rest = in_whole_instants(joined(batch))
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
+                self._tally.writing.end_chunk()
+            self._tally.check_settled(self.kinds())
             self._settle_places()
             self._tally.units = self._units()
             self._tally.in_other_order = self._time.in_other_order
@@ -127,6 +135,17 @@ class LongTable:
                 if int(cells.codes().max(initial=0)) >= self._options.max_signals:
                     raise self._too_many_tags()
                 self._beside.see(cells)
+
+    def tell(self, reader: RowReader, evidence: Evidence) -> None:
+        """What all rows tell of how the numbers of its tags are written."""
+        for rows in reader.rows(self._plan.first_row):
+            for cells in self._cells(rows, reader):
+                texts, missing = cells.texts(), cells.numbers().missing[:, 0]
+                evidence.add(cells.tags.cast(pl.String), texts, missing | rows.doubtful(cells.column, texts))
+
+    def kinds(self) -> dict[str, int]:
+        """Of the fields of tags whose marks were in doubt, as far as they were seen."""
+        return self._kinds.of({tag: self._number_of[tag] for tag in self._tally.writing.marks.met()})
 
     def _too_many_tags(self) -> DataError:
         return DataError("too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts")
@@ -191,6 +210,7 @@ class LongTable:
         if np.any(each_ns == NO_TIME):
             return None
         self._quality.learn(scan.qualities.texts, scan.qualities.lengths)
+        self._qualities_of = rows.first
         if self._quality.bad(scan.qualities.texts).any():
             return None
         number_of_code = self._numbers_of_codes(scan)
@@ -222,6 +242,7 @@ class LongTable:
         """Whether the values of each tag are those that they are without what they tell of marks."""
         kinds = np.zeros(len(self._places), dtype=np.uint8)
         kinds[number_of_code] = scan.kinds
+        self._kinds.see(kinds, len(kinds))
         doubtful = (kinds & IN_DOUBT != 0) & self._usable & ~self._modes
         if not doubtful.any():
             return True
@@ -398,6 +419,7 @@ class LongTable:
     ) -> bool:
         """Whether marks are in doubt, and not for sure those that they were taken for."""
         kinds = cells.kinds()
+        self._kinds.see(None if cells.rows.kinds is None else np.array([kinds], np.uint8), len(self._places))
         if not kinds & IN_DOUBT:
             return False
         if of_numbers.all():
@@ -450,7 +472,8 @@ class LongTable:
         if self._plan.quality is None:
             return
         texts = cells.rows.frame[name_of(self._plan.quality)]
-        self._quality.learn(texts)
+        if cells.rows.first != self._qualities_of:
+            self._quality.learn(texts)
         bad = self._quality.bad(texts)
         at = np.flatnonzero(bad & kept & np.isfinite(values))
         self._refuse(cells, "bad_quality", at, (str(texts[int(row)]) for row in at))

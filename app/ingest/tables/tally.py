@@ -1,5 +1,6 @@
 """What was counted while a file is read."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from app.ingest.model import TimeArray
@@ -11,6 +12,10 @@ from app.ingest.tags.quality import Quality
 from app.ingest.times.read_once import TurnsMet
 
 
+class UnsettledError(Exception):
+    """Rows were read otherwise than all of them together tell; none of them was given away yet."""
+
+
 @dataclass
 class Tally:
     """Rows and values so far; `backward` says that rows were not in order of time; `stuttering` counts rows
@@ -19,7 +24,8 @@ class Tally:
     comment, `repeats` those whose time their tags had already; `wordy` are columns of words
     that are no signals; `units` those of tags, by a column of units; `lacks_half`: hours go to 12 and begin again, and
     nothing tells AM from PM; `without_date` counts rows with a clock alone, which have the date of one above;
-    `in_other_order` counts dates that fit with day and month exchanged alone."""
+    `in_other_order` counts dates that fit with day and month exchanged alone; `again`: what all rows tell is known from
+    an earlier reading."""
 
     rows_read: int = 0
     rows_kept: int = 0
@@ -42,6 +48,16 @@ class Tally:
     modes: ModesMet = field(default_factory=ModesMet)
     contradictions: Contradictions = field(default_factory=Contradictions)
     turns: TurnsMet = field(default_factory=TurnsMet)
+
+    again: bool = False
+
+    def check_settled(self, kinds: Mapping[str, int]) -> None:
+        """When all rows were read. Raises UnsettledError where they would be read otherwise now. kinds: of the fields
+        of tags whose marks are in doubt, as far as they were seen."""
+        settled = self.quality.is_settled and self.writing.units.is_settled and self.writing.is_settled(kinds)
+        if not self.again and not settled:
+            raise UnsettledError
+        self.writing.settle()
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

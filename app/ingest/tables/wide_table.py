@@ -1,6 +1,6 @@
 """Reads a wide table: a row an instant, a column a tag. Columns of a chunk share one array of times."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import chain
 
@@ -12,11 +12,14 @@ from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.no_data import Span, ends_are_codes
+from app.ingest.numbers.values import same_tag
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
 from app.ingest.tables.frames import Numbers, RowReader, Rows
 from app.ingest.tables.further_names import FurtherNames
+from app.ingest.tables.kinds_seen import KindsSeen
 from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid, joined_grid
 from app.ingest.tables.spilling import NumberOfLoop, Spill
@@ -42,7 +45,7 @@ class WideTable:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._dates = [DatesOnce(group.time) for group in plan.groups]
-        self._quality = tally.quality = Quality(options.drop_uncertain)
+        self._quality = tally.quality = tally.quality if tally.again else Quality(options.drop_uncertain)
         self._holding: list[Spreader | WholeStamps] = []  # back what goes on in the next chunk, by group
         self._forth = np.zeros((len(plan.groups), 2), dtype=np.int64)  # by group, steps of time forth and back
         self._further_names = FurtherNames(plan.names, plan.groups)
@@ -51,6 +54,7 @@ class WideTable:
         self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
         self._odd_fields = OddFields(tally.writing, self._wordy, self._largest)
         self._group_of = {value.index: number for number, group in enumerate(plan.groups) for value in group.values}
+        self._kinds = KindsSeen()
         self._first_columns = {group.values[0].index for group in plan.groups if group.values}
         self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         number_of_loop = NumberOfLoop()
@@ -75,8 +79,9 @@ class WideTable:
 
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
         """Blocks, with all that the file holds of a loop in one batch."""
-        for number, groups in enumerate(self._passes(reader)):
-            yield from self._one_pass(reader, groups, first=number == 0)
+        passes = list(self._passes(reader))
+        for number, groups in enumerate(passes):
+            yield from self._one_pass(reader, groups, first=number == 0, alone=len(passes) == 1)
         self._tally.wordy += [*self._wordy.settle(), *self._empty()]
 
     def _empty(self) -> list[str]:
@@ -100,8 +105,33 @@ class WideTable:
                 for group in self._plan.groups
             ]
 
-    def _one_pass(self, reader: RowReader, groups: list[TimedColumns], first: bool) -> Iterator[list[SignalBlock]]:
-        """`first`: rows and their times are counted, and refused, once for all passes."""
+    def tell(self, reader: RowReader, evidence: Evidence) -> None:
+        """What all rows tell of how the numbers of its tags are written."""
+        columns = self._tags_of(evidence.tags)
+        for rows in reader.rows(self._plan.first_row, _columns(self._plan.groups)):
+            numbers, texts = rows.numbers(list(columns)), reader.texts(rows, list(columns))
+            for (index, tag), missing in zip(columns.items(), numbers.missing.T, strict=True):
+                of_column = texts[name_of(index)]
+                evidence.add(same_tag(tag, len(of_column)), of_column, missing | rows.doubtful(index, of_column))
+
+    def kinds(self) -> dict[str, int]:
+        """Of the fields of tags whose marks were in doubt, as far as they were seen."""
+        return self._kinds.of({tag: at for at, tag in self._tags_of(self._tally.writing.marks.met()).items()})
+
+    def _tags_of(self, tags: Collection[str]) -> dict[int, str]:
+        wanted = set(tags)
+        return {
+            value.index: value.tag
+            for group in self._plan.groups
+            for value in group.values
+            if value.tag in wanted and not self._is_mode(value)
+        }
+
+    def _one_pass(
+        self, reader: RowReader, groups: list[TimedColumns], first: bool, alone: bool
+    ) -> Iterator[list[SignalBlock]]:
+        """`first`: rows and their times are counted, and refused, once for all passes. alone: it is the only one, and
+        may be made again."""
         spill: Spill | None = None
         held: list[list[Grid]] = [[] for _ in groups]
         try:
@@ -110,6 +140,8 @@ class WideTable:
                 if sum(map(len, chain.from_iterable(held))) >= self._options.buffered_values:
                     spill = spill or Spill(self._options.spill_folder, self._options.buffered_values)
                     self._put_aside(spill, held)
+            if alone:
+                self._tally.check_settled(self.kinds())
             self._tally.modes.settle(self._log)
             if spill is None:
                 yield list(self._blocks(chain.from_iterable(held)))
@@ -141,6 +173,8 @@ class WideTable:
                 chunk = self._chunk(rows, number, group, reader, short, first) if group.values else None
                 if chunk is not None:
                     yield number, chunk
+            self._kinds.see(rows.kinds, self._plan.width)
+            self._tally.writing.end_chunk()
         self._tally.in_other_order = self._times[0].in_other_order
         self._tally.without_date = self._dates[0].carried
         self._tally.lacks_half = any(times.half_clock.lacks_half for times in self._times)

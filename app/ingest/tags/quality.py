@@ -3,7 +3,7 @@ two highest of 32 bits tell, 0 good), codes of which one is good."""
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import polars as pl
@@ -43,6 +43,7 @@ of OPC's stands: 500 may be the good one of another system."""
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
 _SHOWN = 3
+_MOST_TEXTS = 1 << 16  # are held: a quality has few
 
 
 class Quality:
@@ -50,29 +51,34 @@ class Quality:
 
     zero_is_good: None where the file does not tell. Numbers that are none of OPC's are judged by the most frequent one
     then: most values of a plant are good. good_if_set: what flags as `true` and `N` say; None where there are none.
+
+    What numbers mean is learnt from the chunks so far; `settled` judges by all of them.
     """
 
     def __init__(
         self, drop_uncertain: bool = False, zero_is_good: bool | None = None, good_if_set: bool | None = None
     ) -> None:
-        self._drop_uncertain, self._good_if_set = drop_uncertain, good_if_set
+        self._drop_uncertain, self._good_if_set, self._zero_is_good = drop_uncertain, good_if_set, zero_is_good
         self._told = zero_is_good is not None
         self._good = 0.0 if zero_is_good else 1.0  # beside numbers of OPC, if there are any
         self._with_good_of_opc = zero_is_good is False
         self._ua = False  # numbers are those of OPC UA, whose low bits say nothing of good and bad
         self._chosen = False
+        self._knows_all = False
         self._numbers: Counter[float] = Counter()
+        self._judgements: dict[str, set[bool]] = {}  # of each text
         self._judged: Counter[bool] = Counter()
         self._refused: Counter[str] = Counter()
 
     def learn(self, texts: pl.Series, weights: NDArray[np.int64] | None = None) -> None:
         """Looks for what numbers mean, before they are judged. weights: how often each text stands."""
         counts = _counted(texts, weights)
-        if not self._told:
+        if not self._knows_all:
             self._learn_numbers(counts)
-        self._with_good_of_opc = self._with_good_of_opc or any(map(_is_good_of_opc, counts))
         for text, times in counts.items():
             bad = self.is_bad(text)
+            if text in self._judgements or len(self._judgements) < _MOST_TEXTS:
+                self._judgements.setdefault(text, set()).add(bad)
             self._judged[bad] += times
             if bad and len(self._refused) < 1000:
                 self._refused[text] += times
@@ -81,13 +87,36 @@ class Quality:
         found = {text: number for text in counts if (number := _number(text)) is not None}
         for text, number in found.items():
             self._numbers[number] += counts[text]
-        high = [number for number in found.values() if number >= OPC_UNCERTAIN]
+        self._with_good_of_opc = self._with_good_of_opc or any(map(_is_good_of_opc, found.values()))
+        if not self._told:
+            self._look_at(found.values())
+
+    def _look_at(self, numbers: Collection[float]) -> None:
+        high = [number for number in numbers if number >= OPC_UNCERTAIN]
         self._ua = bool(high) and (max(high) >= UA_UNCERTAIN or all(map(_may_be_of_ua, high)))
         if self._ua or any(number <= OPC_MOST or _is_good_below_bits_of_a_vendor(number) for number in high):
             self._told, self._good = True, 1.0
         elif not self._chosen and any(self._numbers[number] for number in _MAY_BE_GOOD):
             self._good = max(_MAY_BE_GOOD, key=lambda number: self._numbers[number])
             self._chosen = True  # none is read both ways
+
+    def settled(self) -> "Quality":
+        """One that has judged nothing yet, and knows all numbers that this one has met."""
+        settled = Quality(self._drop_uncertain, self._zero_is_good, self._good_if_set)
+        settled._numbers = self._numbers.copy()
+        settled._with_good_of_opc = self._with_good_of_opc
+        if not settled._told:
+            settled._look_at(self._numbers)
+        settled._knows_all = True
+        return settled
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether each text was judged as all numbers together tell."""
+        if self._knows_all or not self._numbers:
+            return True
+        settled = self.settled()
+        return all(judged == {settled.is_bad(text)} for text, judged in self._judgements.items())
 
     def bad(self, texts: pl.Series) -> NDArray[np.bool_]:
         """(n,) True where a value cannot be used; an empty quality says nothing against it."""
@@ -188,9 +217,8 @@ def _is_of_opc(number: float) -> bool:
     return number == int(number) and 0 <= number < _BEHIND_OPC and int(number) & 0xC0 != 0x80
 
 
-def _is_good_of_opc(text: str) -> bool:
-    number = _number(text)
-    return number is not None and OPC_GOOD <= number < _BEHIND_OPC
+def _is_good_of_opc(number: float) -> bool:
+    return OPC_GOOD <= number < _BEHIND_OPC
 
 
 def holds_quality_words(fields: list[str]) -> bool:
