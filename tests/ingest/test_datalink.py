@@ -220,3 +220,21 @@ def test_what_stands_above_each_of_the_times_is_no_tag(read: Read, above: str) -
     content = read(table(f"{above},A.PV,{above},A.OP", "{t},{i}.5,{u},{i}"))
     loop = content.loops["A"]
     assert (loop.pv is not None, loop.op is not None) == (True, True)
+
+
+@pytest.mark.parametrize("below", ["", "Time,Value,Time,Value,Time,Value\n"])
+@pytest.mark.parametrize("loops", [("FIC1", "FIC1", "FIC1"), ("FIC1", "FIC1", "TIC2")])
+def test_the_loop_stands_above_the_times_and_the_signal_above_the_values(
+    read: Read, below: str, loops: tuple[str, ...]
+) -> None:
+    names = ",".join(f"{loop},{word}" for loop, word in zip(loops, ("PV", "OP", "SP"), strict=True))
+    rows = "".join(f"{stamp(i)},{i},{stamp(i)},{i + 40},{stamp(i)},50\n" for i in range(30))
+    content = read(f"{names}\n{below}{rows}")
+    assert content.loops["FIC1"].pv.tolist() == list(range(30))
+    assert content.loops["FIC1"].op.tolist() == list(range(40, 70))
+    assert (content.loops["FIC1"].sp is None) == (loops[2] != "FIC1")
+
+
+def test_numbered_times_are_no_loops(read: Read) -> None:
+    rows = "".join(f"{stamp(i)},{i},{stamp(i)},{i + 40}\n" for i in range(30))
+    assert read(f"t1,PV,t2,OP\n{rows}", name="LIC7.csv").loops["LIC7"].op.tolist() == list(range(40, 70))

@@ -242,3 +242,20 @@ def test_words_are_kept_in_bounds() -> None:
         met.of_texts(pl.Series([f"word {k}x" for k in range(start, start + 100)]), "A.MODE")
     assert len(met.unknown) <= 1000
     assert met.notes()[0].endswith(", ...")
+
+
+@pytest.mark.parametrize(
+    ("word", "texts"),
+    [("MA", ("1", "0")), ("AM", ("1", "0")), ("AUTO", ("TRUE", "FALSE")), ("auto", ("1", "0"))]
+    + [("MANUAL", ("0", "1")), ("MANUAL", ("False", "True")), ("Manual", ("Auto", "Man"))],
+)
+def test_switches_of_automatic_and_of_manual(read: Read, word: str, texts: tuple[str, str]) -> None:
+    rows = "".join(f"2024-01-31 06:00:{k:02d},{k},{k + 40},{texts[k % 3 == 0]}\n" for k in range(60))
+    content = read(f"Time,CP01:FIC101.MEAS,CP01:FIC101.OUT,CP01:FIC101.{word}\n{rows}")
+    assert content.loops["CP01:FIC101"].automatic.tolist() == [float(k % 3 > 0) for k in range(60)]
+
+
+@pytest.mark.parametrize("tag", ["FIC101.ma", "FIC101_MA", "FIC101.PV.MA", "FIC101.PV_AUTO"])
+def test_a_current_is_no_mode(read: Read, tag: str) -> None:
+    rows = "".join(f"2024-01-31 06:00:{k:02d},{k},{k + 40},{k % 9 + 4}\n" for k in range(60))
+    assert read(f"Time,FIC101.PV,FIC101.OP,{tag}\n{rows}").loops["FIC101"].automatic is None

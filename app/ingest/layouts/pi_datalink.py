@@ -18,13 +18,14 @@ from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.numbers.units import is_unit
-from app.ingest.tags.grouping import like_a_tag, place, without_unit
+from app.ingest.tags.grouping import AUDITED, like_a_tag, place, without_unit
 from app.ingest.tags.quality import tells_quality
 from app.ingest.times.stamps import TimeForm, find_form, with_told_zone
 
 _GENERIC = frozenset(("", "value", *TIME_NAMES, *QUALITY_NAMES))
 _TAG_AND_WORD = re.compile(r"(?P<tag>.+)[ ._/](?P<word>[^ ._/]+)")
 _PLAIN = re.compile(r"[+-]?\d+([.]\d*)?")
+_NUMBER_BEHIND = re.compile(r"[ _]?\d+$")
 _MOST_STRAY = 0.02  # of the rows, that have a cell in a column that is none
 _LEAST_SERIAL = 20_000.0  # a smaller number is no date
 
@@ -150,9 +151,24 @@ def _tags(titles: Rows, columns: list[tuple[int, int]]) -> dict[int, str]:
 
     Titles and descriptions may stand above the row of tags, which is the one that reads most as such; the others tell
     what it leaves open."""
-    rows = [{value: _name_in(_without_repeats(row, columns), time, value) for time, value in columns} for row in titles]
+    rows = [
+        {value: _name_in(_without_repeats(row, columns), time, value) for time, value in columns}
+        | _of_loops(row, columns)
+        for row in titles
+    ]
     rows.sort(key=_reads_as_tags, reverse=True)
     return {value: next((row[value] for row in rows if row[value]), "") for _, value in columns}
+
+
+def _of_loops(row: tuple[str, ...], columns: list[tuple[int, int]]) -> dict[int, str]:
+    """FIC1.PV and FIC1.OP of FIC1, PV, FIC1, OP: the loop above the times of its values, the signals above these."""
+    named = [(row[time], row[value], value) for time, value in columns if value == time + 1 and value < len(row)]
+    signals = {(loop, place(word, "").signal) for loop, word, _ in named if place(word, "").loop == ""}
+    return {
+        value: f"{loop}.{word}"
+        for loop, word, value in named
+        if like_a_tag(loop) and all((loop, signal) in signals for signal in AUDITED) and place(word, "").loop == ""
+    }
 
 
 def _without_repeats(row: tuple[str, ...], columns: list[tuple[int, int]]) -> tuple[str, ...]:
@@ -170,6 +186,8 @@ def _name_in(row: tuple[str, ...], time: int, value: int) -> str:
     names = [row[column] for column in columns if column < len(row)]
     if len(names) > 1 and (tag := _before_time(*names)):
         return tag
+    if len(names) > 1 and plain(_NUMBER_BEHIND.sub("", names[0])) in TIME_NAMES and _tells_signal(names[1]):
+        return names[1]
     return next((name for name in names if plain(name) not in _GENERIC), "")
 
 

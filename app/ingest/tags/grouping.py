@@ -73,6 +73,8 @@ _CURRENT_VALUE = re.compile(r"(?i)(?:#Value|[._]F_CV)$")
 _UNIT_AND_NETWORK = re.compile(r"(?i)\.UNIT\d+@NET\d+$")
 """Where the points of Ovation stand: FIC101-PV.UNIT1@NET1."""
 _OF_SYSTEM = re.compile(rf"(?i)(?P<loop>.+)[._\-/:|\\ ](?P<word>{'|'.join(_OF_SYSTEMS)})")
+_SWITCH = re.compile(r"(?P<loop>.*\d[^.]*)\.(?:MA|AM|(?i:AUTO|MANUAL))")
+"""Whether a controller is in automatic, as in Foxboro's CP01:FIC101.MA, or in manual. FIC101_mA is a current."""
 _SPLIT_WORDS = re.compile(
     r"(?i)[._\- ](set[ _]point|process[ _]value|process[ _]variable|controller[ _]output|control[ _]output)$"
 )
@@ -283,6 +285,8 @@ def _place(tag: str, stem: str) -> Place:
         return Place(tag, tag, "OTHER") if point.signal == "OTHER" else Place(tag, point.loop + where[0], point.signal)
     if of_system := _OF_SYSTEM.fullmatch(name):
         return Place(tag, of_system["loop"].rstrip(SEPARATORS), _OF_SYSTEMS[of_system["word"].upper()])
+    if (switch := _SWITCH.fullmatch(name)) and _by_ending(tag, switch["loop"]) is None:
+        return Place(tag, switch["loop"], "MODE")
     spelled = _SPLIT_WORDS.search(name)
     if spelled:
         return Place(tag, name[: spelled.start()].rstrip(SEPARATORS), _WORDS[_plain(spelled.group(1))])

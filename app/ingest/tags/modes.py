@@ -66,11 +66,14 @@ _DELTAV = {
 those with AUTO."""
 _UNTOLD = {0.0: 0.0, 1.0: 0.0, 128.0: 0.0}
 """What both agree in: for where bits stand that mean the one here and the other there, and nothing tells whose."""
+_MANUAL_IF_SET = {0.0: 1.0, 1.0: 0.0}
 _CONTRARY = frozenset((8.0, 16.0, 32.0, 64.0))
 _OF_DELTAV = frozenset((48.0, 80.0, 144.0))
 _OF_FIELDBUS = 4.0  # beside contrary ones: CAS, where DeltaV has a local override
 _DELTAVS_NAME = re.compile(r"(?i)/MODE\.(ACTUAL|TARGET|CV)$")
 _FIELDBUS_NAME = re.compile(r"(?i)MODE_BLK")
+_NAME_OF_MANUAL = re.compile(r"(?i)\.MANUAL$")
+_SET = ("true", "on", "false", "off")
 _TOLD = _OF_DELTAV | _CONTRARY | {_OF_FIELDBUS}
 _SHOWN = 5
 _MOST = 1000  # words are kept to be told
@@ -93,6 +96,8 @@ def _flags_of_words(texts: pl.Series) -> FloatArray:
 
 
 def _counting_by_name(tag: str) -> Mapping[float, float] | None:
+    if _NAME_OF_MANUAL.search(tag):
+        return _MANUAL_IF_SET
     if _DELTAVS_NAME.search(tag):
         return _DELTAV
     return _FIELDBUS if _FIELDBUS_NAME.search(tag) else None
@@ -160,6 +165,9 @@ class ModesMet:
         left = np.flatnonzero(np.isnan(modes) & texts.is_not_null().to_numpy())
         if len(left):
             modes[left] = _flags_of_words(texts[left])
+            if _NAME_OF_MANUAL.search(tag):
+                switch = left[texts[left].str.strip_chars(' "').str.to_lowercase().is_in(_SET).to_numpy()]
+                modes[switch] = 1 - modes[switch]
             unknown = texts[left].filter(pl.Series(modes[left] == UNKNOWN_MODE)).str.strip_chars(' "')
             self._note_unknown(Counter(unknown.to_list()))
             self._note_understood(tag, modes[left])
