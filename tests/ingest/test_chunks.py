@@ -210,3 +210,27 @@ def test_what_is_plain_is_read_once(read: Read, monkeypatch: pytest.MonkeyPatch)
     same_content(read, of_two_tags("{}.5;192", "{}.5;0", 0, 500, quality=True))
     same_content(read, of_two_tags("1,{0}.5 bar", "0.5 bar", 0, 300))
     same_content(read, of_two_tags("{0},125", "{0},250", 0, 300))
+
+
+@pytest.mark.parametrize(("column", "usual", "rare"), [("svalue", "", "Bad Input"), ("unit", "bar", "psi")])
+def test_what_stands_beside_values_is_looked_at_once(
+    read: Read, monkeypatch: pytest.MonkeyPatch, column: str, usual: str, rare: str
+) -> None:
+    """Where the first rows tell of it as all of them do."""
+    monkeypatch.setattr("app.ingest.exports.export.TableExport._known", lambda *_: pytest.fail("read once more"))
+    rows = (
+        f"FIC101.{tag},{stamp(k)},{k % 9},{rare if k % 50 == 9 else usual}" for k in range(300) for tag in ("PV", "OP")
+    )
+    content = same_content(read, "\n".join((f"tag,time,value,{column}", *rows)) + "\n")
+    assert content.rejects.total == 12
+
+
+def test_remarks_are_told_behind_many_that_came_once(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.ingest.tables.state_words._MOST_HELD", 100)
+
+    def word(k: int) -> str:
+        return f"batch {k}" if k % 4 == 1 and k < 560 else "High" if k % 4 == 1 else ""
+
+    rows = (f"FIC101.{tag},{stamp(k)},{k % 9},{word(k)}" for k in range(800) for tag in ("PV", "OP"))
+    content = same_content(read, "\n".join(("tag,time,value,svalue", *rows)) + "\n")
+    assert content.rejects.counts == {"not_a_number": 280}

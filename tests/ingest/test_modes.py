@@ -246,8 +246,10 @@ def test_words_are_kept_in_bounds() -> None:
 
 @pytest.mark.parametrize(
     ("word", "texts"),
-    [("MA", ("1", "0")), ("AM", ("1", "0")), ("AUTO", ("TRUE", "FALSE")), ("auto", ("1", "0"))]
-    + [("MANUAL", ("0", "1")), ("MANUAL", ("False", "True")), ("Manual", ("Auto", "Man"))],
+    [
+        *(("MA", ("1", "0")), ("AM", ("1", "0")), ("AUTO", ("TRUE", "FALSE")), ("auto", ("1", "0"))),
+        *(("MANUAL", ("0", "1")), ("MANUAL", ("False", "True")), ("Manual", ("Auto", "Man"))),
+    ],
 )
 def test_switches_of_automatic_and_of_manual(read: Read, word: str, texts: tuple[str, str]) -> None:
     rows = "".join(f"2024-01-31 06:00:{k:02d},{k},{k + 40},{texts[k % 3 == 0]}\n" for k in range(60))

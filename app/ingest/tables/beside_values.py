@@ -16,7 +16,7 @@ Named = slice | NDArray[np.int64]
 
 
 class BesideValues:
-    """`see` the values of all rows first, where it is `asked`."""
+    """`see` values before they are judged, where it is `asked`; those of all rows where they are not settled."""
 
     def __init__(self, plan: LongPlan) -> None:
         self._state, self._unit = plan.state, plan.unit
@@ -25,6 +25,11 @@ class BesideValues:
     @property
     def asked(self) -> bool:
         return self._state is not None or self._unit is not None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether all rows that were seen by now have those judged before judged as they were."""
+        return self._words.is_settled and self._units.is_settled
 
     def see(self, cells: Cells) -> None:
         found = cells.numbers()

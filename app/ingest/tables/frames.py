@@ -27,6 +27,7 @@ from app.ingest.tables.scanning import Scan, Scanner
 LEAST_BYTES = 4 << 20  # of a chunk; for less it takes longer to load what is compiled
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
 MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
+MANY_LINES = 1 << 14  # from so many on, all delimiters are looked for at once
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
 NO_ROW = (b"", b"*", b"#", b"[")  # how a line begins that holds nothing or a comment
 NUMBERED = pl.Categorical()  # text that repeats: a number a text, by themselves in each chunk
@@ -275,9 +276,8 @@ class FrameReader:
         ends = np.append(np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == ord("\n")), len(data))
         begins = np.append(0, ends[:-1] + 1)
         filled = candidates[begins[candidates] < ends[candidates]]
-        bounds = zip(begins[filled].tolist(), ends[filled].tolist(), strict=True)
-        counts = [data.count(delimiter, begin, end) for begin, end in bounds]  # of these lines alone: often few of many
-        few = filled[[count < need and count + 1 not in others for count in counts]]
+        counts = _counts_between(data, delimiter, begins[filled], ends[filled])
+        few = filled[(counts < need) & ~np.isin(counts + 1, list(others))]
         lines = (data[begins[row] : ends[row]] for row in few)
         return few[[line.strip(b' "\r')[:1] not in NO_ROW for line in lines]]
 
@@ -429,6 +429,18 @@ class FrameReader:
         return delimiter.join(
             f'"{text.replace(chr(34), chr(39))}"' if delimiter in text or '"' in text else text for text in fields
         )
+
+
+def _counts_between(
+    data: bytes, delimiter: bytes, begins: NDArray[np.int64], ends: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """(n,) how often the delimiter stands in each of the lines, which are few of many or, below a column that is mostly
+    empty, nearly all."""
+    if len(begins) < MANY_LINES:
+        bounds = zip(begins.tolist(), ends.tolist(), strict=True)
+        return np.array([data.count(delimiter, begin, end) for begin, end in bounds], dtype=np.int64)
+    at = np.flatnonzero(np.frombuffer(data, dtype=np.uint8) == delimiter[0])
+    return np.searchsorted(at, ends) - np.searchsorted(at, begins)
 
 
 def _all_have(lines: Lines, delimiter: bytes, count: int) -> bool:

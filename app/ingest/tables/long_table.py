@@ -98,7 +98,8 @@ class LongTable:
         most_values = self._options.buffered_values
         batch: list[Gathered] = []
         try:
-            self._look_ahead(reader)
+            if self._tally.again and self._beside.asked:
+                self._look_ahead(reader)
             for rows in reader.rows(self._plan.first_row):
                 self._tally.rows_read += rows.filled
                 batch.append(self._gather(rows, reader))
@@ -110,7 +111,7 @@ class LongTable:
                     spill.add(as_piece(whole), self._loop_of_code())
                     batch = [rest]
                 self._tally.writing.end_chunk()
-            self._tally.check_settled(self.kinds())
+            self._tally.check_settled(self.kinds(), self._beside.is_settled)
             self._settle_places()
             self._tally.units = self._units()
             self._tally.in_other_order = self._time.in_other_order
@@ -129,11 +130,9 @@ class LongTable:
                 spill.close()
 
     def _look_ahead(self, reader: RowReader) -> None:
-        """What stands beside values is judged by all rows of their tags: these are gone through once before."""
-        for rows in reader.rows(self._plan.first_row) if self._beside.asked else ():
+        """What stands beside values is judged by all rows of their tags."""
+        for rows in reader.rows(self._plan.first_row):
             for cells in self._cells(rows, reader):
-                if int(cells.codes().max(initial=0)) >= self._options.max_signals:
-                    raise self._too_many_tags()
                 self._beside.see(cells)
 
     def tell(self, reader: RowReader, evidence: Evidence) -> None:
@@ -281,6 +280,8 @@ class LongTable:
         """The values in rows with a time and a tag; texts: of the times."""
         codes = self._numbered(cells, time_ns != NO_TIME)
         kept = self._kept(cells, texts, codes, time_ns)
+        if self._beside.asked and not self._tally.again:
+            self._beside.see(cells)
         values = self._values(cells, codes, kept)
         self._refuse_quality(cells, kept, values)
         self._refuse_other_units(cells, kept, values)

@@ -11,16 +11,19 @@ from app.ingest.tags.modes import stand_for_no_data
 
 _FEW = 0.5  # of a tag's rows
 _MOVES = 3  # different numbers of a tag beside one word
-_MOST_HELD = 1 << 18  # tags with a word and a number: remarks of which each is another one tell nothing
+_MOST_HELD = 1 << 18  # tags with a word and a number
 
 Codes = NDArray[np.uint32]
 
 
 class StateWords:
-    """The words beside the numbers of each tag in a whole table, which tell what those of a row stand for: `see` all of
-    its rows first. Tags are told by their codes."""
+    """The words beside the numbers of each tag in a whole table, which tell what those of a row stand for: `see` rows
+    before they are judged, and all of them where what came later makes those that were judged not settled. Tags are
+    told by their codes."""
 
     def __init__(self) -> None:
+        self._few_judged: set[tuple[int, bool]] = set()  # tags whose words were judged, and whether as few ones
+        self._moving_judged: set[tuple[str, bool]] = set()
         self._rows, self._with_words = np.zeros(0), np.zeros(0)  # by code, how many
         self._beside = pl.DataFrame(schema={"tag": pl.UInt32, "word": pl.String, "number": pl.Float64})
 
@@ -32,9 +35,25 @@ class StateWords:
         words, at = words.filter(pl.Series(told)), given[told]
         self._rows = _added(self._rows, np.bincount(codes))
         self._with_words = _added(self._with_words, np.bincount(codes[at], minlength=len(self._rows)))
-        if len(at) and self._beside.height < _MOST_HELD:  # else none is added
+        if len(at):
             more = pl.DataFrame({"tag": codes[at], "word": words, "number": numbers[at]})
             self._beside = _first_ones(pl.concat((self._beside, more.filter(pl.col("number").is_not_nan()))))
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether all rows together have each word judged as it was."""
+        few = self._are_few()
+        if len(self._moving_judged) >= _MOST_HELD or any(
+            bool(few[code]) != judged for code, judged in self._few_judged
+        ):
+            return False
+        words = pl.Series([word for word, _ in self._moving_judged], dtype=pl.String)
+        moving = self._stand_beside_moving(words, np.ones(len(words), dtype=bool))
+        return moving.tolist() == [judged for _, judged in self._moving_judged]
+
+    def _are_few(self) -> NDArray[np.bool_]:
+        """By code, of the words."""
+        return np.asarray(self._with_words < _FEW * self._rows)
 
     def for_values(
         self, states: pl.Series, codes: Codes, modes: NDArray[np.bool_], empty: NDArray[np.bool_]
@@ -46,12 +65,21 @@ class StateWords:
         given = np.flatnonzero(states.is_not_null().to_numpy())
         words, of_tag, empty, modes = _stripped(states[given]), codes[given], empty[given], modes[given]
         told = _are_words(words)
-        few = told & (self._with_words < _FEW * self._rows)[of_tag] & ~_begin_with_a_number(words)
-        why = few & ~self._stand_beside_moving(words, few & ~empty & ~modes)
+        asked = told & ~empty & ~modes & ~_begin_with_a_number(words)
+        few = asked & self._are_few()[of_tag]
+        moving = self._stand_beside_moving(words, few)
+        self._note_judged(of_tag[asked], few[asked], words.filter(pl.Series(few)), moving[few])
+        why = few & ~moving
         taken = told & (modes | empty | why)
         return pl.repeat(None, len(states), dtype=pl.String, eager=True).scatter(
             given[taken], words.filter(pl.Series(taken))
         )
+
+    def _note_judged(self, codes: Codes, few: NDArray[np.bool_], words: pl.Series, moving: NDArray[np.bool_]) -> None:
+        if len(self._moving_judged) >= _MOST_HELD:
+            return
+        self._few_judged |= set(pl.DataFrame({"code": codes, "few": few}).unique().iter_rows())
+        self._moving_judged |= set(pl.DataFrame({"word": words, "moving": moving}).unique().iter_rows())
 
     def _stand_beside_moving(self, words: pl.Series, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(n,) whether the numbers of some tag move beside the word of a row: beside a state stands one of each, that
@@ -59,7 +87,7 @@ class StateWords:
         moving = np.zeros(len(words), dtype=bool)
         at = np.flatnonzero(asked & ~stand_for_no_data(words) & ~tell_faults(words).to_numpy())
         if len(at):
-            of_few = pl.Series(self._with_words < _FEW * self._rows)[self._beside["tag"]]
+            of_few = pl.Series(self._are_few())[self._beside["tag"]]
             different = self._beside.filter(of_few).group_by("tag", "word").len()
             moving[at] = words[at].is_in(different.filter(pl.col("len") >= _MOVES)["word"].to_list()).to_numpy()
         return moving
@@ -73,9 +101,13 @@ def _added(counts: NDArray[np.float64], more: NDArray[np.float64] | NDArray[np.i
 
 
 def _first_ones(beside: pl.DataFrame) -> pl.DataFrame:
-    """Of each tag and word as many different numbers as tell whether they move."""
+    """Of each tag and word as many different numbers as tell whether they move. Words that came once go where they are
+    too many: remarks of which each is another one tell nothing."""
     different = beside.unique(maintain_order=True)
-    return different.filter(pl.int_range(pl.len()).over("tag", "word") < _MOVES).head(_MOST_HELD)
+    first = different.filter(pl.int_range(pl.len()).over("tag", "word") < _MOVES)
+    if first.height <= _MOST_HELD:
+        return first
+    return first.filter(pl.len().over("tag", "word") > 1).head(_MOST_HELD)
 
 
 def _stripped(states: pl.Series) -> pl.Series:

@@ -51,11 +51,12 @@ class Tally:
 
     again: bool = False
 
-    def check_settled(self, kinds: Mapping[str, int]) -> None:
+    def check_settled(self, kinds: Mapping[str, int], beside: bool = True) -> None:
         """When all rows were read. Raises UnsettledError where they would be read otherwise now. kinds: of the fields
-        of tags whose marks are in doubt, as far as they were seen."""
-        settled = self.quality.is_settled and self.writing.units.is_settled and self.writing.is_settled(kinds)
-        if not self.again and not settled:
+        of tags whose marks are in doubt, as far as they were seen. beside: whether what stands beside values is
+        settled."""
+        numbers = self.writing.units.is_settled and self.writing.is_settled(kinds)
+        if not self.again and not (beside and numbers and self.quality.is_settled):
             raise UnsettledError
         self.writing.settle()
 

@@ -21,6 +21,7 @@ class UnitColumn:
         self._number_of: dict[str, int] = {}
         self._times = pl.DataFrame(schema={"tag": pl.UInt32, "unit": pl.Int64, "times": pl.UInt32})  # as they came
         self._of_tag = np.zeros(0, dtype=np.int64)
+        self.is_settled = True  # whether each tag has still the unit that it had first
 
     def of(self, tag: int) -> str:
         """Empty where none stands beside the tag."""
@@ -37,7 +38,10 @@ class UnitColumn:
         self._times = both.agg(pl.col("times").sum())
         self._room_for(tags)
         most = self._times.sort("times", descending=True, maintain_order=True).unique("tag", keep="first")
-        self._of_tag[most["tag"].to_numpy()] = most["unit"].to_numpy()
+        tags, units = most["tag"].to_numpy(), most["unit"].to_numpy()
+        known = self._of_tag[tags]
+        self.is_settled = self.is_settled and bool(np.all((known == UNKNOWN) | (known == units)))
+        self._of_tag[tags] = units
 
     def in_others(self, texts: pl.Series, tags: Codes, kept: Where) -> Where:
         """(n,) whether a row's unit is another one than its tag's."""
