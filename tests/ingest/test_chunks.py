@@ -98,6 +98,16 @@ def test_rows_of_one_stamp_that_a_chunk_parts(read: Read, backward: bool) -> Non
     assert "120 rows have the time of a row before" in " ".join(content.summary.notes)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_shuffled_rows_of_which_some_came_twice(read: Read, seed: int) -> None:
+    rows = np.random.default_rng(seed).permutation([row(k) for k in range(600)] + [row(k) for k in range(0, 600, 5)])
+    content = same_content(read, wide(*rows))
+    assert content.rejects.total == 0
+    loop = content.loops["FIC101"]
+    assert loop.pv is not None
+    assert loop.pv.tolist() == [k % 9 for k in range(600)]
+
+
 @pytest.mark.parametrize("later_first", [False, True])
 def test_exports_that_overlap_one_behind_the_other(read: Read, later_first: bool) -> None:
     earlier, later = [row(k) for k in range(400)], [row(k, 1) for k in range(395, 800)]

@@ -32,7 +32,7 @@ from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
-from app.ingest.times.order import in_order, last_of_repeats, runs_back, without_stutter
+from app.ingest.times.order import are_shuffled, in_order, last_of_repeats, runs_back, without_stutter
 from app.ingest.times.stamps import TimeReader, to_numbers
 
 
@@ -383,12 +383,12 @@ class WideTable:
         if self._see_steps(number, time_ns):
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[::-1], matrix[::-1], lines[::-1]
-        order = in_order(time_ns)
+        order, shuffled = in_order(time_ns), are_shuffled(time_ns)
         if order is not None:
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
         time_ns = hours_apart(time_ns, zone)
-        steady = without_stutter(time_ns, matrix)
+        steady = time_ns if shuffled else without_stutter(time_ns, matrix)  # steps that lack here are in other pieces
         self._tally.stuttering += int(np.sum(steady != time_ns))
         order = in_order(steady)
         if order is not None:

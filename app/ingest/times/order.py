@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from app.ingest.model import FloatArray, TimeArray
 from app.ingest.rejecting import RejectLog
 
+SHUFFLED = 0.1  # of the steps
+
 
 def in_order(time_ns: TimeArray) -> NDArray[np.int64] | None:
     """The rows in order of time, rows of one time as they came; None where they are in order already."""
@@ -21,6 +23,11 @@ def runs_back(time_ns: TimeArray) -> bool:
     """Whether rows come newest first: those of one stamp do so too. Of shuffled rows half of the steps go back."""
     steps = np.diff(time_ns)
     return bool(np.count_nonzero(steps < 0) > 2 * np.count_nonzero(steps > 0))
+
+
+def are_shuffled(time_ns: TimeArray) -> bool:
+    """Whether so many steps go back that the rows of a piece are not those of a stretch of time."""
+    return bool(np.count_nonzero(time_ns[1:] < time_ns[:-1]) > SHUFFLED * len(time_ns))
 
 
 def without_stutter(time_ns: TimeArray, matrix: FloatArray) -> TimeArray:
