@@ -317,3 +317,44 @@ def test_a_tag_that_tells_at_its_end_is_read_so_from_the_start(read: Read, op: s
     content = same_content(read, wide(pv, [op], count=1200), SIZES)
     assert content.loops["FIC1"].pv.tolist() == [float(text.replace(",", ".")) for text in pv]
     assert content.rejects.total == 0
+
+
+BESIDE_ALL = {
+    "68.{0:03d}": ("12,5", "0,5", "1 234,5", "12,3 bar"),
+    "68,{0:03d}": ("12.5", "0.5", "1 234.5", "12.3 bar"),
+    "2.{0:03d}": ("50", "12,5"),
+    "2.{0:03d},5": ("12.5", "1,234.5", "1,234,567"),
+    "2,{0:03d}.5": ("12,5", "1.234,5"),
+    "2 {0:03d},5": ("2 7,5", "1 2", "12 345 67"),
+}
+
+
+@pytest.mark.parametrize(("usual", "odd"), [(usual, odd) for usual, all_odd in BESIDE_ALL.items() for odd in all_odd])
+@LAYOUTS
+def test_one_odd_number_of_many_tells_nothing_of_the_others(read: Read, table: Table, usual: str, odd: str) -> None:
+    texts = [usual.format(k % 900 + 100) for k in range(1000)]
+    good = read(table(texts, ["40"], count=1000)).loops["FIC1"].pv
+    content = same_content(read, table([*texts[:700], odd, *texts[701:]], ["40"], count=1000), SIZES)
+    found = content.loops["FIC1"].pv
+    assert np.delete(found, 700).tolist() == np.delete(good, 700).tolist()
+    assert content.rejects.total <= 1
+
+
+@pytest.mark.parametrize("odd", ["1234", "5000"])
+@pytest.mark.parametrize("usual", ["1 {0:03d}", "1,{0:03d}"])
+@LAYOUTS
+def test_one_large_number_does_not_tell_that_thousands_are_not_parted(
+    read: Read, table: Table, usual: str, odd: str
+) -> None:
+    texts = [usual.format(k % 100) if k % 2 else f"{k % 99 + 900}" for k in range(1000)]
+    content = same_content(read, table([*texts[:700], odd, *texts[701:]], ["40"], count=1000), SIZES)
+    found = content.loops["FIC1"].pv
+    assert found.min() >= 900
+    assert np.delete(found, 700).max() < 1100
+
+
+@LAYOUTS
+def test_what_told_nothing_at_first_tells_where_many_follow(read: Read, table: Table) -> None:
+    pv = ["68.123"] * 200 + ["12,5"] + ["68.123"] * 200 + ["12,5", "68,25"] * 300
+    content = same_content(read, table(pv, ["40"], count=len(pv)), SIZES)
+    assert np.count_nonzero(content.loops["FIC1"].pv == 12.5) == 301

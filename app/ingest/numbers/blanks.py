@@ -1,10 +1,11 @@
 """Plain blanks between thousands, as in `1 234,5`. Two numbers in one field stand so too, which none of them is."""
 
+from collections import Counter
 from collections.abc import Callable
 
 import polars as pl
 
-from app.ingest.numbers.marks import BESIDE_DECIMALS, PARTED_FROM
+from app.ingest.numbers.marks import BESIDE_DECIMALS, NEGLIGIBLE, PARTED_FROM, largest
 from app.ingest.times.stamps import to_numbers
 
 _GROUPS = r"^[ \"]*[+-]?([1-9]\d{0,2})(?: \d{3})+"
@@ -18,11 +19,13 @@ _PLAIN = r"^[ \"]*[+-]?(\d+(?:[.,]\d+)?)" + _BEHIND
 class Blanks:
     """Which tags part thousands so: those of which a number has decimals behind them, or whose numbers without a blank
     are far beyond what stands before the blanks: 998 beside `1 002`, but not 45 beside `45 192`, a value and its
-    quality. Where one does, the file does; but never a tag that has two numbers in a field."""
+    quality. Where one does, the file does; but never a tag that has two numbers in more than next to no fields."""
 
     def __init__(self) -> None:
         self._parted: set[str] = set()
         self._two: set[str] = set()
+        self._spaced: Counter[str] = Counter()  # by tag, how many fields have blanks between digits
+        self._apart: Counter[str] = Counter()  # and how many of these are two numbers
         self._joins: dict[str, set[bool]] = {}  # of tags with blanks, whether they part thousands, as it was known then
 
     def learn(self, odd: pl.DataFrame, rest: Callable[[], pl.DataFrame]) -> None:
@@ -31,11 +34,16 @@ class Blanks:
         if not len(spaced):
             return
         grouped = spaced["text"].str.contains(GROUPED)
-        self._two.update(spaced["tag"].filter(~grouped))
+        self._count(spaced["tag"], grouped)
         self._look(spaced.filter(grouped & ~spaced["tag"].is_in([*self._two, *self._parted])), odd, rest)
         joins = bool(self._parted - self._two)
         for tag in spaced["tag"].filter(grouped).unique():
             self._joins.setdefault(tag, set()).add(joins and tag not in self._two)
+
+    def _count(self, tags: pl.Series, grouped: pl.Series) -> None:
+        self._spaced.update(dict(tags.value_counts().iter_rows()))
+        self._apart.update(dict(tags.filter(~grouped).value_counts().iter_rows()))
+        self._two = {tag for tag, times in self._apart.items() if times >= NEGLIGIBLE * self._spaced[tag]}
 
     @property
     def are_settled(self) -> bool:
@@ -68,7 +76,7 @@ def _far_beyond(plain: pl.DataFrame, leading: pl.DataFrame) -> set[str]:
     """The tags whose plain numbers are far beyond the leading groups of the others, and none of which had been parted
     as well."""
     number = pl.col("number")
-    beside = plain.group_by("tag").agg(number.median().alias("usual"), number.max().alias("largest"))
+    beside = plain.group_by("tag").agg(number.median().alias("usual"), largest(number).alias("largest"))
     both = leading.group_by("tag").agg(number.median()).join(beside, on="tag")
     far = (pl.col("usual") > BESIDE_DECIMALS * number) & (pl.col("largest") < PARTED_FROM)
     return set(both.filter(far)["tag"])

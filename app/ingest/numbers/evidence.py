@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-MOST_HELD = 1 << 20  # texts, of more than that each second one of a form
+MOST_HELD = 1 << 20  # texts, of more than that each second one of a form, and where that is not enough of all
 _TELL = r"^[\s\"]*[+-]?[.,]?\d|\d +[+-]?[.,]?\d"
 
 
@@ -27,6 +27,8 @@ class Evidence:
         self._texts = pl.concat((self._texts, _each(found, self._every)))
         if self._texts.height > MOST_HELD:
             self._texts, self._every = _each(self._texts, 2), 2 * self._every
+        if self._texts.height > MOST_HELD:
+            self._texts = self._texts.gather_every(2)  # remarks, of which each is of another form
 
     @property
     def odd(self) -> pl.DataFrame:

@@ -28,6 +28,7 @@ PARTED_FROM = 1000.0  # what parts thousands writes no such number without a mar
 BETWEEN_BOTH = 1000**0.5  # of a tag's decimals over what is doubtful: halfway from 1 to 1,000
 BESIDE_DECIMALS, BESIDE_THOUSANDS = 10.0, 100.0  # how far off what has no mark is from 1 where it is meant as 1,000
 
+NEGLIGIBLE = 0.01  # of a tag's numbers: so few tell nothing of the others, whatever they look like
 MOST_CODES, MOST_CODES_SHARE = 3, 0.1  # of a tag's numbers, for how many stand for no data or a limit
 
 
@@ -74,8 +75,12 @@ class DoubtfulMarks:
 
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
         """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
-        for tag, ratio, _, largest_beside in _ratios(doubtful, _without_codes(doubtful, beside)):
+        beside = _without_codes(doubtful, beside)
+        few = _hardly_any(doubtful, beside)
+        for tag, ratio, _, largest_beside in _ratios(doubtful, beside):
             found = _meant(ratio, largest_beside)
+            if not found and tag in few:
+                continue
             self._of[tag] = found if self._of.get(tag, found) == found else ""
 
     def look_as_file(self, tags: Iterable[str], doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
@@ -149,6 +154,12 @@ def _without_codes(doubtful: pl.DataFrame, beside: pl.DataFrame) -> pl.DataFrame
     return beside.join(kinds.filter(few & off_thousands & off_decimals), on=["tag", "number"], how="anti")
 
 
+def _hardly_any(doubtful: pl.DataFrame, beside: pl.DataFrame) -> set[str]:
+    """The tags that have next to no numbers beside their doubtful ones."""
+    counts = doubtful.group_by("tag").len().join(beside.group_by("tag").len(), on="tag", suffix="_beside")
+    return set(counts["tag"].filter(counts["len_beside"] < NEGLIGIBLE * counts["len"]))
+
+
 def _ratios(doubtful: pl.DataFrame, beside: pl.DataFrame) -> Iterator[tuple[str, float, float, float]]:
     """Tag, its numbers beside in the middle and at most, over the doubtful ones in the middle, and at most."""
     both = _sizes(doubtful).join(_sizes(beside), on="tag", maintain_order="left", suffix="_beside")
@@ -156,11 +167,16 @@ def _ratios(doubtful: pl.DataFrame, beside: pl.DataFrame) -> Iterator[tuple[str,
         yield tag, size_beside / size, largest_beside / size, largest_beside
 
 
+def largest(numbers: pl.Expr) -> pl.Expr:
+    """But for so few that they tell nothing."""
+    return numbers.quantile(1 - NEGLIGIBLE, "higher")
+
+
 def _sizes(numbers: pl.DataFrame) -> pl.DataFrame:
     """How large the numbers of a tag are, in the middle and at most, but for zeros."""
     size = numbers.select("tag", pl.col("number").abs()).filter(pl.col("number").is_between(0, np.inf, closed="none"))
     return size.group_by("tag", maintain_order=True).agg(
-        pl.col("number").median(), pl.col("number").max().alias("largest")
+        pl.col("number").median(), largest(pl.col("number")).alias("largest")
     )
 
 

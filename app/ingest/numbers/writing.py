@@ -12,6 +12,7 @@ from app.ingest.numbers.marks import (
     DECIMALS,
     DOUBTFUL,
     GROUPED,
+    NEGLIGIBLE,
     WHOLE,
     DoubtfulMarks,
     before_decimals,
@@ -53,6 +54,8 @@ class Writing:
     _knows_all: bool = False
     _told_before: bool = field(init=False)
     _slips: set[str] = field(default_factory=set)  # tags of which a few numbers are written otherwise
+    _ignored: dict[str, set[str]] = field(default_factory=lambda: {".": set(), ",": set()})
+    """By a mark before decimals, the tags of which hardly any number shows it, where the file does not tell."""
     _late: set[str] = field(default_factory=set)  # tags of which numbers were read before they showed their own
     _parted: set[str] = field(default_factory=set)  # tags whose thousands are parted for sure
 
@@ -73,7 +76,7 @@ class Writing:
         seen."""
         if self._knows_all or self._chunks < 2:
             return True
-        if self._unsettled or not self.blanks.are_settled:
+        if self._unsettled or not self.blanks.are_settled or "" in self.own.values():
             return False
         if self.thousands:
             return self.marks.are_decimals(kinds, self.thousands)
@@ -120,7 +123,7 @@ class Writing:
     ) -> None:
         self.blanks.learn(odd, rest)
         odd = odd.with_columns(text=self._without_groups(odd["text"], odd["tag"]))
-        otherwise = self._otherwise(odd)
+        otherwise = self._otherwise(odd, rest)
         doubtful = odd.filter(_contains(odd["text"], self._doubtful()))
         concerned = otherwise | self.own.keys() | set(doubtful["tag"].unique())
         if not concerned:
@@ -142,33 +145,46 @@ class Writing:
             self.thousands = other_mark(mark)
 
     def _doubtful(self) -> str:
-        return DOUBTFUL.replace("[.,]", f"[{self.thousands}]") if self.thousands else DOUBTFUL
+        return _doubtful(self.thousands) if self.thousands else DOUBTFUL
 
-    def _otherwise(self, odd: pl.DataFrame) -> set[str]:
+    def _otherwise(self, odd: pl.DataFrame, rest: Callable[[], pl.DataFrame]) -> set[str]:
         """The tags that write otherwise than the file. It tells how it is written where all that show it agree."""
         if self.thousands:
             return _that_show(odd, self.thousands)
-        points, commas = _that_show(odd, "."), _that_show(odd, ",")
-        if points and commas:
-            return points | commas
-        self.thousands = "," if points else "." if commas else ""
+        shown = {mark: _that_show(odd, mark) for mark in (".", ",")}
+        if any(shown.values()):
+            every = pl.concat((odd, rest())).filter(pl.col("tag").is_in(list(set().union(*shown.values()))))
+            shown = {mark: tags - self._ignore(mark, tags, every) for mark, tags in shown.items()}
+        if all(shown.values()):
+            return set().union(*shown.values())
+        self.thousands = next((other_mark(mark) for mark, tags in shown.items() if tags), "")
         return set()
 
+    def _ignore(self, mark: str, tags: set[str], every: pl.DataFrame) -> set[str]:
+        """Those of the tags that show a mark of which hardly any number does, where the others show another one, or are
+        near to these few only as decimals: the few are refused."""
+        written = _written_so(every, f"{before_decimals(mark)}|{_doubtful(mark)}")
+        of_few = every.filter(pl.col("tag").is_in(written["tag"].filter(written["share"] < NEGLIGIBLE).implode()))
+        others, few = _numbers(of_few, _doubtful(other_mark(mark))), _numbers(of_few, DECIMALS % mark)
+        ignored = tags & (near_decimals(others, few, {}) | _that_show(of_few, other_mark(mark)))
+        self._unsettled |= not tags.isdisjoint(self._ignored[mark])
+        self._ignored[mark] = (self._ignored[mark] - tags) | ignored
+        return ignored
+
     def _that_slip(self, every: pl.DataFrame) -> set[str]:
-        """The tags that are written otherwise than the file tells by a few numbers alone, where no other one of theirs
-        tells how it is meant: these few are refused, and the others are not read as they are."""
+        """The tags that are written otherwise than the file tells by hardly any number, or by a few where no other one
+        of theirs tells how it is meant: these are refused, and the others are not read as they are."""
         if not self.thousands:
             return set()
-        marked = every.filter(_contains(every["text"], MARKED))
-        otherwise = marked.with_columns(otherwise=_contains(marked["text"], before_decimals(self.thousands)))
-        count, share = pl.col("otherwise").sum(), pl.col("otherwise").mean()
-        few = otherwise.group_by("tag").agg(((count <= MOST_SLIPS) & (share <= MOST_SLIPS_SHARE)).alias("few"))
-        return set(few["tag"].filter(few["few"])) - self.own.keys() - _that_show(marked, other_mark(self.thousands))
+        written = _written_so(every, before_decimals(self.thousands))
+        few = (pl.col("count") <= MOST_SLIPS) & (pl.col("share") <= MOST_SLIPS_SHARE)
+        slips = set(written.filter(few)["tag"]) - _that_show(every, other_mark(self.thousands))
+        return slips.union(written.filter(pl.col("share") < NEGLIGIBLE)["tag"]) - self.own.keys()
 
     def _learn_own(self, otherwise: set[str], every: pl.DataFrame, was_read: Callable[[str], bool]) -> None:
         if not otherwise and not self.own:
             return
-        points, commas = _that_show(every, "."), _that_show(every, ",")
+        points, commas = (_that_show(every, mark) - self._ignored[mark] for mark in (".", ","))
         for tag in sorted(otherwise | (self.own.keys() & (points | commas))):
             shown = "" if tag in points & commas else "," if tag in points else "."
             if self.thousands and tag not in self.own and was_read(tag):
@@ -184,7 +200,7 @@ class Writing:
             tags = [tag for tag in doubtful["tag"].unique() if self.own.get(tag, self.thousands) == thousands]
             own = every.filter(pl.col("tag").is_in(tags))
             self._parted.update(own["tag"].filter(_contains(own["text"], groups_for_sure(thousands))))
-            parted = _numbers(own, DOUBTFUL.replace("[.,]", f"[{thousands}]"))
+            parted = _numbers(own, _doubtful(thousands))
             decimals = _numbers(own, DECIMALS % other_mark(thousands))
             largest = {tag: size for tag in tags if (size := before(tag))}
             self.marks.changing.update(near_decimals(parted, decimals, largest) - self._parted)
@@ -213,6 +229,8 @@ class Writing:
         """Texts with the thousands of their numbers joined, null where it is not clear which these are."""
         texts = self._without_groups(texts, tags)
         thousands = self._thousands_of(tags)
+        for mark, ignored in self._ignored.items() if not self.thousands else ():
+            texts = texts.set(tags.is_in(list(ignored)) & _contains(texts, before_decimals(mark)), None)
         in_doubt = _contains(texts, DOUBTFUL)
         if in_doubt.any():
             texts = texts.set(in_doubt & self._refused(texts, tags, thousands), None)
@@ -283,6 +301,17 @@ def _that_show(numbers: pl.DataFrame, mark: str) -> set[str]:
     found = others.filter(_contains(others["text"], before_decimals(mark)))
     found = found.select("tag", behind=pl.col("text").str.extract(_BEHIND_NUMBER).str.strip_chars()).unique()
     return bare.union(found["tag"].filter((found["behind"] == "") | are_units(found["behind"])))
+
+
+def _doubtful(mark: str) -> str:
+    return DOUBTFUL.replace("[.,]", f"[{mark}]")
+
+
+def _written_so(numbers: pl.DataFrame, form: str) -> pl.DataFrame:
+    """By tag, how many of its numbers with a mark are of a form, and their share."""
+    marked = numbers.filter(_contains(numbers["text"], MARKED))
+    found = marked.with_columns(found=_contains(marked["text"], form)).group_by("tag")
+    return found.agg(count=pl.col("found").sum(), share=pl.col("found").mean()).filter(pl.col("count") > 0)
 
 
 def _numbers(texts: pl.DataFrame, form: str) -> pl.DataFrame:
