@@ -358,3 +358,14 @@ def test_what_told_nothing_at_first_tells_where_many_follow(read: Read, table: T
     pv = ["68.123"] * 200 + ["12,5"] + ["68.123"] * 200 + ["12,5", "68,25"] * 300
     content = same_content(read, table(pv, ["40"], count=len(pv)), SIZES)
     assert np.count_nonzero(content.loops["FIC1"].pv == 12.5) == 301
+
+
+@pytest.mark.parametrize(
+    ("usual", "odd"), [("2.{0:03d},5", "12.5"), ("2.{0:03d},5", "1,234.5"), ("2,{0:03d}", "12.5"), ("2,{0:03d}", "0.5")]
+)
+def test_one_odd_number_of_many_tells_nothing_where_commas_part_fields(read: Read, usual: str, odd: str) -> None:
+    texts = [f'"{usual.format(k % 900 + 100)}"' for k in range(1000)]
+    good = read(wide(texts, ["40"], ",", count=1000)).loops["FIC1"].pv
+    content = same_content(read, wide([*texts[:700], f'"{odd}"', *texts[701:]], ["40"], ",", count=1000), SIZES)
+    assert np.delete(content.loops["FIC1"].pv, 700).tolist() == np.delete(good, 700).tolist()
+    assert content.rejects.total <= 1

@@ -76,7 +76,7 @@ class DoubtfulMarks:
     def look(self, doubtful: pl.DataFrame, beside: pl.DataFrame) -> None:
         """Tags and numbers. doubtful: their mark is taken for one before decimals. beside: those without a mark."""
         beside = _without_codes(doubtful, beside)
-        few = _hardly_any(doubtful, beside)
+        few = hardly_any(doubtful, beside)
         for tag, ratio, _, largest_beside in _ratios(doubtful, beside):
             found = _meant(ratio, largest_beside)
             if not found and tag in few:
@@ -154,7 +154,7 @@ def _without_codes(doubtful: pl.DataFrame, beside: pl.DataFrame) -> pl.DataFrame
     return beside.join(kinds.filter(few & off_thousands & off_decimals), on=["tag", "number"], how="anti")
 
 
-def _hardly_any(doubtful: pl.DataFrame, beside: pl.DataFrame) -> set[str]:
+def hardly_any(doubtful: pl.DataFrame, beside: pl.DataFrame) -> set[str]:
     """The tags that have next to no numbers beside their doubtful ones."""
     counts = doubtful.group_by("tag").len().join(beside.group_by("tag").len(), on="tag", suffix="_beside")
     return set(counts["tag"].filter(counts["len_beside"] < NEGLIGIBLE * counts["len"]))

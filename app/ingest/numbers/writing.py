@@ -17,6 +17,7 @@ from app.ingest.numbers.marks import (
     DoubtfulMarks,
     before_decimals,
     groups_for_sure,
+    hardly_any,
     near_decimals,
     other_mark,
 )
@@ -179,12 +180,15 @@ class Writing:
         written = _written_so(every, before_decimals(self.thousands))
         few = (pl.col("count") <= MOST_SLIPS) & (pl.col("share") <= MOST_SLIPS_SHARE)
         slips = set(written.filter(few)["tag"]) - _that_show(every, other_mark(self.thousands))
-        return slips.union(written.filter(pl.col("share") < NEGLIGIBLE)["tag"]) - self.own.keys()
+        return (slips | _hardly_show(every, self.thousands)) - self.own.keys()
 
     def _learn_own(self, otherwise: set[str], every: pl.DataFrame, was_read: Callable[[str], bool]) -> None:
         if not otherwise and not self.own:
             return
         points, commas = (_that_show(every, mark) - self._ignored[mark] for mark in (".", ","))
+        both = points & commas
+        points -= both & _hardly_show(every, ".")
+        commas -= both & _hardly_show(every, ",")
         for tag in sorted(otherwise | (self.own.keys() & (points | commas))):
             shown = "" if tag in points & commas else "," if tag in points else "."
             if self.thousands and tag not in self.own and was_read(tag):
@@ -202,6 +206,7 @@ class Writing:
             self._parted.update(own["tag"].filter(_contains(own["text"], groups_for_sure(thousands))))
             parted = _numbers(own, _doubtful(thousands))
             decimals = _numbers(own, DECIMALS % other_mark(thousands))
+            decimals = decimals.filter(~pl.col("tag").is_in(list(hardly_any(parted, decimals))))
             largest = {tag: size for tag in tags if (size := before(tag))}
             self.marks.changing.update(near_decimals(parted, decimals, largest) - self._parted)
 
@@ -312,6 +317,10 @@ def _written_so(numbers: pl.DataFrame, form: str) -> pl.DataFrame:
     marked = numbers.filter(_contains(numbers["text"], MARKED))
     found = marked.with_columns(found=_contains(marked["text"], form)).group_by("tag")
     return found.agg(count=pl.col("found").sum(), share=pl.col("found").mean()).filter(pl.col("count") > 0)
+
+
+def _hardly_show(numbers: pl.DataFrame, mark: str) -> set[str]:
+    return set(_written_so(numbers, before_decimals(mark)).filter(pl.col("share") < NEGLIGIBLE)["tag"])
 
 
 def _numbers(texts: pl.DataFrame, form: str) -> pl.DataFrame:
