@@ -128,6 +128,20 @@ def travels(up: float, down: float) -> Comparison:
     return Comparison("made up", INTERVAL_S, np.array(op), made, simulation=SIMULATION)
 
 
+def ends_at_a_limit(stood: bool) -> Comparison:
+    """A lag, kept to two decimals, behind a sensor whose range ends at 58.123, beside a simulation without either;
+    stood: whether it stands from the 300th sample to the 360th too.
+    """
+    op = [50.0 + 40.0 * drawn for drawn in noise(SAMPLES) for _ in range(40)][:SAMPLES]
+    pv, drawn = [50.0], noise(SAMPLES)
+    for t in range(1, SAMPLES):
+        pv.append(pv[-1] + 0.2 * (op[t - 2 if t > 1 else 0] - pv[-1]))
+    seen = [round(min(one + 0.05 * moved, 58.123), 2) for one, moved in zip(pv, drawn, strict=True)]
+    if stood:
+        seen[300:360] = [seen[299]] * 60
+    return Comparison("made up", INTERVAL_S, np.array(op), np.array(seen), simulation=SIMULATION)
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks": lambda: loop(S=6.0, J=2.0),
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
@@ -174,6 +188,13 @@ def explained(compared: Comparison) -> Answer:
     }
 
 
+def sized(compared: Comparison) -> Answer:
+    """The same with the sizes of what was named."""
+    sizes = [(effect.code, one) for effect in explain(compared).effects for one in effect.parameters]
+    ends = {f"{code} {one.name} {end}": getattr(one, end) for code, one in sizes for end in ("low", "value", "high")}
+    return {**explained(compared), **ends}
+
+
 # Its lag is 5 s / -ln(0.8), its dead time the sample by which PV is behind the stem.
 SIMULATION = LinearSimulation(gain=1.0, time_constants_s=(22.4,), dead_time_s=INTERVAL_S)
 # Where OP follows a load that shakes, our own loop is found in a wrong valley, the optima beside it are many, and in
@@ -198,6 +219,8 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
     yield "explain: swings, beside a simulation that does not", lambda: explained(beside_no_resonance())
     yield "explain: swings, beside two lags", lambda: explained(beside_two_lags())
     yield "explain: up faster than down, beside its simulation", lambda: explained(travels(0.9, 0.6))
+    yield "explain: ends at a limit, beside its simulation", lambda: sized(ends_at_a_limit(stood=False))
+    yield "explain: ends at a limit and stands, beside its simulation", lambda: sized(ends_at_a_limit(stood=True))
 
 
 QUESTIONS = dict(asked())
