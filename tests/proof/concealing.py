@@ -8,7 +8,16 @@ from numpy.random import Generator
 
 from app.engine.recording import FloatArray
 from tests.proof.generator import Loop, coloured
-from tests.proof.plants import Backlash, FrictionValve, MovedMass, SlewValve, StaticValve, StickingValve, softplus
+from tests.proof.plants import (
+    Backlash,
+    ExactLags,
+    FrictionValve,
+    MovedMass,
+    SlewValve,
+    StaticValve,
+    StickingValve,
+    softplus,
+)
 
 Windows = tuple[tuple[float, float], ...]
 
@@ -148,11 +157,14 @@ def overflow(loop: Loop, rng: Generator, _: bool) -> Windows:
     return (("pv_full", loop.process.high),)  # type: ignore[return-value]
 
 
-def inverse(loop: Loop, rng: Generator, _: bool) -> Windows:
+def inverse(loop: Loop, rng: Generator, foreign: bool) -> Windows:
     slow = loop.speed * loop.ts
-    if not loop.process.integrating:
-        loop.process.taus = (*loop.process.taus, 0.3 * slow)
-    loop.process.__post_init__()
+    p = loop.process
+    if not p.integrating:
+        p.taus = (*p.taus, 0.3 * slow)
+    p.__post_init__()
+    if not foreign:
+        loop.process = ExactLags(p.gain, p.taus, p.dead_time, p.integrating, p.ts)
     loop.process.zero = slow * float(rng.uniform(0.35, 0.7))
     if not loop.process.integrating:
         loop.sizes = {"zero": loop.process.zero, "lag": 0.3 * slow}

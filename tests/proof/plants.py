@@ -71,6 +71,20 @@ class Process:
 
 
 @dataclass
+class ExactLags(Process):
+    """Two lags in a row behind a dead time, without a step of integration: what a zero behind them makes of their rate
+    is that zero, where `Process` makes one of it that is up to 5 % longer.
+    """
+
+    def advance(self, drive: float, h: float) -> float:
+        (one, other), (first, second) = self.taus, self.states
+        stay, stays = math.exp(-h / one), math.exp(-h / other)
+        along = (first - drive) * one / (one - other)
+        self.states = [drive + (first - drive) * stay, drive + along * stay + (second - drive - along) * stays]
+        return (self.states[0] - self.states[1]) / other
+
+
+@dataclass
 class MovedMass(Process):
     """A mass on a spring (two lags), or a free one (integrating behind a lag), held and slowed by dry friction; in very
     fine time.

@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 
+from app.engine.mismatch.loop.plant import Plant, run_process
+from tests.proof.plants import SUBSTEPS, ExactLags
 from tests.proof.sizes import blind, limit_cycles, told
 from tests.proof.tables import of_pairs, of_single, rows_of
 
@@ -39,3 +41,13 @@ def test_rows_become_tables_of_what_can_be_seen(tmp_path):
     rows = rows_of([tmp_path / "rows"])
     assert of_single(rows)[2:] == ["| sensor.lag | 1/2 | process.extra_lag, nothing |"]
     assert of_pairs(rows)[2:] == ["| sensor.lag, sensor.step | one | sensor.step |"]
+
+
+def test_two_lags_and_a_zero_of_the_own_form_answer_as_the_engine_s():
+    op = np.repeat(np.random.default_rng(0).normal(size=60), 10)
+    process = ExactLags(1.0, (13.3, 4.0), 3.0 - 1.0 / SUBSTEPS, integrating=False, ts=1.0)  # its line is a step longer
+    process.zero = 6.5
+    pv = np.array([0.0, *(process.step(v) for v in op[:-1])])
+    answer = run_process(op, Plant(K=1.0, tau=13.3, theta=3.0, tau2=4.0, zero=6.5), 1.0)
+    settled = slice(250, None)
+    np.testing.assert_allclose(pv[settled], answer[settled], atol=1e-6)
