@@ -189,10 +189,11 @@ def explained(compared: Comparison) -> Answer:
 
 
 def sized(compared: Comparison) -> Answer:
-    """The same with the sizes of what was named."""
+    """The same with the sizes of what was named, and how far their intervals reach."""
     sizes = [(effect.code, one) for effect in explain(compared).effects for one in effect.parameters]
-    ends = {f"{code} {one.name} {end}": getattr(one, end) for code, one in sizes for end in ("low", "value", "high")}
-    return {**explained(compared), **ends}
+    told = {f"{code} {one.name}": one.value for code, one in sizes}
+    wide = {f"{code} {one.name} is as wide as": one.high - one.low for code, one in sizes}
+    return {**explained(compared), **told, **wide}
 
 
 # Its lag is 5 s / -ln(0.8), its dead time the sample by which PV is behind the stem.

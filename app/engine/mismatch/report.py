@@ -9,8 +9,9 @@ from app.engine.mismatch.compare.patterns import Pattern
 from app.engine.mismatch.compete.naming import Believed
 from app.engine.mismatch.compete.worth import hidden_gain
 from app.engine.mismatch.fit.fitting import Fit
+from app.engine.mismatch.fit.levels import decimals_of
 from app.engine.mismatch.fit.windows import active_mask, whole, windows_along
-from app.engine.mismatch.judge.intervals import deviations, interval, interval_tried
+from app.engine.mismatch.judge.intervals import BETWEEN_SAMPLES, deviations, interval, interval_tried
 from app.engine.mismatch.judge.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.judge.stem_sizes import size_of_stiction
 from app.engine.mismatch.loop.block import Context, Parameter, Part
@@ -24,6 +25,7 @@ CERTAIN = 0.995
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
 MOMENTS = ("start", "end", "lasting")
+LIMIT = "limit"
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
 
 
@@ -83,12 +85,9 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
 def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     block = pattern.part.block
     context = Context(record, UNUSED_PLANT)
-    parameters = tuple(
-        Estimate(p.name, value, value, value, plain_unit(p))
-        for p, value in zip(
-            block.parameters(context), absolute(block.parameters(context), pattern.part.values, record), strict=True
-        )
-    )
+    known = block.parameters(context)
+    values = absolute(known, pattern.part.values, record)
+    parameters = tuple(pattern_estimate(p, value, record) for p, value in zip(known, values, strict=True))
     windows = windows_along(record, pattern.shows)
     return Effect(
         block.code,
@@ -101,6 +100,15 @@ def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
         (pattern.reason,),
         float(pattern.shows.sum()),
     )
+
+
+def pattern_estimate(parameter: Parameter, value: float, record: Experiment) -> Estimate:
+    """A size of what PV shows by itself, as closely as PV was kept: a limit to half of its last decimal, a moment to
+    the sample before.
+    """
+    sooner = record.sampling_interval_s if parameter.name in BETWEEN_SAMPLES else 0.0
+    rounded = 0.5 * decimals_of(record.pv[record.usable]) if parameter.name == LIMIT else 0.0
+    return Estimate(parameter.name, value, value - sooner - rounded, value + rounded, plain_unit(parameter))
 
 
 def plain_unit(parameter: Parameter) -> str:

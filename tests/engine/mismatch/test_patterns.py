@@ -14,6 +14,7 @@ from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import run_process
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep
+from tests.engine.plain_loop import GIVEN as SIMULATION
 from tests.engine.plain_loop import TRUE, TS, N, moves, recorded
 
 
@@ -132,3 +133,22 @@ def test_the_decimals_of_a_signal_are_told_by_few_of_their_levels() -> None:
     assert decimals_of(np.round(rng.normal(size=600), 2)) == pytest.approx(0.01)
     assert decimals_of(rng.normal(size=600)) == 0.0
     assert decimals_of(np.full(9, 3.0)) == 0.0
+
+
+def test_a_pattern_is_told_as_closely_as_pv_was_kept() -> None:
+    """A limit to half of PV's last decimal, a moment to the sample before; of a PV that was not rounded the limit is
+    what it stands at.
+    """
+    rounded = np.round(np.minimum(recorded(moves()), 53.0042), 2)
+    rounded[500:560] = rounded[499]
+    said = explain(Comparison("loop", TS, moves(), rounded, simulation=SIMULATION)).effects
+    told = {p.name: (p.low, p.value, p.high) for effect in said for p in effect.parameters}
+    assert told["limit"] == pytest.approx((52.995, 53.0, 53.005))
+    assert told["start"] == pytest.approx((499 * TS, 500 * TS, 500 * TS))
+    assert told["end"] == pytest.approx((559 * TS, 560 * TS, 560 * TS))
+
+
+def test_a_limit_of_a_pv_that_was_not_rounded_is_where_it_stands() -> None:
+    limited = np.minimum(recorded(moves()), 53.0042)
+    (said,) = explain(Comparison("loop", TS, moves(), limited, simulation=SIMULATION)).effects
+    assert (said.parameters[0].low, said.parameters[0].high) == pytest.approx((53.0042, 53.0042))
