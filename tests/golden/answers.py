@@ -142,6 +142,22 @@ def ends_at_a_limit(stood: bool) -> Comparison:
     return Comparison("made up", INTERVAL_S, np.array(op), np.array(seen), simulation=SIMULATION)
 
 
+def lags(freezes: bool = False, later: bool = False, loaded: bool = False) -> Comparison:
+    """A lag beside its simulation. freezes: its sensor does from the 300th sample to the 360th, beside a tenth of its
+    noise; later: its dead time is ten samples longer from the 300th sample on; loaded: a load builds up from the 200th
+    sample to the 350th, and is gone at the 550th.
+    """
+    op, drawn = [50.0 + 40.0 * one for one in noise(SAMPLES) for _ in range(40)][:SAMPLES], noise(SAMPLES)
+    pv = [50.0]
+    for t in range(1, SAMPLES):
+        load = 3.0 * max(min((t - 200) / 150.0, (550 - t) / 200.0), 0.0) if loaded else 0.0
+        pv.append(pv[-1] + 0.2 * (op[max(t - (12 if later and t >= 300 else 2), 0)] + load - pv[-1]))
+    seen = [one + 0.5 * moved for one, moved in zip(pv, drawn, strict=True)]
+    if freezes:
+        seen[300:360] = [seen[299] + 0.05 * moved for moved in drawn[300:360]]
+    return Comparison("made up", INTERVAL_S, np.array(op), np.array(seen), simulation=SIMULATION)
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks": lambda: loop(S=6.0, J=2.0),
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
@@ -221,6 +237,9 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
     yield "explain: swings, beside two lags", lambda: explained(beside_two_lags())
     yield "explain: up faster than down, beside its simulation", lambda: explained(travels(0.9, 0.6))
     yield "explain: ends at a limit, beside its simulation", lambda: sized(ends_at_a_limit(stood=False))
+    yield "explain: freezes beside a little noise", lambda: explained(lags(freezes=True))
+    yield "explain: is later from a time on", lambda: explained(lags(later=True))
+    yield "explain: beside a load that comes and goes", lambda: explained(lags(loaded=True))
     yield "explain: ends at a limit and stands, beside its simulation", lambda: sized(ends_at_a_limit(stood=True))
 
 
