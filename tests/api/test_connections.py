@@ -19,6 +19,7 @@ from app.services.digests.sending import Post
 from app.services.digests.webhooks import signature
 from app.services.intake.reading import read_upload
 from app.services.upkeep.metrics import metrics
+from tests.swinging import wide
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DASHBOARD = json.loads((DOCS / "grafana" / "loopaudit.json").read_text(encoding="utf-8"))
@@ -27,18 +28,6 @@ VARIABLES = [v["query"]["infinityQuery"] for v in DASHBOARD["templating"]["list"
 INFINITY = [target for target in TARGETS if "url" in target] + VARIABLES
 PROMETHEUS = [target["expr"] for target in TARGETS if "expr" in target]
 TAGS = ("FIC101", "=LIC 7/A")
-
-
-def export() -> bytes:
-    """Two loops that swing, so that both can be audited."""
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(["DateTime", *(f"{tag}.{signal}" for tag in TAGS for signal in ("PV", "OP", "SP"))])
-    for k in range(400):
-        swing = (k % 40) / 20 - 1
-        stamp = f"2026-01-01T00:{k // 60:02d}:{k % 60:02d}Z"
-        rows.writerow([stamp, *(value for _ in TAGS for value in (50 + swing**2 + k % 3 * 0.1, 40 + 5 * swing, 50))])
-    return text.getvalue().encode()
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +39,9 @@ def backend(open_plant) -> Backend:
 @pytest.fixture(scope="module")
 def client(serve, backend):
     with serve(create_app(backend.settings)) as connection:
-        upload = connection.post("/v1/uploads?filename=a.csv", content=export(), headers={"Content-Type": "text/csv"})
+        upload = connection.post(
+            "/v1/uploads?filename=a.csv", content=wide(*TAGS), headers={"Content-Type": "text/csv"}
+        )
         read_upload(backend, int(upload.json()["id"]), owner="test")
         run = connection.post("/v1/audits", json={}).json()
         audit_chunk(backend, int(run["id"]), "test")

@@ -1,7 +1,5 @@
 """A small plant that has something behind every route: loops with hostile names, verdicts, an explanation, keys."""
 
-import csv
-import io
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
@@ -22,6 +20,7 @@ from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests.swinging import wide
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 TAGS = ("FIC101", "LIC7", "塔顶/T 1", HOSTILE)
@@ -36,20 +35,6 @@ class Plant:
     tags: tuple[str, ...] = TAGS
 
 
-def wide(*tags: str, samples: int = 400) -> bytes:
-    """A wide export in which every loop swings, so that each can be audited; two rows cannot be read."""
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(["DateTime", *(f"{tag}.{signal}" for tag in tags for signal in ("PV", "OP", "SP"))])
-    for k in range(samples):
-        minutes, seconds = divmod(k * 5, 60)
-        swing = (k % 40) / 20 - 1
-        pv = "Bad Input" if k in (7, 9) else 50 + swing**2 + k % 3 * 0.1
-        stamp = f"2026-01-01T{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}Z"
-        rows.writerow([stamp, *(value for _ in tags for value in (pv, 40 + 5 * swing, 50))])
-    return text.getvalue().encode()
-
-
 def build(folder: Path, database_url: str = "") -> Plant:
     """`database_url`: of an empty PostgreSQL data base; otherwise SQLite in the folder."""
     settings = Settings(data_dir=folder, database_url=database_url, require_keys=True, max_upload_bytes=4_000_000)
@@ -57,7 +42,7 @@ def build(folder: Path, database_url: str = "") -> Plant:
     warm_up()
     backend = Backend.open(settings)
     with receive(backend, filename="plant.csv") as receiving:
-        receiving.write(wide(*TAGS))
+        receiving.write(wide(*TAGS, unreadable="Bad Input"))
         receipt = receiving.commit()
     read_upload(backend, int(receipt.upload.id), "fuzz")
     audit_chunk(backend, int(start_audit(backend, LoopFilter()).id), "fuzz")

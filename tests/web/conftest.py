@@ -1,10 +1,9 @@
 """A small audited plant with hostile names, and the pages on it."""
 
-import csv
-import io
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
 from html.parser import HTMLParser
 
 import pytest
@@ -18,6 +17,7 @@ from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
+from tests import swinging
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
 PATIENCE_MS = 20_000  # a busy machine takes its time to parse the chart library
@@ -69,18 +69,8 @@ def seen(client, path: str) -> Seen:
     return Seen(answer.text)
 
 
-def wide(*tags: str, samples: int = 600) -> bytes:
-    """A wide export in which every loop swings, so that each can be audited; two rows cannot be read."""
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(["DateTime", *(f"{tag}.{signal}" for tag in tags for signal in ("PV", "OP", "SP"))])
-    for k in range(samples):
-        minutes, seconds = divmod(k * 5, 60)
-        swing = (k % 40) / 20 - 1
-        stamp = f"2026-01-01T{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}Z"
-        pv = "Bad <b>Input</b>" if k in (7, 9) else 50 + swing**2 + k % 3 * 0.1
-        rows.writerow([stamp, *(value for _ in tags for value in (pv, 40 + 5 * swing, 50))])
-    return text.getvalue().encode()
+# Markup in a cell that is no number.
+wide = partial(swinging.wide, samples=600, unreadable="Bad <b>Input</b>")
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.warming import warm_up
 from app.services.backend import Backend
 from app.services.intake.reading import read_upload
-from tests.api.routes.exports import TAGS, sent, wide
+from tests.api.routes.exports import TAGS, sent
+from tests.swinging import wide
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ import zlib
 import pytest
 
 from app.services.intake.reading import read_upload
-from tests.api.routes.exports import sent, wide
+from tests.api.routes.exports import sent
+from tests.swinging import wide
 
 
 def test_an_upload_is_stored_and_says_where_to_ask(client):
