@@ -60,6 +60,22 @@ def test_a_cause_stays_one_in_a_loop_that_answers_it(steps: bool, tau: float, la
     assert not causes_pv(slow(6), record)
 
 
+def test_a_cause_that_jumps_once_is_not_taken_for_what_the_loop_moves() -> None:
+    """Of 26 columns of OP's and PV's past one stands out at the jump by chance, and it is most of what is foretold."""
+    cause = slow(30, 0.995)
+    cause[1040:] -= 3.0
+    acting = 0.3 * lag(np.concatenate((np.full(7, cause[0]), cause[: N - 7])), 20.0, 1.0)
+    assert causes_pv(cause, recorded(loop(67, True, acting)))
+
+
+def test_a_read_back_that_jumps_once_stays_one() -> None:
+    record = recorded(loop(1, True))
+    for signal in (record.op, record.pv):
+        read_back = lag(signal, 1.0, 1.0) + 0.05 * np.random.default_rng(2).standard_normal(N)
+        read_back[700:] += 20.0
+        assert not causes_pv(read_back, record)
+
+
 @pytest.mark.parametrize("steps", [True, False])
 def test_a_second_transmitter_is_no_cause(steps: bool) -> None:
     """It helps to predict PV, because its noise is its own; but PV and OP tell as much of it."""

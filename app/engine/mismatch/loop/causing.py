@@ -18,6 +18,8 @@ SAMPLES_A_NUMBER = 10
 FOREWARNS, SIGNIFICANT = 15.0, 4.0
 HINT_SHARE = 0.4
 OWN_SHARE = 0.15
+FAR, FEW = 10.0, 3
+"""Standard deviations, by the median: so few samples of a signal that jump so far would be foretold by anything."""
 STEM_LEAVES = 0.45
 """Measured: stems that say anything of PV leave OP up to 0.25 of what they say, causes that OP answers 0.6 and more."""
 
@@ -30,12 +32,23 @@ def causes_pv(signal: FloatArray, record: Experiment) -> bool:
     if kept.sum() < SAMPLES_A_NUMBER * (own.shape[1] + loop.shape[1]):
         return True  # too short to tell: the competition asks for its own gain
     forward = gained(record.pv, loop, own, kept)
-    back = gained(signal, own, loop, kept)
+    back = gained(signal, own, loop, without_jumps(signal, own, kept))
     by_chance = SIGNIFICANT * np.sqrt(0.5 * loop.shape[1])
     # What comes in a few jumps says little of most samples: more than chance is enough where the loop says less of it.
     # What lags behind PV without its noise says much of PV too: the loop then says more of it than by chance.
     one_way = forward > SIGNIFICANT * np.sqrt(0.5 * own.shape[1]) and back < min(HINT_SHARE * forward, by_chance)
     return bool(one_way or (forward > FOREWARNS and (back < by_chance or back < OWN_SHARE * forward)))
+
+
+def without_jumps(signal: FloatArray, own: FloatArray, kept: BoolArray) -> BoolArray:
+    """(N,) the kept samples but a few at which the signal (N,) jumps far from where its own past (N, P) has it: where
+    one makes up most of what is to be foretold, the column that happens to stand out there foretells it. More of them
+    are how the signal moves, as a stem that sticks.
+    """
+    away = np.zeros(len(signal))
+    away[kept] = np.abs(rest_of(signal[kept], own[kept]))
+    jumps = away > FAR / 0.6745 * np.median(away[kept])
+    return kept & ~jumps if jumps.sum() <= FEW else kept
 
 
 def stands_for_op(signal: FloatArray, op: FloatArray, pv: FloatArray, kept: BoolArray) -> bool:
@@ -79,7 +92,12 @@ def gained(y: FloatArray, without: FloatArray, more: FloatArray, kept: BoolArray
 
 def left(y: FloatArray, columns: FloatArray) -> float:
     """Sum of squares that the columns (N, P) and a constant leave of y (N,); never zero."""
-    basis = np.column_stack((np.ones(len(y)), columns))
-    numbers = np.linalg.lstsq(basis, y, rcond=None)[0]
-    rest = y - basis @ numbers
+    rest = rest_of(y, columns)
     return float(rest @ rest) + 1e-12 * float(np.var(y)) * len(y) + 1e-300
+
+
+def rest_of(y: FloatArray, columns: FloatArray) -> FloatArray:
+    """(N,) what the columns (N, P) and a constant leave of y (N,) by least squares."""
+    basis = np.column_stack((np.ones(len(y)), columns))
+    rest: FloatArray = y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]
+    return rest
