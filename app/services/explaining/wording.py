@@ -91,6 +91,7 @@ EVIDENCE_WORDS = {
     "pv_levels": "PV takes few levels",
     "pv_at_limit": "PV stands at a limit",
     "pv_repeats": "PV repeats one value while the loop moves",
+    "pv_frozen": "PV stands, with less noise than it has elsewhere, while the loop moves",
     "pv_straight": "PV lies on straight lines between few samples",
     "read_back": "a measured signal is the valve's own position",
     "given_not_validated": "of a given simulation there is one of the first or of the second recording alone",

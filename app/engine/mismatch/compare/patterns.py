@@ -1,10 +1,11 @@
 """Effects that PV shows by itself, before any simulation: repeated values, few levels, straight lines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.engine.evidence import Reason
+from app.engine.mismatch.compare.quiet import quiet_stretches
 from app.engine.mismatch.compare.sampling import hold_of
 from app.engine.mismatch.fit.levels import level_spacing
 from app.engine.mismatch.loop.block import Block, Part
@@ -35,12 +36,14 @@ REGULAR, STILL_STORED, HOLDS = 0.95, 0.75, 0.4
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """One effect found in PV itself: the part that models it, where it shows (N,), and why."""
+    """One effect found in PV itself: the part that models it, where it shows (N,), and why. within: how near to a
+    simulation PV has to be there to be where it would be anyway, beside what it is rounded to."""
 
     part: Part
     shows: BoolArray
     reason: Reason
     hides_pv: bool
+    within: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,9 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     if coarse:
         return (*limits, *stuck, quantised(record, step))
     squeezed = None if limits or stuck else compressed(record)
-    return (*limits, *stuck, *((squeezed,) if squeezed is not None else ()))
+    if squeezed is not None:
+        return (squeezed,)
+    return (*limits, *stuck, *(() if rests else frozen_stretches(record, [p.shows for p in (*limits, *stuck)])))
 
 
 def held(record: Experiment, interval_s: float) -> Pattern:
@@ -209,6 +214,24 @@ def stuck(record: Experiment, run: Run) -> Pattern:
     shows[run.first + 1 : run.last + 1] = True
     text = f"PV repeats {record.pv[run.first]:.5g} for {run.length} samples while OP moves on"
     return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
+
+
+def frozen_stretches(record: Experiment, explained: list[BoolArray]) -> tuple[Pattern, ...]:
+    """Stretches in which PV stands beside a little noise of what reads it, while OP moves on: a transmitter that froze
+    and repeats no value to the last digit. explained: (N,) each, where PV shows something else."""
+    runs = [Run(first, last) for first, last in quiet_stretches(record)]
+    runs = [run for run in runs if not any(shows[run.first : run.last + 1].any() for shows in explained)]
+    runs = [run for run in runs if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
+    if len(runs) > MOST_STUCK:
+        return ()
+    return tuple(frozen(record, run) for run in sorted(runs, key=lambda run: -run.length))
+
+
+def frozen(record: Experiment, run: Run) -> Pattern:
+    pv = record.pv[run.first : run.last + 1]
+    between = f"between {np.min(pv):.5g} and {np.max(pv):.5g} for {run.length} samples"
+    text = f"PV stays {between}, with less noise than it has elsewhere, while OP moves on"
+    return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=noise_deviation(record))
 
 
 def compressed(record: Experiment) -> Pattern | None:

@@ -81,7 +81,7 @@ def foretold(pattern: Pattern, record: Experiment, base: Fit) -> bool:
     if pattern.part.block is QUANTIZATION or not seen.any():
         return False
     left = float(np.sqrt(np.mean((record.pv_deviation - base.simulated)[seen] ** 2)))
-    return left <= max(decimals_of(record.pv[record.usable]), ROUNDING * record.pv_span)
+    return left <= max(decimals_of(record.pv[record.usable]), ROUNDING * record.pv_span, pattern.within)
 
 
 def beside_patterns(

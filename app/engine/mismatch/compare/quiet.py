@@ -1,0 +1,62 @@
+"""Stretches in which PV stands and its noise is gone: a transmitter that froze, beside the noise of what reads it."""
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.recording import FloatArray
+
+WINDOW = 15  # samples over which noise is looked at
+LEAST = 2 * WINDOW
+QUIET = 0.35  # of the usual noise: over a window white noise itself hardly ever has less than half of it
+STEADY = 0.6  # of the median: elsewhere nine windows in ten have more, or PV's noise comes and goes anyway
+MOST_QUIET = 0.25  # of the record
+STANDS = 8.0  # standard deviations of what is left of the noise, which may be coloured
+TRAVELS = 5.0  # so much farther PV goes in as many samples elsewhere, mostly
+
+
+def quiet_stretches(record: Experiment) -> tuple[tuple[int, int], ...]:
+    """First and last samples of the stretches in which PV stands but for a noise that is far less than its usual one;
+    none where PV's noise is not steady elsewhere, or where these are no exception.
+
+    Noise is told by second differences, of which the process makes little.
+    """
+    noise = _local_noise(record)
+    usual = float(np.median(noise))
+    quiet = noise < QUIET * usual
+    if not quiet.any() or np.mean(quiet) > MOST_QUIET or np.quantile(noise[~quiet], 0.1) < STEADY * usual:
+        return ()
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
+    cores = zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True)
+    found = dict.fromkeys(_grown(record, first, last) for first, last in cores)
+    return tuple((a, b) for a, b in found if b - a >= LEAST and _stands(record, a, b))
+
+
+def _local_noise(record: Experiment) -> FloatArray:
+    """(N,) standard deviation of PV's noise around each sample; infinite where fewer samples are known."""
+    known = record.usable[:-2] & record.usable[1:-1] & record.usable[2:]
+    around = uniform_filter1d(np.diff(record.pv, 2) ** 2, WINDOW, mode="nearest")
+    heard = uniform_filter1d(known.astype(np.float64), WINDOW, mode="nearest") > 1.0 - 0.5 / WINDOW
+    return np.pad(np.where(heard, np.sqrt(np.maximum(around, 0.0) / 6.0), np.inf), 1, mode="edge")
+
+
+def _grown(record: Experiment, first: int, last: int) -> tuple[int, int]:
+    """The stretch with what stands at its ends where it stands; the windows at its ends hear what lies outside."""
+    level, reach = _level_and_reach(record.pv[first : last + 1])
+    there = record.usable & (np.abs(record.pv - level) <= reach)
+    before, after = np.flatnonzero(~there[:first]), np.flatnonzero(~there[last + 1 :])
+    return (int(before[-1]) + 1 if len(before) else 0, last + int(after[0]) if len(after) else record.samples - 1)
+
+
+def _level_and_reach(pv: FloatArray) -> tuple[float, float]:
+    noise = np.sqrt(np.mean(np.diff(pv, 2) ** 2) / 6.0) if len(pv) > 2 else 0.0
+    return float(np.median(pv)), float(STANDS * noise)
+
+
+def _stands(record: Experiment, first: int, last: int) -> bool:
+    pv, samples = record.pv[first : last + 1], last - first + 1
+    level, reach = _level_and_reach(pv)
+    parts = [record.pv[a : a + samples] for a in range(0, record.samples - samples + 1, samples)]
+    return bool(
+        np.max(np.abs(pv - level)) <= reach and float(np.median([np.ptp(x) for x in parts])) > TRAVELS * np.ptp(pv)
+    )

@@ -1,0 +1,81 @@
+"""A transmitter that froze is told beside the noise of what reads it, and a PV that rests is not."""
+
+import numpy as np
+import pytest
+
+from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.preparing import prepare
+from app.engine.mismatch.loop.plant import run_process
+from app.engine.recording import FloatArray
+from tests.engine.plain_loop import TRUE, TS, N, moves
+
+FIRST, AFTER = 500, 640
+NOISE = 0.1
+
+
+def noise(sigma: float = NOISE, seed: int = 3) -> FloatArray:
+    return sigma * np.random.default_rng(seed).normal(size=N)
+
+
+def measured() -> FloatArray:
+    return 50.0 + run_process(moves(), TRUE, TS) + noise()
+
+
+def frozen(left: float) -> FloatArray:
+    """PV that stands from FIRST to AFTER, beside that share of its noise."""
+    pv = measured()
+    pv[FIRST:AFTER] = pv[FIRST] + left * noise(seed=4)[FIRST:AFTER]
+    return pv
+
+
+def found(pv: FloatArray, op: FloatArray | None = None) -> list[str]:
+    op = 40.0 + moves() if op is None else op
+    return [pattern.reason.code for pattern in find_patterns(record_of(Comparison("loop", TS, op, pv)))]
+
+
+@pytest.mark.parametrize("left", [0.01, 0.1, 0.2])
+def test_a_pv_that_froze_is_told_by_the_noise_that_is_gone(left: float) -> None:
+    comparison = Comparison(
+        "loop", TS, 40.0 + moves(), frozen(left), simulation=LinearSimulation(0.95 * TRUE.K, (TRUE.tau,), TRUE.theta)
+    )
+    said = explain(comparison)
+    assert [effect.code for effect in said.effects] == ["sensor.stuck"]
+    (window,) = said.effects[0].windows
+    assert (window.start_s, window.end_s) == pytest.approx((TS * FIRST, TS * AFTER), abs=3.0 * TS)
+
+
+def test_noise_that_comes_and_goes_is_no_frozen_sensor() -> None:
+    """As that of a flow, which grows with the flow, or of one that is filtered for a while and moves on."""
+    flow = 50.0 + run_process(moves(), TRUE, TS)
+    share = (flow - np.min(flow)) / np.ptp(flow)
+    assert found(flow + share**2 * noise()) == []
+    filtered = measured()
+    filtered[FIRST:AFTER] = flow[FIRST:AFTER] + 0.1 * noise()[FIRST:AFTER]
+    assert found(filtered) == []
+
+
+def test_a_pv_that_froze_for_much_of_the_record_shows_its_noise_nowhere_to_compare_with() -> None:
+    pv = measured()
+    pv[300:] = pv[300] + 0.1 * noise(seed=4)[300:]
+    assert "pv_frozen" not in found(pv)
+
+
+def test_where_op_rests_too_nothing_froze() -> None:
+    op, pv = 40.0 + moves(), frozen(0.1)
+    op[FIRST - 20 : AFTER] = op[FIRST - 20]
+    assert found(pv) == ["pv_frozen"]
+    assert found(pv, op) == []
+
+
+def test_a_pv_that_stands_where_the_refit_stands_is_not_taken_for_frozen() -> None:
+    """Its noise is gone, but it is where OP would have it: the loop was quiet, and the meter damped."""
+    op = 40.0 + moves()
+    op[FIRST - 60 : AFTER] = op[FIRST - 60] + 0.2 * np.sin(np.arange(AFTER - FIRST + 60) / 5.0)
+    clean = 50.0 + run_process(op - 40.0, TRUE, TS)
+    pv = clean + noise()
+    pv[FIRST:AFTER] = np.mean(clean[FIRST:AFTER]) + 0.1 * noise(seed=4)[FIRST:AFTER]
+    assert found(pv, op) == ["pv_frozen"]
+    simulation = LinearSimulation(TRUE.K, (TRUE.tau,), TRUE.theta)
+    assert prepare(Comparison("loop", TS, op, pv, simulation=simulation)).patterns == ()
