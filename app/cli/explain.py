@@ -158,7 +158,7 @@ def files_to_write(
 def as_text(line: dict[str, Any]) -> str:
     from app.services.explaining.wording import left_in_words, ranges_of, unmoved, verdict_in_words
 
-    said = [f"{line['recording']}: {verdict_in_words(line['verdict'], line['effects'])}"]
+    said = [f"{line['recording']}: {verdict_in_words(line['verdict'], line['effects'], line['evidence'])}"]
     for effect in line["effects"]:
         said += effect_in_words(effect)
     said += [f"  {told}" for told in [ranges_of(line["effects"])] if told]

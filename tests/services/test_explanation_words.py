@@ -20,7 +20,13 @@ NAMED, UNSURE = VERDICT_WORDS["missing_physics"], "which, the record hardly tell
     ],
 )
 def test_a_name_that_is_not_likely_is_not_announced_as_found(verdict, probabilities, told):
-    assert verdict_in_words(verdict, [{"probability": p} for p in probabilities]) == told
+    assert verdict_in_words(verdict, [{"probability": p} for p in probabilities], []) == told
+
+
+@pytest.mark.parametrize(("verdict", "told"), [("consistent", True), ("inconclusive", False)])
+def test_of_a_simulation_that_lacks_nothing_it_is_said_that_its_parameters_are_off(verdict: str, told: bool) -> None:
+    words = verdict_in_words(verdict, [], [{"code": "own_dynamics"}, {"code": "parameters_off"}])
+    assert words.endswith(", but the simulation's own parameters are off") is told
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,7 @@ def _stretch(start: str, window: Sequence[float], clock: PlantClock) -> str:
 def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
     """An explanation with what pages and reports say of it."""
     return found | {
-        "verdict_words": verdict_in_words(found["verdict"], found["effects"]),
+        "verdict_words": verdict_in_words(found["verdict"], found["effects"], found["evidence"]),
         "named": named(found["effects"]),
         "simulation_words": SIMULATION_WORDS[found["simulation"]],
         "told_effects": [effect_in_words(effect, found["window_start"], clock) for effect in found["effects"]],
@@ -192,9 +192,14 @@ def no_size(effect: Mapping[str, Any]) -> str:
     return NO_SIZE if effect["effect"] in SIZED_ELSEWHERE and effect["parameters"] else ""
 
 
-def verdict_in_words(verdict: str | None, effects: Sequence[Mapping[str, Any]]) -> str:
-    """Where no name is likelier than all others together, that one is named for lack of a better one is said too."""
+def verdict_in_words(
+    verdict: str | None, effects: Sequence[Mapping[str, Any]], evidence: Sequence[Mapping[str, Any]]
+) -> str:
+    """Where no name is likelier than all others together, that one is named for lack of a better one is said too; and
+    of a simulation that lacks nothing, that its parameters are not the loop's."""
     words = VERDICT_WORDS.get(verdict or "", "")
+    if verdict == "consistent" and any(reason["code"] == "parameters_off" for reason in evidence):
+        return f"{words}, but the simulation's own parameters are off"
     return words if verdict != "missing_physics" or named(effects) else f"{words}; which, the record hardly tells"
 
 
