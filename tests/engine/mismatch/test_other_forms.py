@@ -16,10 +16,18 @@ NOTHING, ALWAYS = np.zeros(N), np.ones(N)
 
 
 def loop(
-    seed: int, *, sensor: FloatArray = NOTHING, gain: FloatArray = ALWAYS, further: int = 0, low: float = -99.0
+    seed: int,
+    *,
+    sensor: FloatArray = NOTHING,
+    gain: FloatArray = ALWAYS,
+    loaded: FloatArray = NOTHING,
+    later: FloatArray = NOTHING,
+    further: int = 0,
+    low: float = -99.0,
 ) -> Comparison:
-    """A PI loop at 1 s: a gain of 1.5 (times `gain`), 30 s of lag, 4 s of dead time. sensor: added to what is measured.
-    further: lags of 5 s more. low: a stop of the valve, with another at 3.
+    """A PI loop at 1 s: a gain of 1.5 (times `gain`), 30 s of lag, 4 s of dead time (and `later`). sensor: added to
+    what is measured; loaded: to what enters the process. further: lags of 5 s more. low: a stop of the valve, with
+    another at 3.
     """
     rng = np.random.default_rng(seed)
     sp = np.repeat(rng.uniform(-6.0, 6.0, N // 150), 150)
@@ -30,9 +38,9 @@ def loop(
         summed += 0.8 * (sp[t] - pv[t]) / 30.0
         op[t] = 0.8 * (sp[t] - pv[t]) + summed
         load = 0.97 * load + 0.3 * np.sqrt(1.0 - 0.97**2) * rng.standard_normal()
-        stem = op[max(t - LATE, 0)]
+        stem = op[max(t - LATE - round(later[t]), 0)]
         stem = stem if low < -90.0 else min(max(stem, low), 3.0)
-        drive = 1.5 * gain[t] * stem + load
+        drive = 1.5 * gain[t] * stem + load + loaded[t]
         for k, tau in enumerate((TAU, *(5.0,) * further)):
             states[k] += (1.0 - np.exp(-1.0 / tau)) * (drive - states[k])
             drive = states[k]
@@ -66,6 +74,32 @@ def test_a_sensor_whose_drift_levels_out_is_no_step_of_the_load(seed: int) -> No
 def test_a_gain_that_is_another_for_a_while_has_drifted(change: float) -> None:
     said = explain(loop(4, gain=1.0 + change * during(800.0, 1500.0)))
     assert "process.gain_drift" in first(said)
+
+
+@pytest.mark.parametrize("size", [-3.0, 3.0])
+def test_a_load_that_comes_and_goes_is_a_ramp_that_returns(size: float) -> None:
+    said = explain(loop(7, loaded=size * np.interp(TIME, [600.0, 1000.0, 1500.0], [0.0, 1.0, 0.0])))
+    assert said.effects[0].code == "disturbance.ramp"
+    assert {one.name: one.value for one in said.effects[0].parameters} == {
+        "start": pytest.approx(600.0, abs=100.0),
+        "end": pytest.approx(1500.0, abs=100.0),
+        "turn": pytest.approx(1000.0, abs=100.0),
+        "size": pytest.approx(size, rel=0.3),
+    }
+
+
+def test_a_dead_time_that_becomes_longer_is_named_and_dated() -> None:
+    said = explain(loop(8, later=12.0 * (TIME >= 1000.0)))
+    assert [effect.code for effect in said.effects] == ["process.dead_time"]
+    start, extra = said.effects[0].parameters
+    assert (start.value, extra.value) == (pytest.approx(1000.0, abs=20.0), pytest.approx(12.0, rel=0.1))
+
+
+def test_a_dead_time_that_grows_is_named() -> None:
+    said = explain(loop(9, later=12.0 * TIME / N))
+    assert [effect.code for effect in said.effects] == ["process.dead_time"]
+    (extra,) = said.effects[0].parameters
+    assert extra.value == pytest.approx(12.0, rel=0.15)
 
 
 def test_a_valve_between_two_stops_is_limited_by_both() -> None:

@@ -10,6 +10,7 @@ from app.engine.mismatch.loop.block import Block
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.physics import (
     additive,
+    changing_dead_time,
     coupling,
     friction,
     gain_drift,
@@ -39,6 +40,7 @@ ALWAYS_OFFERED = (
     valve_saturation,
     static_gain,
     process_dynamics,
+    changing_dead_time,
     resonance,
     gain_drift,
     vessel,

@@ -2,6 +2,8 @@
 sensor (at once).
 """
 
+from itertools import combinations
+
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
@@ -12,6 +14,7 @@ from app.engine.recording import FloatArray
 SHARPEST = 15
 LEAST_DRIFT = 0.04  # of the record
 SLOWER = 1.3
+RETURNS = 13  # moments at which a load may begin, turn and be back
 
 
 def as_drive(context: Context) -> float:
@@ -105,6 +108,28 @@ def sensor_drift(signal: FloatArray, values: FloatArray, context: Context) -> Fl
 def load_drift(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """A load that moves: on an integrator PV bends, a full vessel runs over."""
     return signal + values[2] * enters(context, values[0], values[0] + values[1])
+
+
+def returning_parameters(context: Context) -> tuple[Parameter, ...]:
+    return (*pulse_parameters(context)[:2], moment("turn", context), size(context))
+
+
+def returning_starts(context: Context, _: FloatArray) -> FloatArray:
+    times = context.record.duration_s * np.linspace(0.02, 0.98, RETURNS)
+    return np.array([(a, c, b, 0.0) for a, b, c in combinations(times, 3)])
+
+
+def returning(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """A load that moves until it turns, and goes all the way back."""
+    begin, end, turn, reached = values
+    return signal + reached * (enters(context, begin, turn) - enters(context, turn, end))
+
+
+def goes_and_comes(values: FloatArray, context: Context) -> bool:
+    """It turns between its ends, and not as quickly as a pulse would."""
+    begin, end, turn = values[:3]
+    steep = LEAST_DRIFT * context.record.duration_s
+    return lasts(values, context) and bool(turn - begin >= steep and end - turn >= steep)
 
 
 def recalibrated_starts(context: Context, innovations: FloatArray) -> FloatArray:
@@ -243,6 +268,19 @@ BLOCKS = (
         apply=load_drift,
         active=since,
         penalty=16.0,
+    ),
+    Block(
+        "disturbance.ramp",
+        "disturbance",
+        "load",
+        "within a time",
+        returning_parameters,
+        returning_starts,
+        apply=returning,
+        active=between,
+        form="returning",
+        penalty=18.5,
+        sensible=goes_and_comes,
     ),
     Block(
         "sensor.drift",

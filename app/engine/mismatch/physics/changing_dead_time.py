@@ -1,0 +1,87 @@
+"""A dead time that becomes another one: a belt that slows down, a line that fills up, a sampling pump that tires."""
+
+import numpy as np
+
+from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.moments import moment, since
+from app.engine.mismatch.physics.scales import slowness
+from app.engine.recording import FloatArray
+
+EDGE = 0.1  # of the record: as long is seen of the dead time before it changes, and after
+CODE = "process.dead_time"
+
+
+def extra(context: Context) -> Parameter:
+    ts = context.record.sampling_interval_s
+    return Parameter("extra", "s", 0.3 * ts, 6.0 * slowness(context), ts, log=True)
+
+
+def delays(context: Context) -> FloatArray:
+    return np.geomspace(context.record.sampling_interval_s, 4.0 * slowness(context), 10)
+
+
+def later(signal: FloatArray, extra_s: FloatArray, context: Context) -> FloatArray:
+    """The signal (N,), each sample of it from extra_s (N,) seconds before."""
+    time_s = context.time_s
+    return np.interp(time_s - extra_s, time_s, signal)
+
+
+def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
+    return (moment("start", context), extra(context))
+
+
+def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 17), delays(context))
+
+
+def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """Longer from the start on: what is on its way then has been on it for as long already."""
+    return later(signal, np.where(context.time_s >= values[0], values[1], 0.0), context)
+
+
+def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
+    duration = context.record.duration_s
+    return bool(EDGE * duration <= values[0] <= (1.0 - EDGE) * duration)
+
+
+def grows_parameters(context: Context) -> tuple[Parameter, ...]:
+    return (extra(context),)
+
+
+def grows_starts(context: Context, _: FloatArray) -> FloatArray:
+    return delays(context)[:, None]
+
+
+def grows(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """Longer and longer, from nothing at the record's start."""
+    return later(signal, values[0] * context.time_s / context.record.duration_s, context)
+
+
+BLOCKS = (
+    Block(
+        CODE,
+        "process",
+        "input",
+        "after a time",
+        sets_in_parameters,
+        sets_in_starts,
+        apply=sets_in,
+        active=since,
+        form="sets_in",
+        penalty=17.0,
+        rough=True,
+        abrupt=True,
+        sensible=seen_on_both_sides,
+    ),
+    Block(
+        CODE,
+        "process",
+        "input",
+        "longer and longer",
+        grows_parameters,
+        grows_starts,
+        apply=grows,
+        form="grows",
+        penalty=15.0,
+    ),
+)
