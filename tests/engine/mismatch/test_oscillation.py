@@ -1,11 +1,11 @@
 """A wave that lasts for many turns: its period is found to a share of a turn over all of them."""
 
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.fit.fitting import residual_rows, slopes
 from app.engine.mismatch.fit.noise import NoiseModel
 from app.engine.mismatch.fit.task import Given, make_task, start_at
@@ -20,13 +20,19 @@ PLANT = Plant(1.4, 30.0, 6.0)
 GIVEN = LinearSimulation(gain=1.45, time_constants_s=(28.5,), dead_time_s=6.0)
 
 
-@pytest.mark.parametrize(("period_s", "begin", "end"), [(33.28, 240, 2000), (57.77, 300, 1900), (17.97, 500, 2300)])
-def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int) -> None:
+@cache
+def shaken(period_s: float, begin: int, end: int, size: float) -> Explanation:
+    """What is said of a wave on PV from one sample up to another."""
     time_s, lasting = TS * np.arange(N), slice(begin, end)
     wave = np.zeros(N)
-    wave[lasting] = 1.5 * np.sin(2.0 * np.pi * time_s[lasting] / period_s)
+    wave[lasting] = size * np.sin(2.0 * np.pi * time_s[lasting] / period_s)
     pv = 50.0 + run_process(moves(), PLANT, TS) + wave + noise()
-    answer = explain(Comparison("shaken", TS, 40.0 + moves(), pv, simulation=GIVEN))
+    return explain(Comparison("shaken", TS, 40.0 + moves(), pv, simulation=GIVEN))
+
+
+@pytest.mark.parametrize(("period_s", "begin", "end"), [(33.28, 240, 2000), (57.77, 300, 1900), (17.97, 500, 2300)])
+def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int) -> None:
+    answer = shaken(period_s, begin, end, 1.5)
     (effect,) = answer.effects
     assert effect.code == "disturbance.oscillation"
     assert [p.name for p in effect.parameters] == ["start", "end", "period", "sine", "cosine"]
@@ -43,11 +49,7 @@ def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int)
 )
 def test_the_ends_of_a_wave_are_found(period_s: float, begin: int, end: int, size: float) -> None:
     """Each turn and each sample has a valley of its own: from a wrong one a step made good what the ends were off."""
-    time_s, lasting = TS * np.arange(N), slice(begin, end)
-    wave = np.zeros(N)
-    wave[lasting] = size * np.sin(2.0 * np.pi * time_s[lasting] / period_s)
-    pv = 50.0 + run_process(moves(), PLANT, TS) + wave + noise()
-    answer = explain(Comparison("shaken", TS, 40.0 + moves(), pv, simulation=GIVEN))
+    answer = shaken(period_s, begin, end, size)
     assert [effect.code for effect in answer.effects] == ["disturbance.oscillation"]
     found = {p.name: p for p in answer.effects[0].parameters}
     assert found["start"].value == pytest.approx(TS * begin, abs=0.02 * period_s)
