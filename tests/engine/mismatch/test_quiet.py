@@ -69,6 +69,36 @@ def test_where_op_rests_too_nothing_froze() -> None:
     assert found(pv, op) == []
 
 
+@pytest.mark.parametrize("share", [0.85, 0.93])
+def test_the_end_of_a_sensor_s_range_beside_a_little_noise_is_no_frozen_sensor(share: float) -> None:
+    """It lets go of PV where it is: that it is a limit, the competition says."""
+    pv = measured()
+    assert found(np.minimum(pv, np.quantile(pv, share)) + 0.1 * noise(seed=4)) == []
+    assert found(np.maximum(pv, np.quantile(pv, 1.0 - share)) + 0.1 * noise(seed=4)) == []
+
+
+def test_a_valve_that_stays_put_for_a_while_before_a_fast_process_is_no_frozen_sensor() -> None:
+    """What PV loses there is what the stem moves, and the noise of the meter is as it was."""
+    rng = np.random.default_rng(0)
+    op, pv, stem, flow, summed, sp = np.zeros(N), np.zeros(N), 0.0, 0.0, 0.0, 0.0
+    for t in range(1, N):
+        sp = 0.9 * sp + 0.3 * rng.standard_normal()
+        summed += 0.05 * (sp - pv[t - 1])
+        flow += 0.63 * (1.5 * stem - flow)
+        op[t] = 0.4 * (sp - pv[t - 1]) + summed
+        stem = stem if FIRST <= t < AFTER else op[t]
+        pv[t] = flow + 0.02 * rng.standard_normal()
+    assert found(50.0 + pv, 40.0 + op) == []
+
+
+def test_a_pv_that_froze_is_told_in_a_record_of_which_less_than_half_has_no_gaps() -> None:
+    """Around a gap the noise is not known, which is not to be taken for much of it."""
+    known = (np.arange(N) % 8 > 0) | ((np.arange(N) >= FIRST - 200) & (np.arange(N) < AFTER + 210))
+    pv = np.interp(np.arange(N), np.flatnonzero(known), frozen(0.1)[known])
+    record = record_of(Comparison("loop", TS, 40.0 + moves(), pv, known=known))
+    assert [pattern.reason.code for pattern in find_patterns(record)] == ["pv_frozen"]
+
+
 def test_a_pv_that_stands_where_the_refit_stands_is_not_taken_for_frozen() -> None:
     """Its noise is gone, but it is where OP would have it: the loop was quiet, and the meter damped."""
     op = 40.0 + moves()

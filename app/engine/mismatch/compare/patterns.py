@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.compare.quiet import quiet_stretches
+from app.engine.mismatch.compare.quiet import quiet_stretches, within_range
 from app.engine.mismatch.compare.sampling import hold_of
 from app.engine.mismatch.fit.levels import level_spacing
 from app.engine.mismatch.loop.block import Block, Part
@@ -218,10 +218,13 @@ def stuck(record: Experiment, run: Run) -> Pattern:
 
 def frozen_stretches(record: Experiment, explained: list[BoolArray]) -> tuple[Pattern, ...]:
     """Stretches in which PV stands beside a little noise of what reads it, while OP moves on: a transmitter that froze
-    and repeats no value to the last digit. explained: (N,) each, where PV shows something else."""
+    and repeats no value to the last digit. Near its extremes PV may rest at a limit, as in `stuck_stretches`.
+    explained: (N,) each, where PV shows something else.
+    """
     runs = [Run(first, last) for first, last in quiet_stretches(record)]
     runs = [run for run in runs if not any(shows[run.first : run.last + 1].any() for shows in explained)]
     runs = [run for run in runs if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
+    runs = [run for run in runs if within_range(record, run.first, run.last) or jumps_free(record.pv, run)]
     if len(runs) > MOST_STUCK:
         return ()
     return tuple(frozen(record, run) for run in sorted(runs, key=lambda run: -run.length))
@@ -229,8 +232,9 @@ def frozen_stretches(record: Experiment, explained: list[BoolArray]) -> tuple[Pa
 
 def frozen(record: Experiment, run: Run) -> Pattern:
     pv = record.pv[run.first : run.last + 1]
-    between = f"between {np.min(pv):.5g} and {np.max(pv):.5g} for {run.length} samples"
-    text = f"PV stays {between}, with less noise than it has elsewhere, while OP moves on"
+    low, high = f"{np.min(pv):.5g}", f"{np.max(pv):.5g}"
+    where = f"at {low}" if low == high else f"between {low} and {high}"
+    text = f"PV stays {where} for {run.length} samples, with less noise than it has elsewhere, while OP moves on"
     return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=noise_deviation(record))
 
 

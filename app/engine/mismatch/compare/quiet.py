@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from app.engine.mismatch.loop.causing import LATEST, known, past, rest_of
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.recording import FloatArray
 
@@ -13,23 +14,45 @@ STEADY = 0.6  # of the median: elsewhere nine windows in ten have more, or PV's 
 MOST_QUIET = 0.25  # of the record
 STANDS = 8.0  # standard deviations of what is left of the noise, which may be coloured
 TRAVELS = 5.0  # so much farther PV goes in as many samples elsewhere, mostly
+BEYOND = 0.02  # of the record: so much of PV lies above where it stands, and below, or that may be the end of a range
 
 
 def quiet_stretches(record: Experiment) -> tuple[tuple[int, int], ...]:
     """First and last samples of the stretches in which PV stands but for a noise that is far less than its usual one;
     none where PV's noise is not steady elsewhere, or where these are no exception.
 
-    Noise is told by second differences, of which the process makes little.
+    Noise is told by second differences, of which a slow process makes little. Where OP moves a fast one they are moves
+    of PV, which a valve that stays put takes away too: so noise has to be gone beside what OP and PV foretell as well.
     """
     noise = _local_noise(record)
-    usual = float(np.median(noise))
+    heard = np.isfinite(noise)
+    usual = float(np.median(noise[heard])) if heard.any() else 0.0
     quiet = noise < QUIET * usual
-    if not quiet.any() or np.mean(quiet) > MOST_QUIET or np.quantile(noise[~quiet], 0.1) < STEADY * usual:
+    if not quiet.any() or np.mean(quiet) > MOST_QUIET or np.quantile(noise[heard & ~quiet], 0.1) < STEADY * usual:
         return ()
     edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
     cores = zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True)
     found = dict.fromkeys(_grown(record, first, last) for first, last in cores)
-    return tuple((a, b) for a, b in found if b - a >= LEAST and _stands(record, a, b))
+    stand = [(a, b) for a, b in found if b - a >= LEAST and _stands(record, a, b)]
+    most = QUIET * _unforeseen(record, stand) if stand else 0.0
+    return tuple((a, b) for a, b in stand if _noise_of(record.pv[a : b + 1]) < most)
+
+
+def within_range(record: Experiment, first: int, last: int) -> bool:
+    """Whether PV lies now and then above where it stands from `first` to `last`, and below: it rests at no limit."""
+    level, reach = _level_and_reach(record.pv[first : last + 1])
+    known_pv = record.pv[record.usable]
+    return bool(min(np.mean(known_pv > level + reach), np.mean(known_pv < level - reach)) > BEYOND)
+
+
+def _unforeseen(record: Experiment, stretches: list[tuple[int, int]]) -> float:
+    """Standard deviation, by the median, of what OP's and PV's last samples leave of PV outside these stretches."""
+    outside = record.usable.copy()
+    for first, last in stretches:
+        outside[first : last + 1] = False
+    kept = known(record.comparing(outside))
+    columns = np.concatenate([past(x)[:, :LATEST] for x in (record.pv, record.op)], axis=1)
+    return float(np.median(np.abs(rest_of(record.pv[kept], columns[kept]))) / 0.6745)
 
 
 def _local_noise(record: Experiment) -> FloatArray:
@@ -49,8 +72,11 @@ def _grown(record: Experiment, first: int, last: int) -> tuple[int, int]:
 
 
 def _level_and_reach(pv: FloatArray) -> tuple[float, float]:
-    noise = np.sqrt(np.mean(np.diff(pv, 2) ** 2) / 6.0) if len(pv) > 2 else 0.0
-    return float(np.median(pv)), float(STANDS * noise)
+    return float(np.median(pv)), STANDS * _noise_of(pv)
+
+
+def _noise_of(pv: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.diff(pv, 2) ** 2) / 6.0)) if len(pv) > 2 else 0.0
 
 
 def _stands(record: Experiment, first: int, last: int) -> bool:
