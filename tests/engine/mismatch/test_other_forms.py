@@ -24,6 +24,8 @@ def loop(
     later: FloatArray = NOTHING,
     further: int = 0,
     low: float = -99.0,
+    still: int = 0,
+    calm: float = 1.0,
 ) -> Comparison:
     """A PI loop at 1 s: a gain of 1.5 (times `gain`), 30 s of lag, 4 s of dead time (and `later`). sensor: added to
     what is measured; loaded: to what enters the process. further: lags of 5 s more. low: a stop of the valve, with
@@ -31,13 +33,14 @@ def loop(
     """
     rng = np.random.default_rng(seed)
     sp = np.repeat(rng.uniform(-6.0, 6.0, N // 150), 150)
+    sp[:still] = 0.0
     sp[:150] = 0.0
     op, pv, states, summed, load = np.zeros(N), np.zeros(N), [0.0] * (1 + further), 0.0, 0.0
     for t in range(N):
         pv[t] = states[-1] + sensor[t] + 0.1 * rng.standard_normal()
         summed += 0.8 * (sp[t] - pv[t]) / 30.0
         op[t] = 0.8 * (sp[t] - pv[t]) + summed
-        load = 0.97 * load + 0.3 * np.sqrt(1.0 - 0.97**2) * rng.standard_normal()
+        load = 0.97 * load + 0.3 * calm * np.sqrt(1.0 - 0.97**2) * rng.standard_normal()
         stem = op[max(t - LATE - round(later[t]), 0)]
         stem = stem if low < -90.0 else min(max(stem, low), 3.0)
         drive = 1.5 * gain[t] * stem + load + loaded[t]
@@ -93,6 +96,13 @@ def test_a_dead_time_that_becomes_longer_is_named_and_dated() -> None:
     assert [effect.code for effect in said.effects] == ["process.dead_time"]
     start, extra = said.effects[0].parameters
     assert (start.value, extra.value) == (pytest.approx(1000.0, abs=20.0), pytest.approx(12.0, rel=0.1))
+
+
+@pytest.mark.parametrize("still", [900, 1200])
+def test_a_dead_time_that_was_never_another_does_not_set_in_where_the_loop_first_moves(still: int) -> None:
+    said = explain(loop(11, later=8.0 * ALWAYS, still=still, calm=0.1))
+    assert [effect.code for effect in said.effects] == ["process.dead_time"]
+    assert [one.name for one in said.effects[0].parameters] == ["extra"]
 
 
 def test_a_dead_time_that_grows_is_named() -> None:

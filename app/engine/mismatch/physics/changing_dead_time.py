@@ -7,7 +7,7 @@ from app.engine.mismatch.physics.moments import moment, since
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
-EDGE = 0.1  # of the record: as long is seen of the dead time before it changes, and after
+EDGE = 0.1  # of the record, and of what shows the dead time in it: so much before it changes, and after
 CODE = "process.dead_time"
 
 
@@ -40,8 +40,16 @@ def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
 
 
 def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
-    duration = context.record.duration_s
-    return bool(EDGE * duration <= values[0] <= (1.0 - EDGE) * duration)
+    """Whether the record goes on for long enough before and after, and OP moves so much in both that the longer dead
+    time would show: where it rests before, the dead time may have been as long all along.
+    """
+    duration, start = context.record.duration_s, values[0]
+    if not EDGE * duration <= start <= (1.0 - EDGE) * duration:
+        return False
+    op = context.record.op_deviation
+    shows = (later(op, np.full(len(op), values[1]), context) - op) ** 2
+    before = float(np.sum(shows[context.time_s < start]))
+    return EDGE <= before / max(float(np.sum(shows)), 1e-300) <= 1.0 - EDGE
 
 
 def grows_parameters(context: Context) -> tuple[Parameter, ...]:
