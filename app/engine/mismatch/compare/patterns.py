@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.engine.evidence import Reason
-from app.engine.mismatch.compare.quiet import quiet_stretches, within_range
+from app.engine.mismatch.compare.quiet import between_known, quiet_stretches, within_range
 from app.engine.mismatch.compare.sampling import hold_of
 from app.engine.mismatch.fit.levels import level_spacing
 from app.engine.mismatch.loop.block import Block, Part
@@ -65,12 +65,6 @@ def noise_deviation(record: Experiment) -> float:
     second = np.diff(record.pv, 2)
     moving = second[(second != 0.0) & between_known(record)]
     return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
-
-
-def between_known(record: Experiment) -> BoolArray:
-    """(N - 2,) whether a sample and both beside it are known, for second differences."""
-    known = record.usable
-    return known[:-2] & known[1:-1] & known[2:]
 
 
 def equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:

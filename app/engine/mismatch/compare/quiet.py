@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from app.engine.mismatch.loop.causing import LATEST, known, past, rest_of
+from app.engine.mismatch.loop import causing
 from app.engine.mismatch.loop.experiment import Experiment
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 
 WINDOW = 15  # samples over which noise is looked at
 LEAST = 2 * WINDOW
@@ -45,21 +45,26 @@ def within_range(record: Experiment, first: int, last: int) -> bool:
     return bool(min(np.mean(known_pv > level + reach), np.mean(known_pv < level - reach)) > BEYOND)
 
 
+def between_known(record: Experiment) -> BoolArray:
+    """(N - 2,) whether a sample and both beside it are known, for second differences."""
+    known = record.usable
+    return known[:-2] & known[1:-1] & known[2:]
+
+
 def _unforeseen(record: Experiment, stretches: list[tuple[int, int]]) -> float:
     """Standard deviation, by the median, of what OP's and PV's last samples leave of PV outside these stretches."""
     outside = record.usable.copy()
     for first, last in stretches:
         outside[first : last + 1] = False
-    kept = known(record.comparing(outside))
-    columns = np.concatenate([past(x)[:, :LATEST] for x in (record.pv, record.op)], axis=1)
-    return float(np.median(np.abs(rest_of(record.pv[kept], columns[kept]))) / 0.6745)
+    kept = causing.known(record.comparing(outside))
+    columns = np.concatenate([causing.past(x)[:, : causing.LATEST] for x in (record.pv, record.op)], axis=1)
+    return float(np.median(np.abs(causing.rest_of(record.pv[kept], columns[kept]))) / 0.6745)
 
 
 def _local_noise(record: Experiment) -> FloatArray:
     """(N,) standard deviation of PV's noise around each sample; infinite where fewer samples are known."""
-    known = record.usable[:-2] & record.usable[1:-1] & record.usable[2:]
     around = uniform_filter1d(np.diff(record.pv, 2) ** 2, WINDOW, mode="nearest")
-    heard = uniform_filter1d(known.astype(np.float64), WINDOW, mode="nearest") > 1.0 - 0.5 / WINDOW
+    heard = uniform_filter1d(between_known(record).astype(np.float64), WINDOW, mode="nearest") > 1.0 - 0.5 / WINDOW
     return np.pad(np.where(heard, np.sqrt(np.maximum(around, 0.0) / 6.0), np.inf), 1, mode="edge")
 
 

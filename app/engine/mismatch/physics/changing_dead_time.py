@@ -4,16 +4,12 @@ import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.moments import moment, since
+from app.engine.mismatch.physics.process_dynamics import extra_delay
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
 EDGE = 0.1  # of the record, and of what shows the dead time in it: so much before it changes, and after
 CODE = "process.dead_time"
-
-
-def extra(context: Context) -> Parameter:
-    ts = context.record.sampling_interval_s
-    return Parameter("extra", "s", 0.3 * ts, 6.0 * slowness(context), ts, log=True)
 
 
 def delays(context: Context) -> FloatArray:
@@ -27,7 +23,7 @@ def later(signal: FloatArray, extra_s: FloatArray, context: Context) -> FloatArr
 
 
 def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
-    return (moment("start", context), extra(context))
+    return (moment("start", context), *extra_delay(context))
 
 
 def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
@@ -50,10 +46,6 @@ def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
     shows = (later(op, np.full(len(op), values[1]), context) - op) ** 2
     before = float(np.sum(shows[context.time_s < start]))
     return EDGE <= before / max(float(np.sum(shows)), 1e-300) <= 1.0 - EDGE
-
-
-def grows_parameters(context: Context) -> tuple[Parameter, ...]:
-    return (extra(context),)
 
 
 def grows_starts(context: Context, _: FloatArray) -> FloatArray:
@@ -86,7 +78,7 @@ BLOCKS = (
         "process",
         "input",
         "longer and longer",
-        grows_parameters,
+        extra_delay,
         grows_starts,
         apply=grows,
         form="grows",
