@@ -75,10 +75,10 @@ class StateWords:
             given[taken], words.filter(pl.Series(taken))
         )
 
-    def _note_judged(self, codes: Codes, few: NDArray[np.bool_], words: pl.Series, moving: NDArray[np.bool_]) -> None:
+    def _note_judged(self, of_tag: Codes, few: NDArray[np.bool_], words: pl.Series, moving: NDArray[np.bool_]) -> None:
         if len(self._moving_judged) >= _MOST_HELD:
             return
-        self._few_judged |= set(pl.DataFrame({"code": codes, "few": few}).unique().iter_rows())
+        self._few_judged |= set(pl.DataFrame({"tag": of_tag, "few": few}).unique().iter_rows())
         self._moving_judged |= set(pl.DataFrame({"word": words, "moving": moving}).unique().iter_rows())
 
     def _stand_beside_moving(self, words: pl.Series, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
