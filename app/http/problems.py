@@ -25,6 +25,8 @@ from app.services.data_folder import folder_away
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200
 MOST_ERRORS = 20
+LOOK_FIRST = "look whether it is there before you send it again"
+SEND_AGAIN = "send it again: done twice, it changes nothing more"
 
 # Codes of services whose status differs from the one of their class.
 STATUS_BY_CODE = {
@@ -219,11 +221,14 @@ def _in_doubt(request: Request, error: Exception, action: str) -> Response:
     log.error("data base away in the midst of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     request.scope["state"]["in_doubt"] = True  # for the trail
     text = "the data base went away while this was written: it is not known whether it was done"
-    if action in SECOND_ONE or "if-match" in request.headers:  # done, the tag is another one, and a repeat is refused
-        text += "; look whether it is there before you send it again"
-        return respond(request, 504, "outcome_unknown", text)
-    text += "; send it again: done twice, it changes nothing more"
-    return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
+    if _would_be_a_second_one(request, action):
+        return respond(request, 504, "outcome_unknown", f"{text}; {LOOK_FIRST}")
+    return respond(request, 503, "database_away", f"{text}; {SEND_AGAIN}", headers={"Retry-After": "5"})
+
+
+def _would_be_a_second_one(request: Request, action: str | None) -> bool:
+    # With If-Match: done, the tag is another one, and a repeat is refused.
+    return action in SECOND_ONE or "if-match" in request.headers
 
 
 def stopped(request: Request) -> Response:
@@ -231,10 +236,10 @@ def stopped(request: Request) -> Response:
     end, or not: nobody hears of it."""
     action = request.scope.get("state", {}).get("action")
     text = "the service is being stopped, and this was not done by then"
-    if action in SECOND_ONE or "if-match" in request.headers:
-        text += "; it is not known whether it will be: look whether it is there before you send it again"
+    if _would_be_a_second_one(request, action):
+        text += f"; it is not known whether it will be: {LOOK_FIRST}"
         return respond(request, 504, "outcome_unknown", text)
-    text += "; send it again: done twice, it changes nothing more" if action else "; ask again"
+    text += f"; {SEND_AGAIN if action else 'ask again'}"
     return respond(request, 503, "unavailable", text, headers={"Retry-After": "5"})
 
 
