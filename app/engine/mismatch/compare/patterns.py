@@ -1,5 +1,6 @@
 """Effects that PV shows by itself, before any simulation: repeated values, few levels, straight lines."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,7 +98,8 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     squeezed = None if limits or stuck else compressed(record)
     if squeezed is not None:
         return (squeezed,)
-    return (*limits, *stuck, *(() if rests else frozen_stretches(record, [p.shows for p in (*limits, *stuck)])))
+    found = (*limits, *stuck)
+    return found if rests else (*found, *frozen_stretches(record, [pattern.shows for pattern in found]))
 
 
 def held(record: Experiment, interval_s: float) -> Pattern:
@@ -182,15 +184,20 @@ def stuck_stretches(
     second = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
     needed = max(LEAST_RUN, 5.0 * usual, 3.0 * second)
     found = [run for run in free if run.length >= needed]
+    away = away_from_extremes(record)
+    return tuple(stuck(record, run) for run in of_a_sensor(record, found, lambda run: bool(away[run.first])))
+
+
+def of_a_sensor(record: Experiment, runs: list[Run], away: Callable[[Run], bool]) -> list[Run]:
+    """Those of the runs that a sensor makes, the longest first; none where they are too many. away: from the extremes
+    of PV.
+    """
     # A PV that rests because nothing moves is not stuck.
-    found = [run for run in found if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
+    runs = [run for run in runs if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
     # Near its extremes PV may rest because a limit presses it: that is for the competition to say. A limit lets go of
     # PV where it is; a sensor that comes free jumps to where PV went.
-    away = away_from_extremes(record)
-    found = [run for run in found if away[run.first] or jumps_free(record.pv, run)]
-    if len(found) > MOST_STUCK:
-        return ()
-    return tuple(stuck(record, run) for run in sorted(found, key=lambda run: -run.length))
+    runs = [run for run in runs if away(run) or jumps_free(record.pv, run)]
+    return sorted(runs, key=lambda run: -run.length) if len(runs) <= MOST_STUCK else []
 
 
 def jumps_free(pv: FloatArray, run: Run) -> bool:
@@ -212,16 +219,12 @@ def stuck(record: Experiment, run: Run) -> Pattern:
 
 def frozen_stretches(record: Experiment, explained: list[BoolArray]) -> tuple[Pattern, ...]:
     """Stretches in which PV stands beside a little noise of what reads it, while OP moves on: a transmitter that froze
-    and repeats no value to the last digit. Near its extremes PV may rest at a limit, as in `stuck_stretches`.
-    explained: (N,) each, where PV shows something else.
+    and repeats no value to the last digit. explained: (N,) each, where PV shows something else.
     """
     runs = [Run(first, last) for first, last in quiet_stretches(record)]
     runs = [run for run in runs if not any(shows[run.first : run.last + 1].any() for shows in explained)]
-    runs = [run for run in runs if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
-    runs = [run for run in runs if within_range(record, run.first, run.last) or jumps_free(record.pv, run)]
-    if len(runs) > MOST_STUCK:
-        return ()
-    return tuple(frozen(record, run) for run in sorted(runs, key=lambda run: -run.length))
+    found = of_a_sensor(record, runs, lambda run: within_range(record, run.first, run.last))
+    return tuple(frozen(record, run) for run in found)
 
 
 def frozen(record: Experiment, run: Run) -> Pattern:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.plant import delay
 from app.engine.mismatch.physics.moments import moment, since
 from app.engine.mismatch.physics.process_dynamics import extra_delay
 from app.engine.mismatch.physics.scales import slowness
@@ -43,7 +44,7 @@ def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
     if not EDGE * duration <= start <= (1.0 - EDGE) * duration:
         return False
     op = context.record.op_deviation
-    shows = (later(op, np.full(len(op), values[1]), context) - op) ** 2
+    shows = (delay(op, values[1], context.record.sampling_interval_s) - op) ** 2
     before = float(np.sum(shows[context.time_s < start]))
     return EDGE <= before / max(float(np.sum(shows)), 1e-300) <= 1.0 - EDGE
 
