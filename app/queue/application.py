@@ -6,6 +6,7 @@ from celery import Celery
 from kombu import Queue as KombuQueue
 from kombu.transport import TRANSPORT_ALIASES
 
+from app.queue import turns
 from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP, queue_names
 from app.queue.steady import Every
 from app.settings import TASK_LIMIT_S, Settings
@@ -89,4 +90,5 @@ def _transport_options(settings: Settings, answers_in_s: float) -> dict[str, Any
         "socket_connect_timeout": min(CONNECT_TIMEOUT_S, answers_in_s),
         "socket_keepalive": True,
         "health_check_interval": 25,
+        "queue_order_strategy": f"{turns.__name__}:{turns.OneAsk.__name__}",
     }

@@ -20,6 +20,7 @@ from kombu.transport import filesystem
 from kombu.utils.json import dumps, loads
 
 from app.queue.jobs import MOST_WAITING
+from app.queue.turns import OneByOne
 
 LEFT_AFTER_S = 3600.0
 """What was taken, or is being written, for longer than this is nobody's any more: both take milliseconds."""
@@ -41,6 +42,9 @@ class Channel(filesystem.Channel):
         super().__init__(*arguments, **options)
         for part in (WAITING, TAKEN, QUEUES):
             _sweep(self._folder(part))
+
+    def _reset_cycle(self) -> None:
+        self._cycle = OneByOne(self._get_and_deliver, self._active_queues, Empty)
 
     def _put(self, queue: str, payload: Any, **options: Any) -> None:  # type: ignore[override]  # as kombu's own do
         waiting = self._folder(WAITING)

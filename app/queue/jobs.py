@@ -1,4 +1,4 @@
-"""What can be asked of a worker. Reading and sweeping have queues of their own, so that no long run holds them up."""
+"""What can be asked of a worker. Each job has a queue of its own; `turns` says in which order they are looked into."""
 
 import hashlib
 
