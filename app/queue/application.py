@@ -7,7 +7,7 @@ from kombu import Queue as KombuQueue
 from kombu.transport import TRANSPORT_ALIASES
 
 from app.queue import turns
-from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP, queue_names
+from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, FORGOTTEN_AFTER_S, READ_UPLOAD, SWEEP, queue_names
 from app.queue.steady import Every
 from app.settings import TASK_LIMIT_S, Settings
 
@@ -36,7 +36,7 @@ def celery_application(settings: Settings, *, works: bool = False, answers_in_s:
         broker_transport_options=_transport_options(settings, answers_in_s),
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
-        broker_channel_error_retry=settings.resolved_broker_url.startswith("redis"),
+        broker_channel_error_retry=not _in_folder(settings),
         broker_connection_timeout=min(CONNECT_TIMEOUT_S, answers_in_s),
         accept_content=["json"],
         task_serializer="json",
@@ -72,7 +72,8 @@ def celery_application(settings: Settings, *, works: bool = False, answers_in_s:
 
 
 def _every(seconds: float) -> dict[str, Any]:
-    return {"task": SWEEP, "schedule": Every(seconds), "options": {"expires": SWEEP_EXPIRES_S}}
+    options = {"expires": SWEEP_EXPIRES_S, "expiration": FORGOTTEN_AFTER_S}
+    return {"task": SWEEP, "schedule": Every(seconds), "options": options}
 
 
 def _in_folder(settings: Settings) -> bool:

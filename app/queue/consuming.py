@@ -1,4 +1,5 @@
-"""A worker that goes on where its broker answers and refuses: a Redis without memory left, or with a full disk.
+"""A worker that goes on where its broker answers and refuses: a Redis without memory left, or with a full disk, or a
+RabbitMQ that waited longer than its `consumer_timeout` for a large export to be read.
 
 Celery counts that as unrecoverable and ends. What the broker did not take or lost is in the data base, and the sweeper
 rings for it again.
@@ -9,6 +10,7 @@ import time
 
 from celery.worker.consumer import Consumer as CeleryConsumer
 from celery.worker.state import maybe_shutdown
+from redis import RedisError
 
 from app.queue.jobs import BROKER_REFUSED
 
@@ -41,8 +43,9 @@ class Consumer(CeleryConsumer):
     def _wait_after(self, refusal: Exception) -> None:
         is_new = time.monotonic() - self._refused_at > QUIET_S
         self._pause_s = FIRST_PAUSE_S if is_new else min(2 * self._pause_s, LONGEST_PAUSE_S)
-        text = "the broker answers and takes nothing, make room in it; trying again in %.0f s: %s"
-        log.error(text, self._pause_s, refusal, extra={"code": BROKER_REFUSED})
+        wanted = "takes nothing, make room in it" if isinstance(refusal, RedisError) else "refuses"
+        text = "the broker answers and %s; trying again in %.0f s: %s"
+        log.error(text, wanted, self._pause_s, refusal, extra={"code": BROKER_REFUSED})
         until = time.monotonic() + self._pause_s
         while time.monotonic() < until:
             maybe_shutdown()

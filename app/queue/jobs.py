@@ -19,6 +19,9 @@ MOST_WAITING = 2000
 """More doorbells of a queue than this ring for nobody. Without a worker, or behind hours of work, which is announced
 again and again, they must fill no disk and no memory of Redis."""
 
+FORGOTTEN_AFTER_S = 900.0
+"""For the same reason RabbitMQ, which is not asked how many wait, drops a doorbell that nobody heard for so long."""
+
 KIND_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLAIN: "explain", DELIVER: "deliver"}
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from kombu.exceptions import OperationalError
 
-from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
+from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, FORGOTTEN_AFTER_S, READ_UPLOAD, SWEEP
 from app.settings import Settings
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Queue:
             log.info("broker was away just now, %s%r waits for the sweeper", job, arguments)
             return False
         try:
-            self._application.send_task(job, args=arguments)
+            self._application.send_task(job, args=arguments, expiration=FORGOTTEN_AFTER_S)
         except self._refusals as error:
             self._away_until = time.monotonic() + AWAY_S
             log.warning("broker away, %s%r waits for the sweeper: %s", job, arguments, error)
