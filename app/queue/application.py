@@ -91,5 +91,5 @@ def _transport_options(settings: Settings, answers_in_s: float) -> dict[str, Any
         "socket_connect_timeout": min(CONNECT_TIMEOUT_S, answers_in_s),
         "socket_keepalive": True,
         "health_check_interval": 25,
-        "queue_order_strategy": f"{turns.__name__}:{turns.OneAsk.__name__}",
+        "queue_order_strategy": f"{turns.__name__}:{turns.OrderOfQueues.__name__}",
     }

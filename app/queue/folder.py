@@ -20,7 +20,7 @@ from kombu.transport import filesystem
 from kombu.utils.json import dumps, loads
 
 from app.queue.jobs import MOST_WAITING
-from app.queue.turns import OneByOne
+from app.queue.turns import QueuesOneByOne
 
 LEFT_AFTER_S = 3600.0
 """What was taken, or is being written, for longer than this is nobody's any more: both take milliseconds."""
@@ -44,7 +44,7 @@ class Channel(filesystem.Channel):
             _sweep(self._folder(part))
 
     def _reset_cycle(self) -> None:
-        self._cycle = OneByOne(self._get_and_deliver, self._active_queues, Empty)
+        self._cycle = QueuesOneByOne(self._get_and_deliver, self._active_queues, Empty)
 
     def _put(self, queue: str, payload: Any, **options: Any) -> None:  # type: ignore[override]  # as kombu's own do
         waiting = self._folder(WAITING)

@@ -38,7 +38,7 @@ class Scheduler(CeleryScheduler):
         away, refused = self.connection.connection_errors, self.connection.channel_errors
         of_broker = cause.__cause__ if isinstance(cause, OperationalError) else cause
         if isinstance(of_broker, refused) and not isinstance(of_broker, away):
-            text = "the broker answers and takes nothing, asked again soon: %s"
+            text = "the broker answers and refuses, asked again soon: %s"
             log.error(text, error, extra={"code": BROKER_REFUSED})
         elif {getattr(it, "errno", None) for it in (cause, of_broker)} & NO_ROOM:
             log.error("no room on the disk for the broker's messages, make room; asked again soon: %s", error)

@@ -1,7 +1,8 @@
-"""Whose turn it is: what is quick and waited for goes before audits and explanations, which take equal turns.
+"""Whose turn it is: sweeps, which are quick, and uploads, which are waited for, go before other work.
 
 In equal turns of all queues each upload would wait for an explanation and a chunk of an audit, ten seconds of work; a
-hundred uploads behind a night's explanations would take a quarter of an hour.
+hundred uploads behind a night's explanations would take a quarter of an hour. After a few such turns in a row something
+else gets one all the same: doorbells of uploads whose files are away are rung again and again.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from kombu.utils.scheduling import FairCycle, round_robin_cycle
 from app.queue.jobs import KIND_OF, READ_UPLOAD, SWEEP
 
 AHEAD = tuple(f"-{KIND_OF[job]}" for job in (SWEEP, READ_UPLOAD))
+MOST_IN_A_ROW = 8
 
 
 def goes_ahead(queue: str) -> bool:
@@ -20,18 +22,37 @@ def goes_ahead(queue: str) -> bool:
     return queue.endswith(AHEAD)
 
 
-class OneAsk(round_robin_cycle):
-    """The order for a broker that is asked for all queues at once, as Redis is."""
+class OrderOfQueues(round_robin_cycle):
+    """In which order queues are looked into, for a broker that is asked for all at once, as Redis is: those that go
+    ahead, then the others; of either the ones first that were served longest ago.
+    """
+
+    _in_a_row = 0
 
     def consume(self, n: int) -> list[str]:
-        return sorted(super().consume(n), key=lambda queue: not goes_ahead(queue))
+        """The first n queues."""
+        others_first = self._in_a_row >= MOST_IN_A_ROW
+        return sorted(self.items, key=lambda queue: goes_ahead(queue) == others_first)[:n]
+
+    def rotate(self, last_used: str) -> str:
+        """Told which queue had something."""
+        self._in_a_row = self._in_a_row + 1 if goes_ahead(last_used) else 0
+        return super().rotate(last_used)
 
 
-class OneByOne(FairCycle):
-    """The order for a broker whose queues are asked one after the other, as those of the folder are."""
+class QueuesOneByOne(FairCycle):
+    """The same order for a broker whose queues are asked one after the other, as those of the folder are."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._order = OrderOfQueues([])
 
     def get(self, callback: Callable[..., Any], **options: Any) -> Any:
-        for queue in filter(goes_ahead, tuple(self.resources)):
+        if set(self._order.items) != set(self.resources):
+            self._order.update(self.resources)
+        for queue in self._order.consume(len(self.resources)):
             with suppress(self.predicate):
-                return self.fun(queue, callback, **options)
-        return super().get(callback, **options)
+                found = self.fun(queue, callback, **options)
+                self._order.rotate(queue)
+                return found
+        raise self.predicate()

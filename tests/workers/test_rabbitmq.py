@@ -11,7 +11,7 @@ from kombu import Connection
 
 from app.queue import READ_UPLOAD, SWEEP, Queue, consuming, publishing
 from app.queue.application import celery_application
-from app.queue.jobs import BROKER_REFUSED, queue_names
+from app.queue.jobs import BROKER_REFUSED, FORGOTTEN_AFTER_S, queue_names
 from app.settings import Settings
 
 ADDRESS = "amqp://guest:guest@127.0.0.1:5672//"
@@ -54,19 +54,33 @@ def test_what_nobody_hears_is_dropped(
     assert not is_announced(connection, names[READ_UPLOAD])
 
 
+def test_so_are_sweeps_that_nobody_hears(settings: Settings) -> None:
+    options = celery_application(settings).conf.beat_schedule["sweep"]["options"]
+    assert options["expiration"] == FORGOTTEN_AFTER_S
+
+
+@pytest.mark.parametrize("connected", [False, True])
 def test_a_refusal_is_waited_out(
-    settings: Settings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    settings: Settings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, connected: bool
 ) -> None:
     """As of an acknowledgement after more than half an hour, while a large export was read."""
-    application = celery_application(settings)
-    assert application.conf.broker_channel_error_retry
+    assert celery_application(settings).conf.broker_channel_error_retry
     worker = consuming.Consumer.__new__(consuming.Consumer)
     transport = Connection(ADDRESS).transport
     worker.connection_errors, worker.channel_errors = transport.connection_errors, transport.channel_errors
+    let_go: list[Exception] = []
+    monkeypatch.setattr(
+        consuming.CeleryConsumer, "on_connection_error_after_connected", lambda _, error: let_go.append(error)
+    )
     now_s = [1000.0]
     clock = SimpleNamespace(monotonic=lambda: now_s[0], sleep=lambda seconds: now_s.append(now_s.pop() + seconds))
     monkeypatch.setattr(consuming, "time", clock)
-    worker.on_connection_error_before_connected(PreconditionFailed("delivery acknowledgement timed out"))
+    refusal = PreconditionFailed("delivery acknowledgement timed out")
+    if connected:
+        worker.on_connection_error_after_connected(refusal)
+    else:
+        worker.on_connection_error_before_connected(refusal)
+    assert let_go == [refusal] * connected
     assert now_s[0] == pytest.approx(1001.0, abs=0.3)
     (told,) = (record for record in caplog.records if record.levelno == logging.ERROR)
     assert told.getMessage().startswith("the broker answers and refuses; trying again in 1 s: ")

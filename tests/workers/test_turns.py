@@ -1,22 +1,36 @@
 """Uploads are read before a backlog of audits and explanations, which take equal turns."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from celery import Celery
 from kombu import Message
 
-from app.queue import AUDIT_CHUNK, EXPLAIN, READ_UPLOAD, SWEEP
+from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.queue.application import celery_application
 from app.queue.jobs import queue_names
+from app.queue.turns import MOST_IN_A_ROW
 from app.settings import Settings
 from tests.workers.redis_server import RedisServer
 
-BACKLOG = [EXPLAIN, EXPLAIN, EXPLAIN, AUDIT_CHUNK, AUDIT_CHUNK]
+
+@pytest.fixture(params=["folder", pytest.param("redis", marks=pytest.mark.redis)])
+def application(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Celery]:
+    if request.param == "folder":
+        yield celery_application(Settings(data_dir=tmp_path))
+        return
+    server = RedisServer(tmp_path)
+    made = celery_application(
+        Settings(data_dir=tmp_path, broker_url=server.url, database_url="postgresql:///none"),
+    )
+    yield made
+    made.close()
+    server.kill()
 
 
-def order_of_work(application: Celery) -> list[str]:
-    """The jobs in the order in which a worker with room for one takes them; uploads came behind the backlog."""
+def order_of_work(application: Celery, *waiting: str) -> list[str]:
+    """The jobs in the order in which a worker with room for one takes them."""
     queues = queue_names(application.settings)
     taken: list[str] = []
 
@@ -24,7 +38,6 @@ def order_of_work(application: Celery) -> list[str]:
         taken.append(message.headers["task"])
         message.ack()
 
-    waiting = [*BACKLOG, READ_UPLOAD, READ_UPLOAD, SWEEP]
     with application.connection() as connection:
         producer = connection.Producer()
         for job in waiting:
@@ -32,36 +45,31 @@ def order_of_work(application: Celery) -> list[str]:
             producer.publish(
                 {}, routing_key=queue.routing_key, exchange=queue.exchange, declare=[queue], headers={"task": job}
             )
-        with connection.Consumer(
-            [application.amqp.queues[name] for name in queues.values()], callbacks=[take], prefetch_count=1
-        ):
+        every = [application.amqp.queues[name] for name in queues.values()]
+        with connection.Consumer(every, callbacks=[take], prefetch_count=1):
             while len(taken) < len(waiting):
                 connection.drain_events(timeout=5)
     return taken
 
 
-def is_fair_behind_the_uploads(taken: list[str]) -> bool:
-    """While both wait, audits and explanations alternate."""
-    first = taken[3:7]
-    return sorted(first[:2]) == sorted(first[2:]) == sorted([AUDIT_CHUNK, EXPLAIN])
-
-
-def test_in_the_folder(tmp_path: Path) -> None:
-    taken = order_of_work(celery_application(Settings(data_dir=tmp_path)))
-    assert sorted(taken[:3]) == sorted([SWEEP, READ_UPLOAD, READ_UPLOAD])
-    assert is_fair_behind_the_uploads(taken)
-
-
-@pytest.mark.redis
 @pytest.mark.timeout(60)
-def test_in_redis(tmp_path: Path) -> None:
-    server = RedisServer(tmp_path)
-    settings = Settings(data_dir=tmp_path, broker_url=server.url, database_url="postgresql:///none")
-    application = celery_application(settings)
-    try:
-        taken = order_of_work(application)
-    finally:
-        application.close()
-        server.kill()
+def test_uploads_and_sweeps_go_before_what_waited_and_the_rest_takes_equal_turns(application: Celery) -> None:
+    backlog = [EXPLAIN] * 4 + [AUDIT_CHUNK] * 3 + [DELIVER] * 2
+    taken = order_of_work(application, *backlog, READ_UPLOAD, READ_UPLOAD, SWEEP)
     assert sorted(taken[:3]) == sorted([SWEEP, READ_UPLOAD, READ_UPLOAD])
-    assert is_fair_behind_the_uploads(taken)
+    assert {*taken[3:6]} == {*taken[6:9]} == {AUDIT_CHUNK, EXPLAIN, DELIVER}
+
+
+@pytest.mark.timeout(60)
+def test_uploads_do_not_wait_for_many_sweeps(application: Celery) -> None:
+    taken = order_of_work(application, *[SWEEP] * 20, READ_UPLOAD, READ_UPLOAD)
+    assert taken[:4].count(READ_UPLOAD) == 2
+
+
+@pytest.mark.timeout(60)
+def test_however_many_go_ahead_the_rest_has_its_turn(application: Celery) -> None:
+    """As where the files of many uploads are away."""
+    ahead = [READ_UPLOAD] * (3 * MOST_IN_A_ROW) + [SWEEP] * MOST_IN_A_ROW
+    taken = order_of_work(application, *ahead, AUDIT_CHUNK, EXPLAIN)
+    places = [at for at, job in enumerate(taken) if job in (AUDIT_CHUNK, EXPLAIN)]
+    assert places == [MOST_IN_A_ROW, 2 * MOST_IN_A_ROW + 1]

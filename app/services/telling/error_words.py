@@ -226,7 +226,7 @@ LOOP_WORDS = {
 _SERVICE = {
     "already_serving": "`serve` runs already with this data folder; use that one, stop it, or name another folder.",
     "being_restored": "A backup is being brought back; start again when that is done.",
-    "broker_refused": "Of a log alone: the broker answers and refuses: mostly a full Redis, which wants room.",
+    "broker_refused": "Of a log alone: the broker answers and refuses: mostly a full Redis, or a wrong password.",
     "cannot_listen": "The host or port cannot be listened on; choose another, or stop what has it.",
     "database_url": "LOOPAUDIT_DATABASE_URL is no address of PostgreSQL or SQLite; correct it.",
     "newer_tables": "A newer loopaudit made these tables; run that one, or restore the backup of before it.",
