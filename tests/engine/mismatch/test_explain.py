@@ -2,6 +2,7 @@
 where nothing is.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 
@@ -307,10 +308,11 @@ def test_unseen_samples_are_judged_beside_their_noise() -> None:
     assert abs(unseen_gain(shifted, right, held)) < unseen_gain(wrong, right, held)
 
 
-def test_a_long_record_is_thinned_for_the_competition_and_fitted_whole() -> None:
+def test_a_long_record_is_thinned_for_the_competition_and_fitted_whole(competing_on: Callable[[int], None]) -> None:
+    competing_on(1000)
     slow = Plant(K=1.4, tau=300.0, theta=20.0)
-    u = np.repeat(np.random.default_rng(5).uniform(-6.0, 6.0, 60), 200)
-    pv = 50.0 + run_process(backlash(u, 1.2), slow, TS) + np.tile(noise(), 10)
+    u = np.repeat(np.random.default_rng(5).uniform(-6.0, 6.0, 15), 200)
+    pv = 50.0 + run_process(backlash(u, 1.2), slow, TS) + np.tile(noise(), 3)[: len(u)]
     answer = explain(Comparison("long", TS, 40.0 + u, pv, simulation=LinearSimulation(1.45, (285.0,), 20.0)))
     assert "valve.deadband" in (answer.effects[0].code, *answer.effects[0].alternatives)
     assert len(answer.traces.pv) == len(u)

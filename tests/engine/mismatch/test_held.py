@@ -16,12 +16,13 @@ from app.engine.mismatch.judge.conclude import told_by_op
 from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
-from app.engine.mismatch.missing import compete
 from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
 from app.engine.recording import FloatArray
 from app.engine.simulate.compression import keep, rebuild
 from tests.engine import open_loop
+from tests.engine.mismatch.conftest import Compete
 
+pytestmark = pytest.mark.usefixtures("one_competition")
 N, TS = 1600, 2.0
 INSTANTS = np.arange(N) * TS
 TRUE = Plant(K=1.4, tau=30.0, theta=6.0)
@@ -97,12 +98,16 @@ def test_nothing_is_named_beside_a_hold_and_the_model_is_found(every: float) -> 
     assert plant["theta"] == pytest.approx(6.0, abs=2.0)
 
 
-def test_what_is_missing_beside_a_hold_is_still_named() -> None:
+def with_backlash() -> Comparison:
     u, v, x = moves(), np.empty(N), 0.0
     for t in range(N):
         x = min(max(x, u[t] - 1.0), u[t] + 1.0)
         v[t] = x
-    answer = explain(Comparison("analyser", TS, 40.0 + u, held(recorded(v), 4.0), simulation=GIVEN))
+    return Comparison("analyser", TS, 40.0 + u, held(recorded(v), 4.0), simulation=GIVEN)
+
+
+def test_what_is_missing_beside_a_hold_is_still_named() -> None:
+    u, answer = moves(), explain(with_backlash())
     assert answer.effects[0].code == "sensor.sample_hold"
     assert "valve.deadband" in (answer.effects[1].code, *answer.effects[1].alternatives)
     pv = recorded(u)
@@ -112,15 +117,13 @@ def test_what_is_missing_beside_a_hold_is_still_named() -> None:
     assert [effect.code for effect in answer.effects] == ["sensor.sample_hold", "sensor.saturation"]
 
 
-def test_the_same_op_tells_no_more_than_itself_beside_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_op_tells_no_more_than_itself_beside_a_hold(
+    one_competition: Compete, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An OP at other times is simulated along the same samples: that of a whole record later is this one."""
-    u, v, x = moves(), np.empty(N), 0.0
-    for t in range(N):
-        x = min(max(x, u[t] - 1.0), u[t] + 1.0)
-        v[t] = x
-    whole = Comparison("analyser", TS, 40.0 + u, held(recorded(v), 4.0), simulation=GIVEN)
+    whole = with_backlash()
     taken = taken_of(whole)
-    final = compete(prepare(as_compared(whole, taken), taken)).selection.fit
+    final = one_competition(prepare(as_compared(whole, taken), taken)).selection.fit
     assert final.record.finer is not None
     assert final.parts
     monkeypatch.setattr(conclude, "SHIFTS", (1.0,) * 5)

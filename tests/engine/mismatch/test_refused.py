@@ -10,12 +10,14 @@ import pytest
 
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison, explain, explanation
+from app.engine.mismatch.compare.preparing import Prepared
 from app.engine.mismatch.compete.selection import Selection
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.missing import Competed
 from app.engine.recording import FloatArray
 from tests.engine.plain_loop import GIVEN, TS, moves, noise, recorded
 
+pytestmark = pytest.mark.usefixtures("one_competition")
 REFUSED = Reason("held_out_disagrees", "refused")
 
 
@@ -31,23 +33,6 @@ def loop(name: str, seed: int = 3, added: FloatArray | float = 0.0) -> Compariso
     return Comparison(name, TS, 40.0 + u, recorded(backlash(u), added), simulation=GIVEN)
 
 
-COMPETED: dict[bytes, Competed] = {}
-
-
-@pytest.fixture(autouse=True)
-def one_competition(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What becomes of a selection is asked here, not which it is: the effects of a record compete once."""
-    compete = explanation.compete
-
-    def once(prepared: explanation.Prepared) -> Competed:
-        record = prepared.record.pv.tobytes()
-        if record not in COMPETED:
-            COMPETED[record] = compete(prepared)
-        return COMPETED[record]
-
-    monkeypatch.setattr(explanation, "compete", once)
-
-
 @pytest.fixture
 def refusing(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """So many selections are refused by unseen data, one after the other."""
@@ -61,12 +46,11 @@ def refusing(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
 
 @pytest.fixture
-def in_a_pair(monkeypatch: pytest.MonkeyPatch) -> None:
+def in_a_pair(one_competition: Callable[[Prepared], Competed], monkeypatch: pytest.MonkeyPatch) -> None:
     """What is found is the second of two effects beside itself, as far as the first alone is concerned."""
-    compete = explanation.compete
 
-    def paired(prepared: explanation.Prepared) -> Competed:
-        found = compete(prepared)
+    def paired(prepared: Prepared) -> Competed:
+        found = one_competition(prepared)
         return replace(found, selection=replace(found.selection, alone=found.selection))
 
     monkeypatch.setattr(explanation, "compete", paired)

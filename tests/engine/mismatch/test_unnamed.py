@@ -20,6 +20,7 @@ from app.engine.mismatch.physics import named
 from app.engine.mismatch.physics.terms import PRICE, SHAPES, Drives, kind_of, made_of
 from app.engine.recording import FloatArray
 
+pytestmark = pytest.mark.usefixtures("one_competition")
 N, TAU, LATE = 1500, 16.0, 3
 SIMULATION = LinearSimulation(1.03, (15.5,), 3.0)
 Step = Callable[[float, float], float]
