@@ -29,9 +29,8 @@ def loop(seed: int, gain: float, slower: float) -> Comparison:
     return Comparison("bent", TS, 40.0 + u, bent(u) + 0.2 * noise(seed), trace=bent(u, gain, slower))
 
 
-@pytest.mark.parametrize(("gain", "slower"), [(0.93, 1.07), (1.06, 0.94)])
-def test_a_right_simulation_that_bends_may_be_off_as_a_linear_one_may(gain: float, slower: float) -> None:
-    said = explain(loop(3, gain, slower))
+def test_a_right_simulation_that_bends_may_be_off_as_a_linear_one_may() -> None:
+    said = explain(loop(3, gain=1.06, slower=0.94))
     assert said.effects == ()
 
 

@@ -134,11 +134,9 @@ def test_a_valve_far_out_of_its_span_stays_finite() -> None:
 @pytest.mark.parametrize(
     ("simulation", "shown"),
     [
-        (LinearSimulation(0.7, (28.5,), 6.0), {"K": 1.4}),
         (LinearSimulation(2.8, (30.0,), 6.0), {"K": 1.4}),
         (LinearSimulation(-1.4, (30.0,), 6.0), {"K": 1.4}),
         (LinearSimulation(140.0, (30.0,), 6.0), {"K": 1.4}),
-        (LinearSimulation(1.4, (90.0,), 6.0), {"tau": 30.0}),
         (LinearSimulation(0.5, (12.0,), 24.0), {"K": 1.4, "tau": 30.0, "theta": 6.0}),
     ],
 )
@@ -286,4 +284,4 @@ def test_an_op_whose_squares_are_no_numbers_is_constant() -> None:
     with pytest.raises(DataError) as refused:
         explain(Comparison("small", TS, 1e-200 * op(), pv()))
     assert refused.value.code == "signal_constant"
-    assert explain(Comparison("small", TS, 1e-40 * op(), pv())).fit.refitted.rmse > 0.0
+    assert explain(Comparison("small", TS, 1e-40 * op()[:200], pv()[:200])).fit.refitted.rmse > 0.0
