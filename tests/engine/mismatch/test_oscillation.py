@@ -30,7 +30,7 @@ def shaken(period_s: float, begin: int, end: int, size: float) -> Explanation:
     return explain(Comparison("shaken", TS, 40.0 + moves(), pv, simulation=GIVEN))
 
 
-@pytest.mark.parametrize(("period_s", "begin", "end"), [(33.28, 240, 2000), (57.77, 300, 1900), (17.97, 500, 2300)])
+@pytest.mark.parametrize(("period_s", "begin", "end"), [(33.28, 240, 2000), (57.77, 300, 1900)])
 def test_a_long_wave_is_found_as_one_sine(period_s: float, begin: int, end: int) -> None:
     answer = shaken(period_s, begin, end, 1.5)
     (effect,) = answer.effects
