@@ -37,7 +37,7 @@ def validated(
     """
     taken = taken_of(second)
     second = as_compared(second, taken)
-    record = replace(record_of(second), first_s=0.0 if taken is None else taken.first_s)
+    record = record_of(second) if taken is None else taken.timed(record_of(second))
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     simulated = {part.block.name for part in lasting(sensors)}
     hidden = tuple(pattern for pattern in find_patterns(record) if pattern.part.block.name not in simulated)

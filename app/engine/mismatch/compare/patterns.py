@@ -210,7 +210,7 @@ def jumps_free(pv: FloatArray, run: Run) -> bool:
 
 def stuck(record: Experiment, run: Run) -> Pattern:
     ts = record.sampling_interval_s
-    values = record.first_s + np.array([(run.first + 1) * ts, (run.last + 1) * ts])
+    values = np.minimum(record.first_s + np.array([(run.first + 1) * ts, (run.last + 1) * ts]), record.end_s)
     shows = np.zeros(record.samples, dtype=np.bool_)
     shows[run.first + 1 : run.last + 1] = True
     text = f"PV repeats {record.pv[run.first]:.5g} for {run.length} samples while OP moves on"

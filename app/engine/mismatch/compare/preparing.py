@@ -58,7 +58,7 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     """
     record = record_of(comparison)
     if taken is not None:
-        record = replace(record, first_s=taken.first_s)
+        record = taken.timed(record)
     patterns = find_patterns(record)
     prepared = beside_patterns(comparison, taken, record, patterns)
     stand = tuple(pattern for pattern in patterns if not foretold(pattern, record, prepared.base))

@@ -146,6 +146,11 @@ class Taken:
         """The first instant, s from the first sample; less than 0 where that shows what was taken before it."""
         return self.hold.first * self.sampled.sampling_interval_s
 
+    def timed(self, record: Experiment) -> Experiment:
+        """The record of the comparison, by the clock of the recording, which may end before the last interval does."""
+        recorded_s = len(self.sampled.pv) * self.sampled.sampling_interval_s
+        return replace(record, first_s=self.first_s, recorded_s=recorded_s)
+
     def simulated_between(self, record: Experiment) -> Experiment:
         """The record of the comparison, simulated along OP as it was sampled where that is no longer than can be."""
         if len(self.sampled.pv) > MOST_SIMULATED:

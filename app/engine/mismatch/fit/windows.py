@@ -19,26 +19,26 @@ class Window:
     end_s: float
 
 
-def windows_of(mask: BoolArray, sampling_interval_s: float, least: int = 2, first_s: float = 0.0) -> tuple[Window, ...]:
-    """The stretches of at least `least` samples where the mask (N,) is True; first_s: its first sample, s from the
-    start of the recording, before which none begins.
+def within(record: Experiment, start_s: float, end_s: float) -> Window:
+    """What of a stretch (s from the start of the recording) lies within that: where PV is held, it may have been taken
+    before the first sample, and be held beyond the last.
     """
+    return Window(max(start_s, 0.0), min(end_s, record.end_s))
+
+
+def windows_along(record: Experiment, mask: BoolArray, least: int = 2) -> tuple[Window, ...]:
+    """The stretches of a record (N,), of at least `least` samples, where the mask (N,) is True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
-    pairs = zip(edges[::2], edges[1::2], strict=True)
+    first_s, ts = record.first_s, record.sampling_interval_s
     return tuple(
-        Window(max(first_s + float(a * sampling_interval_s), 0.0), first_s + float(b * sampling_interval_s))
-        for a, b in pairs
+        within(record, first_s + float(a * ts), first_s + float(b * ts))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
         if b - a >= least
     )
 
 
-def windows_along(record: Experiment, mask: BoolArray) -> tuple[Window, ...]:
-    """The stretches of a record (N,) where the mask (N,) is True."""
-    return windows_of(mask, record.sampling_interval_s, first_s=record.first_s)
-
-
 def whole(record: Experiment) -> tuple[Window, ...]:
-    return (Window(max(record.first_s, 0.0), record.first_s + record.duration_s),)
+    return (within(record, record.first_s, record.first_s + record.duration_s),)
 
 
 def active_mask(fit: Fit, part: Part) -> BoolArray:

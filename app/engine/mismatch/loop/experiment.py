@@ -39,6 +39,8 @@ class Experiment:
     rest: (N,) what a given simulation holds beside its linear model, unit of PV; zero where it is linear.
     finer: where PV was taken at some instants only, the record that is simulated between them; None: this one.
     first_s: its first sample, s from the start of the recording: instants at which PV was taken have their own start.
+    recorded_s: where the recording ends, s from its start: a PV that is held may be held on beyond that; None: with the
+    interval of its last sample.
     feedback: whether OP is fed back from PV, where another record of the same loop tells; None: this one tells.
     reference_s: seconds of the record that sizes over its duration are of, as those of a drift; None: this one's.
     reference_middles: of measured signals by name, where another record's count; None: this one's means.
@@ -59,6 +61,7 @@ class Experiment:
     rest: FloatArray = field(default_factory=lambda: np.zeros(0))
     finer: Finer | None = None
     first_s: float = 0.0
+    recorded_s: float | None = None
     feedback: bool | None = None
     reference_s: float | None = None
     reference_middles: tuple[tuple[str, float], ...] | None = None
@@ -97,6 +100,12 @@ class Experiment:
     @property
     def duration_s(self) -> float:
         return self.samples * self.sampling_interval_s
+
+    @property
+    def end_s(self) -> float:
+        """Where the recording ends, s from its start."""
+        last = self.first_s + self.duration_s
+        return last if self.recorded_s is None else min(last, self.recorded_s)
 
     @property
     def reference_duration_s(self) -> float:
