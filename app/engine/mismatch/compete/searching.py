@@ -16,7 +16,7 @@ from app.engine.recording import FloatArray
 
 # Where a valve jumps hangs on thousandths of its band, and the likelihood has an optimum for each such band: in which
 # of them a descent ends hangs on the last bits of where it began.
-WIDTH, POINTS = 0.3, 121
+WIDTH, POINTS, MOMENTS = 0.3, 121, 481
 WAVE, TURN_POINTS, ENDS_MOVED = "disturbance.oscillation", 60, 4
 LEAST_MOVED = 0.1  # nat
 PURSUED, NEAR, NEAR_OTHERWISE = 3, 0.01, 0.15
@@ -103,7 +103,9 @@ def jumps(block: Block, context: Context) -> bool:
 
 
 def finely(form: Block, found: Fit) -> Block:
-    """A form with a grid that is fine in its first parameter about where a fit stands, its own in the others."""
+    """A form with a grid that is fine in its first parameter about where a fit stands, its own in the others; and in
+    the moment from which on it acts, where it has one.
+    """
     part = found.parts[-1]
     sizes = part.values[0] * np.exp(np.linspace(-WIDTH, WIDTH, POINTS))
 
@@ -111,9 +113,20 @@ def finely(form: Block, found: Fit) -> Block:
         others = {tuple(row[1:]) for row in form.starts(context, residual)}
         if len(part.values) == len(form.parameters(context)):
             others.add(tuple(part.values[1:]))
-        return np.array([(size, *other) for other in sorted(others) for size in sizes])
+        points = np.array([(size, *other) for other in sorted(others) for size in sizes])
+        return np.concatenate((points, at_other_moments(part, context))) if form is part.block else points
 
     return replace(form, starts=starts)
+
+
+def at_other_moments(part: Part, context: Context) -> FloatArray:
+    """(M, P) the values of a part with each other moment from which on it may act; none of what acts always."""
+    names = [parameter.name for parameter in part.block.parameters(context)]
+    if "start" not in names:
+        return np.zeros((0, len(part.values)))
+    points = np.tile(part.values, (MOMENTS, 1))
+    points[:, names.index("start")] = np.linspace(0.0, context.record.duration_s, MOMENTS)
+    return points
 
 
 def foremost(points: list[Begun], context: Context) -> list[Begun]:

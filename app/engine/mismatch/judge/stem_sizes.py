@@ -9,6 +9,7 @@ from app.engine.mismatch.fit.fitting import Fit, orthonormal, projected_cost, re
 from app.engine.mismatch.fit.task import Task, clipped
 from app.engine.mismatch.judge.intervals import CHI2_95
 from app.engine.mismatch.judge.result import Estimate
+from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.physics.stem import NAME as STEM_START
 from app.engine.mismatch.physics.valve_stiction import reach, start_slipping_as
 from app.engine.recording import BoolArray, FloatArray
@@ -19,41 +20,54 @@ best of many narrow ones, one for each sample at which a stem could have slipped
 S_MOVES = np.geomspace(2e-4, 0.7, 22)  # of ln S
 SHARE_MOVES = np.array([0.01, 0.03, 0.07, 0.15, 0.3, 0.6])  # of J / S
 STARTS = np.linspace(-1.0, 1.0, 41)  # share of the band to either side
+MOST_MOMENTS = 1000
 LEAST_SHARE = 0.02  # of J / S, below which the gain does not fall with it
 
 
-def size_of_stiction(found: Fit, part: int) -> tuple[Estimate, Estimate, Estimate]:
-    """S, J and first position of a stem that sticks (which of the parts), unit of OP, over the sizes that explain the
-    record nearly as well. Slopes say nothing of them: between two sizes at which a slip falls into another sample
-    nothing changes, and there everything does.
+def size_of_stiction(found: Fit, part: int) -> tuple[Estimate, ...]:
+    """S and J of a stem that sticks (which of the parts), unit of OP, over the sizes that explain the record nearly as
+    well, and its first position; of one that sticks from a time on that moment instead, s. Slopes say nothing of them:
+    between two sizes at which a slip falls into another sample nothing changes, and there everything does.
 
     Sizes are tried on a grid around the fitted one, each from where it first slips as the fitted one does too, and all
     other numbers following along their slopes; the interval reaches to the next sizes of the grid beyond those that
     pass, because it may end anywhere before them.
     """
-    names = [f.name for f in found.free]
-    tried = [names.index(f"{part}.{name}") for name in ("S", "share", STEM_START)]
+    names, own = [f.name for f in found.free], found.parts[part].block.parameters(Context(found.record, found.plant))
+    tried = [names.index(f"{part}.{parameter.name}") for parameter in own]
+    begins = own[2].name == STEM_START
     task = task_of(found)
-    places = [around(task, found.x, tried, names.index("K"), side) for side in (0.0, 1.0, -1.0)]
+    places = [around(task, found.x, tried, names.index("K"), side) for side in ((0.0, 1.0, -1.0) if begins else (0.0,))]
     passed = passing(found, task, places, tried[:2])
     reached = binary_dilation(np.any(passed, axis=0), np.ones((3, 3)))
     kept = [places[0][reached], *(grid[mask] for grid, mask in zip(places[1:], passed[1:], strict=True))]
-    kept.append(starts_passing(found, task, tried))
-    first = found.record.op[0]
-    sizes = np.array([size_at(found, x, tried) for x in (found.x, *np.concatenate(kept))])
+    others = STARTS if begins else moments(found, tried[2])
+    kept.append(others_passing(found, task, tried if begins else tried[2:], tried[2], others))
+    sizes = np.array([size_at(found, x, tried, begins) for x in (found.x, *np.concatenate(kept))])
     low, high = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    S, J, start = (
-        Estimate(name, float(sizes[0, k] + zero), float(low[k] + zero), float(high[k] + zero), "OP")
-        for k, (name, zero) in enumerate((("S", 0.0), ("J", 0.0), (STEM_START, first)))
+    third = (STEM_START, found.record.op[0], "OP") if begins else ("start", 0.0, "s")
+    return tuple(
+        Estimate(name, float(sizes[0, k] + zero), float(low[k] + zero), float(high[k] + zero), unit)
+        for k, (name, zero, unit) in enumerate((("S", 0.0, "OP"), ("J", 0.0, "OP"), third))
     )
-    return S, J, start
 
 
-def starts_passing(found: Fit, task: Task, tried: list[int]) -> FloatArray:
-    """(M, P) coordinates of the fitted size from other places of the stem: those that pass, and the next ones."""
-    places = np.tile(found.x, (len(STARTS), 1, 1))
-    places[:, 0, tried[2]] = STARTS
-    passed = passing(found, task, [places], tried)[0]
+def moments(found: Fit, k: int) -> FloatArray:
+    """(M,) coordinates k of the moments at which a stem may have begun to stick, evenly over the record: which of two
+    samples it was decides where it stands until it slips, and the likelihood has a valley for each.
+    """
+    record = found.record
+    at = record.time_s[:: -(-record.samples // MOST_MOMENTS)]
+    return at / found.free[k].scale
+
+
+def others_passing(found: Fit, task: Task, held: list[int], k: int, others: FloatArray) -> FloatArray:
+    """(M, P) coordinates of the fitted size with another coordinate k: those of `others` (L,) that pass, and the next
+    ones.
+    """
+    places = np.tile(found.x, (len(others), 1, 1))
+    places[:, 0, k] = others
+    passed = passing(found, task, [places], held)[0]
     return places[binary_dilation(passed, np.ones((3, 1)))]
 
 
@@ -78,10 +92,10 @@ def passing(found: Fit, task: Task, places: list[FloatArray], held: list[int]) -
     return passed
 
 
-def size_at(found: Fit, x: FloatArray, tried: list[int]) -> tuple[float, float, float]:
-    """S, J and how far the stem stood from OP at first, at coordinates x (P,)."""
+def size_at(found: Fit, x: FloatArray, tried: list[int], begins: bool) -> tuple[float, float, float]:
+    """S, J and how far the stem stood from OP at first, or from when on it sticks, at coordinates x (P,)."""
     S, share, start = (found.free[k].value(float(x[k])) for k in tried)
-    return S, S * share, start * reach(S, S * share)
+    return S, S * share, start * reach(S, S * share) if begins else start
 
 
 def around(task: Task, fitted: FloatArray, tried: list[int], gain: int, side: float) -> FloatArray:

@@ -4,12 +4,11 @@ import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.loop.plant import delay
-from app.engine.mismatch.physics.moments import moment, since
+from app.engine.mismatch.physics.moments import EDGE, amid, moment, since
 from app.engine.mismatch.physics.process_dynamics import extra_delay
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
-EDGE = 0.1  # of the record, and of what shows the dead time in it: so much before it changes, and after
 CODE = "process.dead_time"
 
 
@@ -37,16 +36,10 @@ def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
 
 
 def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
-    """Whether the record goes on for long enough before and after, and OP moves so much in both that the longer dead
-    time would show: where it rests before, the dead time may have been as long all along.
-    """
-    duration, start = context.record.duration_s, values[0]
-    if not EDGE * duration <= start <= (1.0 - EDGE) * duration:
-        return False
+    """Whether OP moves so much before the moment and after it that the longer dead time would show in both."""
     op = context.record.op_deviation
     shows = (delay(op, values[1], context.record.sampling_interval_s) - op) ** 2
-    before = float(np.sum(shows[context.time_s < start]))
-    return EDGE <= before / max(float(np.sum(shows)), 1e-300) <= 1.0 - EDGE
+    return amid(float(values[0]), shows, context)
 
 
 def grows_starts(context: Context, _: FloatArray) -> FloatArray:

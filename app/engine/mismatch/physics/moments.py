@@ -7,6 +7,7 @@ from app.engine.mismatch.loop.block import Context, Parameter
 from app.engine.recording import BoolArray, FloatArray
 
 MOST_OF_START = 0.1
+EDGE = 0.1  # of the record, and of what shows in it what sets in: so much before that moment, and after
 
 
 def moment(name: str, context: Context) -> Parameter:
@@ -45,3 +46,14 @@ def inside(at_s: float, context: Context) -> bool:
     shows = plant.theta + plant.tau2 + (plant.tau if plant.leak > 0.0 else 0.0)
     begun = max(margin, min(shows, MOST_OF_START * record.duration_s))
     return begun <= at_s <= record.duration_s - margin
+
+
+def amid(at_s: float, shows: FloatArray, context: Context) -> bool:
+    """Whether the record goes on for long enough before a moment and after it, and what sets in then would have shown
+    (N,) before it too, had it been there: where OP rests before, it may have been there all along.
+    """
+    duration = context.record.duration_s
+    if not EDGE * duration <= at_s <= (1.0 - EDGE) * duration:
+        return False
+    before = float(np.sum(shows[context.time_s < at_s]))
+    return EDGE <= before / max(float(np.sum(shows)), 1e-300) <= 1.0 - EDGE

@@ -1,11 +1,16 @@
-"""Deadband (backlash): after a reversal the stem waits until OP has crossed the band. He's model with J = 0."""
+"""Deadband (backlash): after a reversal the stem waits until OP has crossed the band. He's model with J = 0. Where the
+valve wears, the band becomes wider along the record.
+"""
 
 import numpy as np
+from numba import njit
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import he_stem
+
+MOST_AT_FIRST = 0.7  # of the last band: beyond, it is one band as well
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -24,6 +29,30 @@ def backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return he_stem(np.ascontiguousarray(signal), band, 0.0, start)
 
 
+def grows_parameters(context: Context) -> tuple[Parameter, ...]:
+    """The band at the record's end, the share of it that it began with, and where the stem stood in that."""
+    return (parameters(context)[0], Parameter("share_at_first", "share of band", 0.0, MOST_AT_FIRST), START)
+
+
+def grows_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 16), np.array([0.0, 0.4]), np.zeros(1))
+
+
+def grows(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """The band goes straight from its first width to its last over the record."""
+    band, share = values[:2].tolist()
+    half = 0.5 * band * (share + (1.0 - share) * np.minimum(context.time_s / context.record.reference_duration_s, 1.0))
+    return _within(signal, half, first_position(float(signal[0]), values, 2, float(half[0])))
+
+
+@njit(cache=True, nogil=True)
+def _within(op: FloatArray, half: FloatArray, x: float) -> FloatArray:
+    v = np.empty(len(op))
+    for t in range(len(op)):
+        x = v[t] = min(max(x, op[t] - half[t]), op[t] + half[t])
+    return v
+
+
 BLOCKS = (
     Block(
         "valve.deadband",
@@ -34,6 +63,18 @@ BLOCKS = (
         starts,
         apply=backlash,
         penalty=15.0 + PENALTY,
+        rough=True,
+    ),
+    Block(
+        "valve.deadband",
+        "valve",
+        "valve",
+        "after OP reversals, more and more",
+        grows_parameters,
+        grows_starts,
+        apply=grows,
+        form="grows",
+        penalty=17.0 + PENALTY,
         rough=True,
     ),
 )

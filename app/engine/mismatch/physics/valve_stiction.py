@@ -7,8 +7,9 @@ from typing import TypeVar
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.physics.moments import EDGE, amid, moment
 from app.engine.mismatch.physics.stem import PENALTY, START, first_position
-from app.engine.recording import FloatArray
+from app.engine.recording import BoolArray, FloatArray
 from app.engine.valve import choudhury_stem, he_stem
 
 Sizes = TypeVar("Sizes", float, FloatArray)
@@ -69,19 +70,68 @@ def choudhury(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return choudhury_stem(np.ascontiguousarray(signal), *stem(signal, values))
 
 
-BLOCKS = tuple(
-    Block(
-        "valve.stiction",
-        "valve",
-        "valve",
-        "after OP reversals",
-        parameters,
-        starts,
-        apply=model,
-        form=form,
-        penalty=18.0 + PENALTY,
-        rough=True,
-        finalists=4,
-    )
-    for form, model in (("he", he), ("choudhury", choudhury))
+def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
+    """Those of the stem, and from when on it sticks: before, it is where OP is."""
+    return (*parameters(context)[:2], moment("start", context))
+
+
+def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
+    moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 9)
+    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 10), np.array([0.2, 0.6, 1.0]), moments)
+
+
+def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """The stem follows until it sticks, where it then is."""
+    S, share, start_s = values.tolist()
+    out, first = signal.copy(), int(np.searchsorted(context.time_s, start_s))
+    if first < len(signal):
+        out[first:] = he_stem(np.ascontiguousarray(signal[first:]), S, S * share, float(signal[max(first - 1, 0)]))
+    return out
+
+
+def sticks_since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+    return context.time_s >= values[2]
+
+
+def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
+    """Whether OP turns so much before the moment and after it that such a stem would show in both."""
+    op = np.ascontiguousarray(context.record.op_deviation)
+    shows = (he_stem(op, float(values[0]), float(values[0] * values[1]), float(op[0])) - op) ** 2
+    return amid(float(values[2]), shows, context)
+
+
+SETS_IN = Block(
+    "valve.stiction",
+    "valve",
+    "valve",
+    "after OP reversals, from a time on",
+    sets_in_parameters,
+    sets_in_starts,
+    apply=sets_in,
+    active=sticks_since,
+    form="sets_in",
+    penalty=22.0,
+    rough=True,
+    finalists=4,
+    sensible=seen_on_both_sides,
+)
+
+BLOCKS = (
+    *(
+        Block(
+            "valve.stiction",
+            "valve",
+            "valve",
+            "after OP reversals",
+            parameters,
+            starts,
+            apply=model,
+            form=form,
+            penalty=18.0 + PENALTY,
+            rough=True,
+            finalists=4,
+        )
+        for form, model in (("he", he), ("choudhury", choudhury))
+    ),
+    SETS_IN,
 )
