@@ -50,8 +50,8 @@ EvidenceCode = Literal[
     "free_run_astray", "too_little_excitation", "simulation_unrelated", "simulation_shifted", "simulation_cut",
     "simulation_bridged", "second_elsewhere", "given_not_validated", "second_not_simulated", "samples_damaged",
     "controller_cleared", "controller_not_evaluated", "controller_differs", "yper_lacked", "pv_held", "pv_levels",
-    "pv_at_limit", "pv_repeats", "pv_frozen", "pv_straight", "read_back", "wild_samples", "time_runs_back",
-    "part_explained", "numbers_in_doubt", "times_assumed", "times_repeated", "whole_disagrees",
+    "pv_at_limit", "pv_repeats", "pv_dropped", "pv_frozen", "pv_straight", "read_back", "wild_samples",
+    "time_runs_back", "part_explained", "numbers_in_doubt", "times_assumed", "times_repeated", "whole_disagrees",
 ]  # fmt: skip
 """What an explanation rests on, and what is said of the comparison."""
 

@@ -87,12 +87,12 @@ def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     context = Context(record, UNUSED_PLANT)
     known = block.parameters(context)
     values = absolute(known, pattern.part.values, record)
-    parameters = tuple(pattern_estimate(p, value, record) for p, value in zip(known, values, strict=True))
+    parameters = tuple(pattern_estimate(p, value, record, pattern) for p, value in zip(known, values, strict=True))
     windows = windows_along(record, pattern.shows)
     return Effect(
         block.code,
-        (),
-        CERTAIN,
+        pattern.alternatives,
+        min(CERTAIN, pattern.most),
         block.place,
         parameters,
         windows,
@@ -102,10 +102,12 @@ def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     )
 
 
-def pattern_estimate(parameter: Parameter, value: float, record: Experiment) -> Estimate:
+def pattern_estimate(parameter: Parameter, value: float, record: Experiment, pattern: Pattern) -> Estimate:
     """A size of what PV shows by itself, as closely as PV was kept: a limit to half of its last decimal, a moment to
-    the sample before.
+    the sample before; the width of a historian as far as PV tells it.
     """
+    if pattern.width is not None:
+        return Estimate(parameter.name, value, pattern.width.low, pattern.width.high, plain_unit(parameter))
     sooner = record.sampling_interval_s if parameter.name in BETWEEN_SAMPLES else 0.0
     rounded = 0.5 * decimals_of(record.pv[record.usable]) if parameter.name == LIMIT else 0.0
     return Estimate(parameter.name, value, value - sooner - rounded, value + rounded, plain_unit(parameter))

@@ -112,6 +112,7 @@ BY_CODE: dict[str, Callable[[Signals], Trigger]] = {
     "process.gain_drift": _time,
     "sensor.drift": _time,
     "sensor.stuck": _time,
+    "sensor.dropout": _time,
     "sensor.step": _time,
     "disturbance.step": _time,
     "disturbance.ramp": _time,

@@ -82,9 +82,9 @@ def test_near_its_extreme_a_sensor_that_comes_free_jumps_and_a_limit_does_not() 
     stuck, at = pv.copy(), int(np.argmax(pv))
     stuck[at - 80 : at] = np.min(pv) - 0.001
     stuck[-1] = np.min(pv) - 0.01
-    assert pattern_codes(stuck) == {"sensor.stuck"}
+    assert pattern_codes(stuck) == {"sensor.dropout"}
     stuck[at - 80 : at] = np.min(pv) - 0.02
-    assert pattern_codes(stuck) == {"sensor.stuck"}
+    assert pattern_codes(stuck) == {"sensor.dropout"}
     wave = 50.0 + 5.0 * np.sin(np.arange(N) / 60.0) + 0.02 * np.random.default_rng(1).normal(size=N)
     pressed = np.maximum(wave, 45.1)
     first = int(np.argmax(pressed == 45.1))

@@ -5,7 +5,7 @@ import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain
 from app.engine.mismatch.compare.comparison import record_of
-from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.patterns import FROZEN, find_patterns
 from app.engine.mismatch.compare.preparing import prepare
 from app.engine.mismatch.loop.plant import run_process
 from app.engine.recording import FloatArray
@@ -44,6 +44,8 @@ def test_a_pv_that_froze_is_told_by_the_noise_that_is_gone(left: float) -> None:
     assert [effect.code for effect in said.effects] == ["sensor.stuck"]
     (window,) = said.effects[0].windows
     assert (window.start_s, window.end_s) == pytest.approx((TS * FIRST, TS * AFTER), abs=3.0 * TS)
+    # Inferred, where repeated values are seen: none of 903 records without one is too few for more.
+    assert said.effects[0].probability == FROZEN
 
 
 def test_noise_that_comes_and_goes_is_no_frozen_sensor() -> None:

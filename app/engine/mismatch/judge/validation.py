@@ -28,6 +28,7 @@ OF_ONE_RECORD = (
     "sensor.step",
     "sensor.drift",
     "sensor.stuck",
+    "sensor.dropout",
     "process.gain_drift",
 )
 

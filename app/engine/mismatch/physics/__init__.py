@@ -83,6 +83,7 @@ PATTERNS = (
     sensor_pattern.HELD,
     sensor_pattern.INTERPOLATED,
     sensor_pattern.STUCK,
+    sensor_pattern.DROPOUT,
     sensor_pattern.LIMIT_HIGH,
     sensor_pattern.LIMIT_LOW,
     sample_hold.SAMPLE_HOLD,

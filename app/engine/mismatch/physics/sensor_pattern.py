@@ -1,5 +1,5 @@
-"""What a sensor or a historian does to PV that shows in PV alone: quantisation, a stuck stretch, a hard limit,
-compression.
+"""What a sensor or a historian does to PV that shows in PV alone: quantisation, a stuck stretch, a lost signal,
+a hard limit, compression.
 
 These leave a pattern that no noise makes, so they are found by it and not by a competition; what is simulated passes
 the same stage. Compression by a swinging door (Bristol 1990, US patent 4,669,097), by holding the last value, or by
@@ -74,6 +74,16 @@ def hold(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray
     return out
 
 
+def lost(context: Context) -> tuple[Parameter, ...]:
+    span = context.record.pv_span
+    return (*window(context), Parameter("value", "PV level", -5.0 * span, 5.0 * span, span))
+
+
+def replaced(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    """The signal is lost, and a value recorded in its place."""
+    return np.where(between(signal, values, context), values[2], signal)
+
+
 def below(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return np.minimum(signal, values[0])
 
@@ -96,6 +106,9 @@ INTERPOLATED = Block(
 )
 STUCK = Block(
     "sensor.stuck", "sensor", "sensor", "within a time", window, no_scan, apply=hold, active=between, form="pattern"
+)
+DROPOUT = Block(
+    "sensor.dropout", "sensor", "sensor", "within a time", lost, no_scan, apply=replaced, active=between, form="pattern"
 )
 LIMIT_HIGH = Block(
     "sensor.saturation", "sensor", "sensor", "above a PV limit", limit, no_scan, apply=below, form="pattern-high"
