@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, explain
-from app.engine.mismatch.compare.patterns import find_patterns
+from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compare.even_grid import comparison_of
+from app.engine.mismatch.compare.patterns import compressed, find_patterns
 from app.engine.mismatch.compare.widths import Width, band_of, below, door_of, scan_of
 from app.engine.mismatch.loop.experiment import experiment
-from app.engine.recording import FloatArray
+from app.engine.recording import FloatArray, Recording
 from app.engine.simulate.compression import Compression, keep, rebuild
 from tests.engine.plain_loop import GIVEN, TS, moves, recorded
 
@@ -114,3 +116,23 @@ def test_of_a_few_kept_samples_the_width_is_hardly_told() -> None:
     width = door_of(pv, np.array([0, 30, 60, 99]))
     assert (width.low, width.high) == (0.0, 4.0)
     assert 0.0 < width.value <= 4.0
+
+
+@pytest.mark.parametrize("kind", ["swinging_door", "exception"])
+def test_where_samples_are_missing_or_uneven_a_width_has_no_bounds_but_the_range_of_pv(kind: Compression) -> None:
+    """Some lie on lines between two then, and tell of moves that nothing kept."""
+    pv, at = recorded(moves()), TS * np.arange(len(moves()))
+    stored = rebuild(at, pv, keep(at, pv, 0.3, kind), kind)
+    shaken = at + TS * np.concatenate(([0.0], np.random.default_rng(1).uniform(-0.3, 0.3, len(at) - 1)))
+    with_a_hole = np.where((at >= TS * 500) & (at < TS * 508), np.nan, stored)
+
+    def told(time_s: FloatArray, pv: FloatArray) -> Width:
+        pattern = compressed(record_of(comparison_of(Recording("loop", time_s, pv, 40.0 + moves()))))
+        assert pattern is not None
+        assert pattern.width is not None
+        return pattern.width
+
+    assert told(at, stored).low > 0.0
+    for width in [told(at, with_a_hole), *([told(shaken, stored)] if kind == "exception" else [])]:
+        assert width.low == 0.0
+        assert width.high == pytest.approx(np.ptp(stored), rel=0.1)

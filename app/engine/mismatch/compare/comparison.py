@@ -82,7 +82,7 @@ def record_of(comparison: Comparison) -> Experiment:
     """Compared where PV is known."""
     c = comparison
     record = experiment(c.sampling_interval_s, c.op, c.pv, c.sp, c.measured)
-    return record if c.known is None else record.comparing(c.known)
+    return record if c.known is None else replace(record.comparing(c.known), stored_evenly=False)
 
 
 def check(comparison: Comparison) -> None:

@@ -6,7 +6,8 @@ farther off the line between its neighbours than the width; a move that was kept
 such sizes is an upper bound, and how thickly they lie above it tells how far below it the width is: their distances are
 exponential, as those of Renyi 1953, doi 10.1007/BF02127580, are. Where scans in a row are hardly ever kept, because the
 door is far wider than the noise, only the distances of all kept samples from the line between their neighbours tell
-it, and that roughly: their median was 0.4 to 2.8 times the width in 95 of 100 simulated loops.
+it, and that roughly: their median was 0.4 to 4 times the width in simulated loops, the more the less noise PV has and
+the less it wanders. Where PV was not stored at even times, or was bridged, they tell no bound.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from app.engine.recording import FloatArray, IntArray
 NEAREST, LEAST_IN_A_ROW = 10, 4
 LEAST_KEPT = 20  # samples: fewer say no more than that PV did not go much farther than the width
 SURE = 0.95
-ROUGHLY = (0.36, 0.74, 2.6)  # times the median: the lowest width, the likeliest and the highest
+ROUGHLY = (0.2, 0.74, 4.5)  # times the median: the lowest width, the likeliest and the highest
 STRAY = 0.8  # of what all but 2 % of moves pass: less is kept for the time that went by
 WHOLE = 0.95  # of the distances between kept samples are whole scans
 
@@ -31,6 +32,11 @@ class Width:
     value: float
     low: float
     high: float
+
+
+def unbounded(width: Width, pv: FloatArray) -> Width:
+    """The same width with no bounds but the range of PV (N,)."""
+    return Width(width.value, 0.0, max(float(np.ptp(pv)), width.value))
 
 
 def below(sizes: FloatArray) -> Width:
@@ -57,8 +63,8 @@ def door_of(pv: FloatArray, kept: IntArray) -> Width:
     # As the last sample is kept whatever it is, nothing is off for it.
     off, before, after = off[:-1], before[:-1], after[:-1]
     if len(off) < LEAST_KEPT:
-        wide = float(np.ptp(pv))
-        return Width(min(float(np.median(np.append(off, wide))), wide), 0.0, wide)
+        wide = float(np.ptp(pv))  # of what is left of PV: of all of it, a part of twice the width is gone
+        return Width(min(float(np.median(np.append(off, wide))), wide), 0.0, 2.0 * wide)
     low, likeliest, high = (times * float(np.median(off)) for times in ROUGHLY)
     row = off[(before == after) & (before == scan_of(np.diff(kept)))]
     if len(row) >= LEAST_IN_A_ROW:

@@ -43,6 +43,7 @@ class Experiment:
     interval of its last sample.
     feedback: whether OP is fed back from PV, where another record of the same loop tells; None: this one tells.
     reference_s: seconds of the record that sizes over its duration are of, as those of a drift; None: this one's.
+    stored_evenly: whether all samples are as they were stored; False: some lie between two, as beside a gap.
     reference_middles: of measured signals by name, where another record's count; None: this one's means.
     """
 
@@ -65,6 +66,7 @@ class Experiment:
     feedback: bool | None = None
     reference_s: float | None = None
     reference_middles: tuple[tuple[str, float], ...] | None = None
+    stored_evenly: bool = True
 
     @property
     def samples(self) -> int:
