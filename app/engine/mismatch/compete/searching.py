@@ -16,7 +16,7 @@ from app.engine.recording import FloatArray
 
 # Where a valve jumps hangs on thousandths of its band, and the likelihood has an optimum for each such band: in which
 # of them a descent ends hangs on the last bits of where it began.
-WIDTH, POINTS, MOMENTS = 0.3, 121, 481
+WIDTH, POINTS, MOMENTS = 0.3, 121, 241
 WAVE, TURN_POINTS, ENDS_MOVED = "disturbance.oscillation", 60, 4
 LEAST_MOVED = 0.1  # nat
 PURSUED, NEAR, NEAR_OTHERWISE = 3, 0.01, 0.15

@@ -76,8 +76,8 @@ def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
 
 
 def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
-    moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 9)
-    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 10), np.array([0.2, 0.6, 1.0]), moments)
+    moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
+    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.8]), moments)
 
 
 def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
@@ -112,7 +112,7 @@ SETS_IN = Block(
     form="sets_in",
     penalty=22.0,
     rough=True,
-    finalists=4,
+    finalists=2,
     sensible=seen_on_both_sides,
 )
 
