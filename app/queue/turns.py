@@ -1,8 +1,8 @@
-"""Whose turn it is: sweeps, which are quick, and uploads, which are waited for, go before other work.
+"""Whose turn it is: uploads, which are waited for, go before other work.
 
 In equal turns of all queues each upload would wait for an explanation and a chunk of an audit, ten seconds of work; a
-hundred uploads behind a night's explanations would take a quarter of an hour. After a few such turns in a row something
-else gets one all the same: doorbells of uploads whose files are away are rung again and again.
+hundred uploads behind a night's explanations would take a quarter of an hour. After a few uploads in a row something
+else gets its turn all the same: doorbells of uploads whose files are away are rung again and again.
 """
 
 from collections.abc import Callable
@@ -11,9 +11,9 @@ from typing import Any
 
 from kombu.utils.scheduling import FairCycle, round_robin_cycle
 
-from app.queue.jobs import KIND_OF, READ_UPLOAD, SWEEP
+from app.queue.jobs import KIND_OF, READ_UPLOAD
 
-AHEAD = tuple(f"-{KIND_OF[job]}" for job in (SWEEP, READ_UPLOAD))
+AHEAD = f"-{KIND_OF[READ_UPLOAD]}"
 MOST_IN_A_ROW = 8
 
 
@@ -23,8 +23,8 @@ def goes_ahead(queue: str) -> bool:
 
 
 class OrderOfQueues(round_robin_cycle):
-    """In which order queues are looked into, for a broker that is asked for all at once, as Redis is: those that go
-    ahead, then the others; of either the ones first that were served longest ago.
+    """In which order queues are looked into, for a broker that is asked for all at once, as Redis is: uploads, then the
+    others, of which those first that were served longest ago.
     """
 
     _in_a_row = 0
