@@ -114,7 +114,7 @@ def test_few_scans_in_a_row_bound_the_width() -> None:
 def test_of_a_few_kept_samples_the_width_is_hardly_told() -> None:
     pv = np.interp(np.arange(100.0), [0.0, 30.0, 60.0, 99.0], [0.0, 4.0, 1.0, 2.0])
     width = door_of(pv, np.array([0, 30, 60, 99]))
-    assert (width.low, width.high) == (0.0, 4.0)
+    assert (width.low, width.high) == (0.0, 8.0)
     assert 0.0 < width.value <= 4.0
 
 

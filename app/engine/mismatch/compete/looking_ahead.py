@@ -40,12 +40,21 @@ def looked_ahead(
     """
     if not ranking:
         return ()
-    first = ranking[0].block.code
-    forms = tuple(scanned for scanned in surveyed if scanned.block.code == first)
+    forms = forms_of(ranking, surveyed)
     others = others_of(base, surveyed, couples, ranking, apart)
     promises = [promise for beside in others for promise in promised(beside, forms)]
     best = sorted(promises, key=lambda promise: -promise.more)[:PURSUED]
     return tuple(fit_again(searched_again(together(promise))) for promise in best)
+
+
+def forms_of(ranking: tuple[Contender, ...], surveyed: tuple[Scanned, ...]) -> tuple[tuple[Scanned, float], ...]:
+    """The forms of the first of a ranking that were fitted, and by how much each is behind the first (nat)."""
+    first, known = ranking[0], {contender.block.name: contender for contender in ranking}
+    return tuple(
+        (scanned, first.score - known[scanned.block.name].score)
+        for scanned in surveyed
+        if scanned.block.code == first.block.code and scanned.block.name in known
+    )
 
 
 def others_of(
@@ -84,16 +93,16 @@ def partner_of(couple: Couple, code: str) -> tuple[Part, ...]:
     return (other,) if one.block.code == code else (one,) if other.block.code == code else ()
 
 
-def promised(beside: Contender, forms: tuple[Scanned, ...]) -> tuple[Promise, ...]:
+def promised(beside: Contender, forms: tuple[tuple[Scanned, float], ...]) -> tuple[Promise, ...]:
     """The best form of an effect beside another, where both would explain more than the other costs: under the noise
-    that the other leaves, or under quiet noise.
+    that the other leaves, or under quiet noise. forms: each with how far it is behind the best one alone.
     """
     own = beside.fit
     under = ground(own, own.noise), ground(own, quiet_noise(own.record, own.given))
     found = []
-    for form in forms:
+    for form, behind in forms:
         for starts, before in zip(scan(form.block, under), (form.gain, form.quiet_gain), strict=True):
-            more = beside.score + starts[0].gain - before
+            more = beside.score + starts[0].gain - before - behind
             found.append(Promise(beside, Part(form.block, starts[0].values), more))
     best = max(found, key=lambda promise: promise.more, default=None)
     return () if best is None or best.more < SECOND_MUST_GAIN else (best,)
