@@ -10,7 +10,6 @@ import time
 
 from celery.worker.consumer import Consumer as CeleryConsumer
 from celery.worker.state import maybe_shutdown
-from redis import RedisError
 
 from app.queue.jobs import BROKER_REFUSED
 
@@ -41,6 +40,8 @@ class Consumer(CeleryConsumer):
         return isinstance(error, self.channel_errors) and not isinstance(error, self.connection_errors)
 
     def _wait_after(self, refusal: Exception) -> None:
+        from redis import RedisError  # a tenth of a second at the start of a worker whose broker is another
+
         is_new = time.monotonic() - self._refused_at > QUIET_S
         self._pause_s = FIRST_PAUSE_S if is_new else min(2 * self._pause_s, LONGEST_PAUSE_S)
         wanted = "takes nothing, make room in it" if isinstance(refusal, RedisError) else "refuses"

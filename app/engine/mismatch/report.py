@@ -136,6 +136,7 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     if sticks:
         said[:3] = size_of_stiction(found, index)
     elif said and said[-1].name == STEM_START:
+        # Half of a band, or of the share of it that a growing one began with.
         reach = 1.0 if said[-1].unit == "OP" else 0.5 * float(np.prod([estimate.value for estimate in said[:-1]]))
         said[-1] = scaled(said[-1], float(found.record.op[0]), reach, "OP")
     return tuple(said)
