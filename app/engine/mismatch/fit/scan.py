@@ -9,8 +9,8 @@ import numpy as np
 from app.engine.mismatch.fit.fitting import Fit, orthonormal, prior_rows, residual_rows, slopes
 from app.engine.mismatch.fit.noise import NoiseModel, compared_count, scaled_innovations, whiten
 from app.engine.mismatch.fit.task import Task, make_task
-from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
-from app.engine.mismatch.loop.chain import BEHIND, ForwardPath, simulate
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum
+from app.engine.mismatch.loop.chain import BEHIND, ForwardPath, passes_sums, simulate
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
@@ -74,50 +74,99 @@ class Beside:
         return self.path.run(self.row, [*self.known, values])
 
 
+@dataclass(frozen=True, eq=False)
 class Moved:
     """What the simulations of each point of a grid (M) move the whitened residual by, the linear model following, as
     inner products with each other (M, L, L) and with that residual (M, L).
     """
 
-    def __init__(self, under: Ground, points: int, simulated: int) -> None:
-        self.under = under
-        self.gram, self.slope = np.empty((points, simulated, simulated)), np.empty((points, simulated))
-
-    def take(self, point: int, rows: FloatArray) -> None:
-        """What the simulations of one point move the residual by: rows (L, rows)."""
-        along = rows.dot(self.under.basis)  # `@` takes longer over so few rows, for the same products
-        self.gram[point] = rows.dot(rows.T) - along.dot(along.T)
-        self.slope[point] = rows.dot(self.under.rows)
+    under: Ground
+    gram: FloatArray
+    slope: FloatArray
 
 
 def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], ...]:
     """The grid of a block's `starts` under each ground (of one fit, under several noise models), the best first."""
     fit = grounds[0].fit
-    context, beside = Context(fit.record, fit.plant), Beside(block, fit)
+    context = Context(fit.record, fit.plant)
     parameters = block.parameters(context)
     linear = [k for k, p in enumerate(parameters) if p.linear]
-    steps = steps_of(parameters, linear)
     grids = [{values.tobytes(): values for values in block.starts(context, under.innovations)} for under in grounds]
+    points = [np.array(list(grid.values())) for grid in grids]
+    sums = sums_of(block, fit, points)
+    every = moved_by_points(block, grounds, grids) if sums is None else moved_by_sums(grounds, sums)
+    found = (solved(grid, linear, parameters, moved) for grid, moved in zip(points, every, strict=True))
+    return tuple(tuple(sorted(starts, key=lambda start: -start.gain)) for starts in found)
+
+
+def sums_of(block: Block, fit: Fit, grids: list[FloatArray]) -> list[Sum] | None:
+    """Grids (M, P) as sums of fewer pieces than points; None where there are none such, where what comes behind the
+    block passes no sum, and where what is linear is not at zero.
+    """
+    context = Context(fit.record, fit.plant)
+    if block.sum_of is None or not all(map(len, grids)) or not passes_sums(context, fit.parts, block.stage):
+        return None
+    linear = [p.linear for p in block.parameters(context)]
+    if any(np.any(points[:, linear]) for points in grids):
+        return None
+    sums = [block.sum_of(points, context) for points in grids]
+    fewer = all(len(told.pieces) < len(points) for told, points in zip(sums, grids, strict=True))
+    return sums if fewer else None
+
+
+def moved_by_sums(grounds: tuple[Ground, ...], sums: list[Sum]) -> list[Moved]:
+    """What points that are sums move, by the inner products of their pieces alone."""
+    fit, simulated = grounds[0].fit, dict[tuple[Block, bytes], FloatArray]()
+    context = Context(fit.record, fit.plant)
+    for block in dict.fromkeys(piece.block for told in sums for piece in told.pieces):
+        beside, steps = Beside(block, fit), steps_of(block.parameters(context))
+        for values in (piece.values for told in sums for piece in told.pieces if piece.block is block):
+            if (block, values.tobytes()) not in simulated:
+                simulated[block, values.tobytes()] = simulations(beside, values + steps)
+    found = []
+    for under, told in zip(grounds, sums, strict=True):
+        each = [simulated[piece.block, piece.values.tobytes()] for piece in told.pieces]
+        gram, slope = products(under, moves(under, np.concatenate(each)))
+        count, size = len(each), len(each[0])
+        between = np.tensordot(told.weights, gram.reshape(count, size, count, size), 1)
+        of_points = np.einsum("makb,mk->mab", between, told.weights)
+        found.append(Moved(under, of_points, told.weights @ slope.reshape(count, size)))
+    return found
+
+
+def moved_by_points(block: Block, grounds: tuple[Ground, ...], grids: list[dict[bytes, FloatArray]]) -> list[Moved]:
+    """What points move, each simulated: the grids have values (P,) by their bytes."""
+    fit = grounds[0].fit
+    beside, steps = Beside(block, fit), steps_of(block.parameters(Context(fit.record, fit.plant)))
     places = [{key: k for k, key in enumerate(points)} for points in grids]
-    every = [Moved(under, len(points), len(steps)) for under, points in zip(grounds, grids, strict=True)]
-    rows = np.zeros((len(steps), len(grounds[0].rows)))
+    size = len(steps)
+    every = [
+        Moved(under, np.empty((len(points), size, size)), np.empty((len(points), size)))
+        for under, points in zip(grounds, grids, strict=True)
+    ]
+    rows = np.zeros((size, len(grounds[0].rows)))
     for key, values in {key: values for points in grids for key, values in points.items()}.items():
         simulated = simulations(beside, values + steps)
         for at, moved in zip(places, every, strict=True):
             if key in at:
                 move(moved.under, simulated, rows)
-                moved.take(at[key], rows)
-    found = (
-        solved(np.array(list(points.values())), linear, parameters, moved)
-        for points, moved in zip(grids, every, strict=True)
-    )
-    return tuple(tuple(sorted(starts, key=lambda start: -start.gain)) for starts in found)
+                moved.gram[at[key]], moved.slope[at[key]] = products(moved.under, rows)
+    return every
 
 
-def steps_of(parameters: tuple[Parameter, ...], linear: list[int]) -> FloatArray:
+def products(under: Ground, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inner products of what moves the whitened residual, rows (L, rows), with each other (L, L) and with that residual
+    (L,), the linear model following.
+    """
+    along = rows.dot(under.basis)  # `@` takes longer over so few rows, for the same products
+    return rows.dot(rows.T) - along.dot(along.T), rows.dot(under.rows)
+
+
+def steps_of(parameters: tuple[Parameter, ...]) -> FloatArray:
     """(L, P) from a point of the grid to what is simulated there: each linear parameter moved by its scale, nothing
     where none is linear.
     """
+    linear = [k for k, p in enumerate(parameters) if p.linear]
     steps = np.zeros((max(len(linear), 1), len(parameters)))
     for step, k in zip(steps, linear, strict=False):
         step[k] = parameters[k].scale

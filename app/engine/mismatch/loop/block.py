@@ -68,6 +68,9 @@ class Block:
     with the parameters.
     sensible: whether values, fitted, still are what the code says; None: always. abrupt: shows in a few samples only,
     as a jump does.
+    sum_of: (points (M, P), context) -> what it does at these points, as sums of what others do; None: as none.
+    affine: what leaves it answers a sum with the sum of the answers, beside what is there anyway. Of blocks that alter
+    the plant alone the plant tells.
     replaces: (signal, plant, values, context) -> PV (N,): the whole process, for a vessel that no altered plant
     describes.
     suits: whether the block can be asked of this plant at all. brings: further codes that it stands for. steps: of a
@@ -97,6 +100,8 @@ class Block:
     brings: tuple[str, ...] = ()
     steps: int = 6
     distant: bool = False
+    sum_of: "Callable[[FloatArray, Context], Sum] | None" = None
+    affine: bool = False
 
     @property
     def name(self) -> str:
@@ -113,6 +118,19 @@ class Part:
     def makes_sense(self, context: Context) -> bool:
         """Whether its values still are what its code says."""
         return self.block.sensible is None or self.block.sensible(self.values, context)
+
+
+@dataclass(frozen=True, eq=False)
+class Sum:
+    """What a block does at some points (M), as sums of what others do at the same stage: a pulse is a jump less a later
+    one.
+
+    pieces: those others (K), each with as many linear parameters as the block has, and all of these at zero. weights:
+    (M, K) how much of each piece is in each point.
+    """
+
+    pieces: tuple[Part, ...]
+    weights: FloatArray
 
 
 def values_in(part: Part, context: Context) -> FloatArray:

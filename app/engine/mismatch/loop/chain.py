@@ -157,6 +157,14 @@ def altered_plant(context: Context, parts: Sequence[Part]) -> Plant:
     return plant
 
 
+def passes_sums(context: Context, parts: Sequence[Part], stage: Stage) -> bool:
+    """Whether what comes behind a stage answers a sum of signals with the sum of its answers."""
+    behind = [part.block for part in parts if STAGES.index(part.block.stage) > STAGES.index(stage)]
+    if not all(block.affine or (block.apply is None and block.replaces is None) for block in behind):
+        return False
+    return stage in BEHIND or altered_plant(context, parts).linear
+
+
 def through_process(signal: FloatArray, parts: Sequence[Part], plant: Plant, context: Context) -> FloatArray:
     """What the process makes of a signal (N,); one that runs away is cut to what can be squared."""
     record = context.record

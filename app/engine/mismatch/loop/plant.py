@@ -51,6 +51,11 @@ class Plant:
         """What of it is fitted for where it stands when a record begins; the others are settled."""
         return ("x0", "speed0") if self.damping > 0.0 else ("x0",)
 
+    @property
+    def linear(self) -> bool:
+        """Whether it has neither limits nor an outflow law."""
+        return self.head <= 0.0 and self.high >= NO_LIMIT and self.low <= -NO_LIMIT
+
     def row(self) -> FloatArray:
         """The plant as the kernel reads it."""
         numbers = vars(self)

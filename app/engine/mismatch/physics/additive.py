@@ -2,12 +2,24 @@
 sensor (at once).
 """
 
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
-from app.engine.mismatch.physics.moments import between, inside, moment, ramp, since
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Sum, grid
+from app.engine.mismatch.physics.moments import (
+    added,
+    between,
+    inside,
+    jumps_at,
+    moment,
+    ramp,
+    rise,
+    since,
+    slopes_at,
+)
 from app.engine.mismatch.physics.scales import size, slowness
 from app.engine.recording import FloatArray
 
@@ -32,6 +44,14 @@ def enters(context: Context, begin_s: float, end_s: float) -> FloatArray:
     """
     late = context.plant.theta
     return as_drive(context) * ramp(context, begin_s - late, end_s - late)
+
+
+def load_rise(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return signal + values[1] * as_drive(context) * rise(context, values[0] - context.plant.theta)
+
+
+def sensor_rise(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return signal + values[1] * rise(context, values[0])
 
 
 def step_parameters(context: Context) -> tuple[Parameter, ...]:
@@ -188,35 +208,47 @@ def not_at_the_edge(values: FloatArray, context: Context) -> bool:
 
 
 AFTER = "after a time"
+LOAD_STEP = Block(
+    "disturbance.step",
+    "disturbance",
+    "load",
+    AFTER,
+    step_parameters,
+    step_starts,
+    apply=load_step,
+    active=since,
+    penalty=14.0,
+    rough=True,
+    abrupt=True,
+    sensible=not_at_the_edge,
+    affine=True,
+)
+SENSOR_STEP = replace(LOAD_STEP, code="sensor.step", place="sensor", stage="output", apply=sensor_step)
+# Of these the sums below are made; nobody is offered them.
+LOAD_RISE, SENSOR_RISE = replace(LOAD_STEP, apply=load_rise), replace(SENSOR_STEP, apply=sensor_rise)
+
+
+def pulses_of(block: Block) -> Callable[[FloatArray, Context], Sum]:
+    return lambda points, _: jumps_at(block, points[:, :2], np.array([1.0, -1.0]))
+
+
+def drifts_of(block: Block) -> Callable[[FloatArray, Context], Sum]:
+    return lambda points, context: slopes_at(block, points[:, 0], points[:, 0] + points[:, 1], context)
+
+
+def returns(points: FloatArray, context: Context) -> Sum:
+    begin, end, turn = points[:, 0], points[:, 1], points[:, 2]
+    return added(slopes_at(LOAD_RISE, begin, turn, context), slopes_at(LOAD_RISE, turn, end, context), -1.0)
+
+
+def recalibrations(points: FloatArray, context: Context) -> Sum:
+    away = slopes_at(SENSOR_RISE, points[:, 0], points[:, 1], context)
+    return added(away, jumps_at(SENSOR_STEP, points[:, 1:2], np.ones(1)), -1.0)
+
+
 BLOCKS = (
-    Block(
-        "disturbance.step",
-        "disturbance",
-        "load",
-        AFTER,
-        step_parameters,
-        step_starts,
-        apply=load_step,
-        active=since,
-        penalty=14.0,
-        rough=True,
-        abrupt=True,
-        sensible=not_at_the_edge,
-    ),
-    Block(
-        "sensor.step",
-        "sensor",
-        "output",
-        AFTER,
-        step_parameters,
-        step_starts,
-        apply=sensor_step,
-        active=since,
-        penalty=14.0,
-        rough=True,
-        abrupt=True,
-        sensible=not_at_the_edge,
-    ),
+    LOAD_STEP,
+    SENSOR_STEP,
     Block(
         "disturbance.step",
         "disturbance",
@@ -225,6 +257,8 @@ BLOCKS = (
         pulse_parameters,
         pulse_starts,
         apply=load_pulse,
+        sum_of=pulses_of(LOAD_STEP),
+        affine=True,
         active=between,
         form="pulse",
         penalty=17.0,
@@ -240,6 +274,8 @@ BLOCKS = (
         pulse_parameters,
         sensor_pulse_starts,
         apply=sensor_pulse,
+        sum_of=pulses_of(SENSOR_STEP),
+        affine=True,
         active=between,
         form="pulse",
         penalty=18.5,
@@ -255,6 +291,8 @@ BLOCKS = (
         drift_parameters,
         drift_starts,
         apply=sensor_drift,
+        sum_of=drifts_of(SENSOR_RISE),
+        affine=True,
         active=since,
         penalty=16.0,
     ),
@@ -266,6 +304,8 @@ BLOCKS = (
         drift_parameters,
         drift_starts,
         apply=load_drift,
+        sum_of=drifts_of(LOAD_RISE),
+        affine=True,
         active=since,
         penalty=16.0,
     ),
@@ -277,6 +317,8 @@ BLOCKS = (
         returning_parameters,
         returning_starts,
         apply=returning,
+        sum_of=returns,
+        affine=True,
         active=between,
         form="returning",
         penalty=18.5,
@@ -290,6 +332,8 @@ BLOCKS = (
         pulse_parameters,
         recalibrated_starts,
         apply=recalibrated,
+        sum_of=recalibrations,
+        affine=True,
         active=between,
         form="recalibrated",
         penalty=17.0,
@@ -305,6 +349,7 @@ BLOCKS = (
         levelling_parameters,
         levelling_starts,
         apply=levelling,
+        affine=True,
         active=since,
         form="levelling",
         penalty=17.0,

@@ -61,6 +61,7 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
         apply=apply,
         form=name,
         penalty=15.0,
+        affine=True,
     )
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
-from app.engine.mismatch.physics.moments import between, moment, ramp, since
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Sum, grid
+from app.engine.mismatch.physics.moments import between, jumps_at, moment, ramp, since
 from app.engine.recording import FloatArray
 
 EDGE = 0.03
@@ -83,6 +83,29 @@ def seen_before_and_after(values: FloatArray, context: Context) -> bool:
 
 
 CODE, WHEN = "process.gain_drift", "after a time"
+STEPPED = Block(
+    CODE,
+    "process",
+    "input",
+    WHEN,
+    ramp_parameters,
+    step_starts,
+    apply=stepped,
+    active=since,
+    form="step",
+    sensible=seen_before_and_after,
+    abrupt=True,
+    penalty=16.0,
+    rough=True,
+    frees_gain=True,
+    affine=True,
+)
+
+
+def passings(points: FloatArray, _: Context) -> Sum:
+    return jumps_at(STEPPED, points[:, :2], np.array([1.0, -1.0]))
+
+
 BLOCKS = (
     Block(
         CODE,
@@ -93,25 +116,11 @@ BLOCKS = (
         ramp_starts,
         apply=to_the_end,
         active=since,
+        affine=True,
         penalty=15.0,
         frees_gain=True,
     ),
-    Block(
-        CODE,
-        "process",
-        "input",
-        WHEN,
-        ramp_parameters,
-        step_starts,
-        apply=stepped,
-        active=since,
-        form="step",
-        sensible=seen_before_and_after,
-        abrupt=True,
-        penalty=16.0,
-        rough=True,
-        frees_gain=True,
-    ),
+    STEPPED,
     Block(
         CODE,
         "process",
@@ -121,6 +130,7 @@ BLOCKS = (
         held_starts,
         apply=held,
         active=since,
+        affine=True,
         form="held",
         sensible=seen_before_and_after,
         penalty=17.0,
@@ -134,6 +144,8 @@ BLOCKS = (
         held_parameters,
         passing_starts,
         apply=passing,
+        sum_of=passings,
+        affine=True,
         active=between,
         form="passing",
         sensible=comes_and_goes,

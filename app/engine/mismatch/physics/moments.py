@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.loop.block import Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum
 from app.engine.recording import BoolArray, FloatArray
 
 MOST_OF_START = 0.1
@@ -25,6 +25,34 @@ def _ramp(time_s: FloatArray, begin_s: float, lasting_s: float) -> FloatArray:
     for t in range(len(time_s)):
         share[t] = min(max((time_s[t] - begin_s) / lasting_s, 0.0), 1.0)
     return share
+
+
+def rise(context: Context, begin_s: float) -> FloatArray:
+    """0 before begin_s, then straight up by 1 in as long as the record; (N,)."""
+    return np.maximum(context.time_s - begin_s, 0.0) / context.record.duration_s
+
+
+def jumps_at(block: Block, times: FloatArray, weights: FloatArray) -> Sum:
+    """Points (M) as sums of what a block does from each of some moments on. times: (M, C) those moments, s: its first
+    value, the only one that is not linear. weights: (M, C) or (C,) how much of each.
+    """
+    moments, at = np.unique(times, return_inverse=True)
+    of_each = np.zeros((len(times), len(moments)))
+    rows = np.arange(len(times))[:, None]
+    np.add.at(of_each, (rows, at.reshape(times.shape)), np.broadcast_to(weights, times.shape))
+    return Sum(tuple(Part(block, np.array([start, 0.0])) for start in moments), of_each)
+
+
+def slopes_at(block: Block, begins: FloatArray, ends: FloatArray, context: Context) -> Sum:
+    """Points (M) that go as `ramp` from begins to ends (M,), s, as sums of what goes as `rise` from a moment on."""
+    lasting = np.maximum(ends - begins, context.record.sampling_interval_s)
+    steep = context.record.duration_s / lasting
+    return jumps_at(block, np.stack((begins, begins + lasting), axis=1), np.stack((steep, -steep), axis=1))
+
+
+def added(one: Sum, other: Sum, share: float = 1.0) -> Sum:
+    """The points of one sum with a share of those of another beside."""
+    return Sum((*one.pieces, *other.pieces), np.concatenate((one.weights, share * other.weights), axis=1))
 
 
 def since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:

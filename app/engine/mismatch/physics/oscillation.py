@@ -2,10 +2,14 @@
 and triangles are made of.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 from numba import njit
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum
 from app.engine.mismatch.physics.moments import between, moment
 from app.engine.mismatch.physics.scales import size
 from app.engine.recording import FloatArray
@@ -99,38 +103,40 @@ def shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
     )
 
 
+def stretches_of(block: Block) -> Callable[[FloatArray, Context], Sum]:
+    """Waves between two moments as sums of those between neighbours of all these moments."""
+
+    def stretches(points: FloatArray, _: Context) -> Sum:
+        pieces, weights = [], []
+        for period in np.unique(points[:, 2]):
+            here = points[:, 2] == period
+            for a, b in pairwise(np.unique(points[here, :2])):
+                pieces.append(Part(block, np.array([a, b, period, *np.zeros(points.shape[1] - 3)])))
+                weights.append(here & (points[:, 0] <= a) & (b <= points[:, 1]))
+        return Sum(tuple(pieces), np.stack(weights, axis=1).astype(np.float64))
+
+    return stretches
+
+
 def lasts(values: FloatArray, _: Context) -> bool:
     """Fewer than three turns are no oscillation."""
     return bool(values[1] - values[0] >= 3.0 * values[2])
 
 
-BLOCKS = (
-    Block(
-        "disturbance.oscillation",
-        "disturbance",
-        "output",
-        "at one frequency",
-        parameters,
-        starts,
-        apply=wave,
-        active=between,
-        penalty=25.0,
-        rough=True,
-        finalists=3,
-        sensible=lasts,
-    ),
-    Block(
-        "disturbance.oscillation",
-        "disturbance",
-        "output",
-        "at one frequency",
-        shaped_parameters,
-        shaped_starts,
-        apply=wave,
-        active=between,
-        form="shaped",
-        penalty=32.0,
-        rough=True,
-        sensible=lasts,
-    ),
+WAVE = Block(
+    "disturbance.oscillation",
+    "disturbance",
+    "output",
+    "at one frequency",
+    parameters,
+    starts,
+    apply=wave,
+    active=between,
+    penalty=25.0,
+    rough=True,
+    finalists=3,
+    sensible=lasts,
+    affine=True,
 )
+SHAPED = replace(WAVE, parameters=shaped_parameters, starts=shaped_starts, form="shaped", penalty=32.0, finalists=2)
+BLOCKS = tuple(replace(block, sum_of=stretches_of(block)) for block in (WAVE, SHAPED))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum, grid
 from app.engine.mismatch.physics.corners import beyond_limit, limited_at
 from app.engine.recording import BoolArray, FloatArray
 
@@ -84,6 +84,20 @@ def apart(values: FloatArray, context: Context) -> bool:
     )
 
 
+HIGH, HIGH_SOFT, LOW, LOW_SOFT = (_block(sign, soft) for sign in (1.0, -1.0) for soft in (False, True))
+
+
+def either(points: FloatArray, _: Context) -> Sum:
+    """What two limits take off is what each takes off, as long as one is above the other."""
+    sides = (
+        (HIGH, *np.unique(points[:, 0], return_inverse=True)),
+        (LOW, *np.unique(points[:, 1], return_inverse=True)),
+    )
+    pieces = (Part(block, np.array([limit])) for block, limits, _ in sides for limit in limits)
+    weights = [np.eye(len(limits))[at] for _, limits, at in sides]
+    return Sum(tuple(pieces), np.concatenate(weights, axis=1))
+
+
 BOTH = Block(
     "valve.saturation",
     "valve",
@@ -96,5 +110,6 @@ BOTH = Block(
     form="both",
     penalty=17.0,
     sensible=apart,
+    sum_of=either,
 )
-BLOCKS = (*(_block(sign, soft) for sign in (1.0, -1.0) for soft in (False, True)), BOTH)
+BLOCKS = (HIGH, HIGH_SOFT, LOW, LOW_SOFT, BOTH)
