@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import (
     ColumnElement,
@@ -129,27 +129,39 @@ def page(connection: Connection, loop_id: int, limit: int, before_id: int | None
     return [ExplanationRow(*row) for row in connection.execute(query)]
 
 
+class Naming(NamedTuple):
+    """An answer as it was stored, and until when what it is of was recorded."""
+
+    packed: bytes
+    window_end_ns: int | None
+
+
 def newest_naming(
     connection: Connection, tags: Iterable[str], code: str, until: datetime | None = None
-) -> dict[str, bytes]:
-    """The answers, as they were stored, of those loops whose newest explanation is done and has an effect of this code;
+) -> dict[str, Naming]:
+    """The answers of those loops whose newest explanation is done and has an effect of this code;
     by tag. until: the newest of those that had ended then (None: of all)."""
-    found = connection.execute(_naming(connection, tags, code, explanations.c.packed, until))
-    return {row.tag: row.packed for row in found}
+    wanted = (explanations.c.packed, explanations.c.window_end_ns)
+    found = connection.execute(_naming(connection, tags, code, wanted, until))
+    return {row.tag: Naming(row.packed, row.window_end_ns) for row in found}
 
 
 def naming_ids(connection: Connection, tags: Iterable[str], code: str) -> dict[str, int]:
     """The ids of the same explanations."""
-    return {row.tag: row.id for row in connection.execute(_naming(connection, tags, code, explanations.c.id))}
+    return {row.tag: row.id for row in connection.execute(_naming(connection, tags, code, (explanations.c.id,)))}
 
 
 def _naming(
-    connection: Connection, tags: Iterable[str], code: str, wanted: ColumnElement[Any], until: datetime | None = None
+    connection: Connection,
+    tags: Iterable[str],
+    code: str,
+    wanted: Iterable[ColumnElement[Any]],
+    until: datetime | None = None,
 ) -> Select[Any]:
     of_loops = select(loops.c.id).where(among_many(connection, loops.c.tag, tags))
     newest = select(func.max(explanations.c.id)).where(explanations.c.loop_id.in_(of_loops))
     newest = newest if until is None else newest.where(explanations.c.ended_at <= until)
-    query = select(loops.c.tag, wanted).join(loops, loops.c.id == explanations.c.loop_id)
+    query = select(loops.c.tag, *wanted).join(loops, loops.c.id == explanations.c.loop_id)
     query = query.where(explanations.c.id.in_(newest.group_by(explanations.c.loop_id)))
     named = explanations.c.effects.contains(code, autoescape=True)
     return query.where(explanations.c.state == "done", named)

@@ -1,6 +1,7 @@
 """What to do about a loop whose newest explanation contradicts its verdict: one answer on every page and list."""
 
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -9,7 +10,11 @@ from sqlalchemy import Engine, event, update
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
-from app.services.plant import reliability
+from app.services.explaining import explanations as explanations_of
+from app.services.loops import find
+from app.services.moments import ns_of
+from app.services.plant import loop_sheet, reliability
+from app.services.stating import notes
 from app.services.telling.next_steps import Ask
 from app.storage import explanations
 from app.storage.documents import Document, pack_document
@@ -20,13 +25,20 @@ AddLoops = Callable[..., dict[str, int]]
 CLEARED = {"verdict": "no_stiction", "reliability": "reliable", "likely_cause": "no_oscillation", "reasons": ""}
 
 
-def explain(backend: Backend, loop_id: int, *effects: tuple[str, float], state: str = "done") -> int:
+def explain(
+    backend: Backend,
+    loop_id: int,
+    *effects: tuple[str, float],
+    state: str = "done",
+    until: datetime | None = None,
+) -> int:
     """As a worker leaves it."""
     told = [{"effect": code, "alternatives": [], "probability": probability} for code, probability in effects]
     packed = pack_document(Document({"line": {"effects": told}}))
     with backend.database.write() as connection:
         explanation_id = explanations.ask(connection, {"loop_id": loop_id})
-        values = {"state": state, "packed": packed, "effects": ";".join(code for code, _ in effects)}
+        values: dict[str, Any] = {"state": state, "packed": packed, "effects": ";".join(code for code, _ in effects)}
+        values["window_end_ns"] = None if until is None else ns_of(until)
         one = explanations_table.c.id == explanation_id
         connection.execute(update(explanations_table).where(one).values(**values))
     return explanation_id
@@ -63,6 +75,19 @@ def test_only_the_newest_explanation_counts(
     explain(backend, ids["A"], ("valve.stiction", 0.7))
     explain(backend, ids["A"], *effects, state=state)
     assert contradicted(backend) == []
+
+
+@pytest.mark.parametrize(("recorded", "counts"), [("before", False), ("after", True)])
+def test_an_explanation_of_before_the_repair_contradicts_nothing_said_since(
+    backend: Backend, ids: dict[str, int], recorded: str, counts: bool
+) -> None:
+    repaired_at = datetime(2025, 6, 1, tzinfo=UTC)
+    notes.add_note(backend, "A", "packing renewed", repaired_at=repaired_at)
+    until = repaired_at + (timedelta(hours=1) if recorded == "after" else -timedelta(hours=1))
+    explain(backend, ids["A"], ("valve.stiction", 0.7), until=until)
+    assert contradicted(backend) == (["A"] if counts else [])
+    explained = explanations_of.newest(backend, "A")
+    assert bool(loop_sheet.loop_sheet(backend, find(backend, "A"), explained)["disagrees"]) is counts
 
 
 def test_a_damaged_explanation_takes_no_list_with_it(backend: Backend, ids: dict[str, int]) -> None:

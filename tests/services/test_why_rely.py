@@ -131,6 +131,9 @@ def test_an_explanation_that_names_stiction_contradicts_a_cleared_valve():
     assert contradiction(row, None) is None
     assert contradiction(row, {"state": "open", "effects": []}) is None
     assert contradiction(row, {"state": "done", "effects": []}) is None
+    older = {**found, "window_start": "2026-03-01T00:00:00Z", "window_end": "2026-03-01T01:00:00Z"}
+    assert contradiction(row, older, "2026-03-01T02:00:00Z") is None
+    assert contradiction(row, older, "2026-03-01T00:30:00Z") == contradiction(row, older) == contradiction(row, found)
     other = {"effect": "process.resonance", "probability": 0.9}
     assert contradiction(row, {"state": "done", "effects": [*found["effects"], other]}) is None
 
@@ -144,5 +147,7 @@ def test_where_an_explanation_names_no_valve_it_is_said_which_to_follow(likely, 
     assert why in said
     assert names_otherwise(told(reliability="not_reliable")[0], found) is None
     assert names_otherwise(told("no_stiction")[0], found) is None
+    older = {**found, "window_start": "2026-03-01T00:00:00Z", "window_end": "2026-03-01T01:00:00Z"}
+    assert names_otherwise(told()[0], older, "2026-03-01T02:00:00Z") is None
     effects[0]["alternatives"] = ["valve.deadband"]
     assert names_otherwise(told()[0], found) is None

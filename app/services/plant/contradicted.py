@@ -7,24 +7,39 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.services.moments import iso_utc, moment_of
 from app.services.telling.why_rely import contradiction
 from app.services.telling.wording import STICKS
 from app.storage import explanations
 from app.storage.documents import told_of
+from app.storage.explanations import Naming
+from app.storage.notes import Standing
 from app.storage.samples import DAMAGED
 
 log = logging.getLogger("loopaudit.contradicted")
 
 
 def contradicted(
-    connection: Connection, rows: Sequence[Mapping[str, Any]], until: datetime | None = None
+    connection: Connection,
+    rows: Sequence[Mapping[str, Any]],
+    standing: Mapping[str, Standing],
+    until: datetime | None = None,
 ) -> frozenset[str]:
     """The tags of those rows of the reliability table whose verdict is not what `contradiction` lets stand, by the
-    explanations that had ended until then (None: by now)."""
+    explanations that had ended until then (None: by now). standing: what stands of loops, by tag."""
     tags = [row["loop"] for row in rows if row["verdict"] == "no_stiction"]
-    packed = explanations.newest_naming(connection, tags, STICKS, until) if tags else {}
-    told = {tag: {"state": "done", "effects": _effects(tag, answer)} for tag, answer in packed.items()}
-    return frozenset(row["loop"] for row in rows if contradiction(row, told.get(row["loop"])))
+    found = explanations.newest_naming(connection, tags, STICKS, until) if tags else {}
+    told = {tag: _told(tag, naming) for tag, naming in found.items()}
+    repaired = {tag: iso_utc(one.repaired_at) for tag, one in standing.items()}
+    return frozenset(
+        row["loop"] for row in rows if contradiction(row, told.get(row["loop"]), repaired.get(row["loop"]))
+    )
+
+
+def _told(tag: str, naming: Naming) -> dict[str, Any]:
+    """By the names of an explanation."""
+    ended = None if naming.window_end_ns is None else moment_of(naming.window_end_ns)
+    return {"state": "done", "effects": _effects(tag, naming.packed), "window_end": iso_utc(ended)}
 
 
 def _effects(tag: str, packed: bytes) -> Sequence[Mapping[str, Any]]:

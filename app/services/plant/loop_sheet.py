@@ -47,11 +47,12 @@ def loop_sheet(
     together = shown(backend)
     mine = groups_of(together.groups, it.tag)
     shaking = shaken_by(mine, row)
+    repaired_at = row["repaired_at"]
     return {
         "it": it,
         "row": row,
         "detail": detail,
-        "disagrees": contradiction(row, explained) or names_otherwise(row, explained),
+        "disagrees": contradiction(row, explained, repaired_at) or names_otherwise(row, explained, repaired_at),
         "points": points(row, detail, shaking),
         "derivative": derivative(row, explained),
         "size": size_in_words(row, detail),

@@ -41,3 +41,11 @@ def of_before(row: Mapping[str, Any], repaired_at: str | None) -> bool:
     if BEFORE_REPAIR in codes_of(row):
         return True
     return repaired_at is not None and side_of(span_of(row), datetime.fromisoformat(repaired_at)) == "before"
+
+
+def explained_before(explanation: Mapping[str, Any], repaired_at: str | None) -> bool:
+    """Whether what an explanation is of was recorded before the loop's repair (ISO 8601)."""
+    if repaired_at is None:
+        return False
+    start, end = (_moment(explanation.get(name)) for name in ("window_start", "window_end"))
+    return side_of((start, end), datetime.fromisoformat(repaired_at)) == "before"

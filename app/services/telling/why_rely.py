@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from app.engine.codes import CheckCode, ReasonCode
+from app.services.telling.repair_sides import explained_before
 from app.services.telling.stored_evidence import explained, votes
 from app.services.telling.wording import LIKELY, STICKS, cause_words, measured_probability, probability, sticks_for_sure
 
@@ -121,9 +122,12 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any], shaken_by: str | N
     return [_beside(point) if reliable else point for point in found if point is not None]
 
 
-def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
-    """Says so where a valve that is said not to stick is what the newest explanation names."""
-    likeliest = _likeliest(explanation)
+def contradiction(
+    row: Mapping[str, Any], explanation: Mapping[str, Any] | None, repaired_at: str | None = None
+) -> str | None:
+    """Says so where a valve that is said not to stick is what the newest explanation names. repaired_at: when the loop
+    was repaired last (ISO 8601): what was recorded before says nothing of the valve since."""
+    likeliest = _likeliest(explanation, repaired_at)
     if (
         row["verdict"] != "no_stiction"
         or likeliest is None
@@ -134,9 +138,12 @@ def contradiction(row: Mapping[str, Any], explanation: Mapping[str, Any] | None)
     return DISAGREES.format(probability=probability(likeliest["probability"]))
 
 
-def names_otherwise(row: Mapping[str, Any], explanation: Mapping[str, Any] | None) -> str | None:
-    """Says which to follow where a valve sticks, to be relied on, and the newest explanation names no valve."""
-    likeliest = _likeliest(explanation)
+def names_otherwise(
+    row: Mapping[str, Any], explanation: Mapping[str, Any] | None, repaired_at: str | None = None
+) -> str | None:
+    """Says which to follow where a valve sticks, to be relied on, and the newest explanation names no valve.
+    repaired_at: as in `contradiction`."""
+    likeliest = _likeliest(explanation, repaired_at)
     if not sticks_for_sure(row) or likeliest is None:
         return None
     if not {likeliest["effect"], *likeliest.get("alternatives", ())}.isdisjoint(AT_THE_VALVE):
@@ -145,9 +152,9 @@ def names_otherwise(row: Mapping[str, Any], explanation: Mapping[str, Any] | Non
     return NAMES_OTHERWISE.format(probability=probability(told), why=BESIDES if told >= LIKELY else HARDLY)
 
 
-def _likeliest(explanation: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    """Of what an explanation that is done names."""
-    if explanation is None or explanation["state"] != "done":
+def _likeliest(explanation: Mapping[str, Any] | None, repaired_at: str | None) -> Mapping[str, Any] | None:
+    """Of what an explanation that is done names, unless it is of before the repair."""
+    if explanation is None or explanation["state"] != "done" or explained_before(explanation, repaired_at):
         return None
     return max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
 
