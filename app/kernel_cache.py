@@ -59,6 +59,25 @@ def loading_only() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def told_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """In here `tell` is called once, before the first kernel that is not in the cache is compiled."""
+    from numba.core import event  # as above
+
+    class Telling(event.Listener):
+        told = False
+
+        def on_start(self, event: object) -> None:
+            if not self.told:
+                self.told = True
+                tell()
+
+        def on_end(self, event: object) -> None: ...
+
+    with event.install_listener("numba:compile", Telling()):
+        yield
+
+
 class StillCompiling(Exception):
     """Another process compiles for this cache, and whoever waits for it has waited long enough."""
 

@@ -14,6 +14,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli import interrupts
+from app.cli.compiling import compiling_told, told_by_one
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.outputs import is_stream, part_of, written
@@ -192,7 +193,12 @@ def audit_files(files: list[Path], jobs: int, how: Reading) -> Generator[Audited
         return
     limit_to_one(OF_LINEAR_ALGEBRA + OF_READING)
     with interrupts.ended_in_order():
-        yield from _audited_by(ProcessPoolExecutor(wanted, mp_context=get_context("spawn")), files, how)
+        yield from _audited_by(_processes(wanted), files, how)
+
+
+def _processes(number: int) -> ProcessPoolExecutor:
+    context = get_context("spawn")
+    return ProcessPoolExecutor(number, mp_context=context, initializer=told_by_one, initargs=(context.Lock(),))
 
 
 def _audited_by(pool: ProcessPoolExecutor, files: list[Path], how: Reading) -> Generator[AuditedFile]:
@@ -243,13 +249,14 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     from app.services.moments import PlantClock
 
     mapping = None if how.mapping is None else TagMapping.from_bytes(how.mapping)
-    content = read_recordings(path, mapping=mapping, options=how.options)
+    with compiling_told():
+        content = read_recordings(path, mapping=mapping, options=how.options)
+        lines = tuple(audited_lines(content, PlantClock(how.options.time_zone)))
     notes = tuple(in_words(content))
     if not content.recordings:
         # What the file holds instead may tell why.
         return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
-    lines = audited_lines(content, PlantClock(how.options.time_zone))
-    return AuditedFile(path, tuple(lines), (*content.notes, *notes), failed=bool(content.damage))
+    return AuditedFile(path, lines, (*content.notes, *notes), failed=bool(content.damage))
 
 
 def in_words(content: "RecordingsRead") -> Iterator[str]:

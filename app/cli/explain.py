@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli.compiling import compiling_told
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
@@ -97,15 +98,18 @@ def explain(
     refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
     second = Columns(validate_op or op, validate_pv or pv, sp, loop)
     asked = Asked(file, Columns(op, pv, sp, loop), sim, sim_model, validate, second, judged, options)
-    found = explained_files(asked)
+    with compiling_told():
+        found = explained_files(asked)
     comparison = found.first
     if found.long:
         say(f"all {len(comparison.pv)} samples are explained by one loop; --judged takes those that an audit judges")
     if quick:
-        located = located_line(locate(comparison), comparison.name, perf_counter() - started)
+        with compiling_told():
+            located = located_line(locate(comparison), comparison.name, perf_counter() - started)
         sys.stdout.write(as_json(located) if format_ is Form.json else located_in_words(located))
         return
-    explanation = explain_comparison(comparison, found.second)
+    with compiling_told():
+        explanation = explain_comparison(comparison, found.second)
     line = explanation_line(explanation, perf_counter() - started, found.kind, found.told_second)
     for path, text in files_to_write(explanation, comparison, line, (trace, plot, model)):
         with written(path) as stream:

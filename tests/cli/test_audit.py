@@ -4,6 +4,7 @@ import csv
 import gzip
 import io
 import json
+import os
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli.audit import recording_files
+from app.cli.compiling import AT_FIRST
 from app.cli.main import cli
 from app.lab.testbench.spells import spell
 
@@ -63,6 +65,19 @@ def test_two_processes_say_the_same_in_the_same_order(folder):
     for line in here + there:
         line.pop("elapsed_s")
     assert here == there
+
+
+@pytest.mark.parametrize("files", [1, 8])
+def test_while_the_engine_is_compiled_the_command_says_so_once(folder, tmp_path, files):
+    """At the first start of a version nothing else was seen for minutes."""
+    for number in range(files):
+        (tmp_path / f"L{number}.csv").write_bytes((folder / "L1.csv").read_bytes())
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-m", "app", "audit", str(tmp_path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, env=environment) as process:
+        assert AT_FIRST in process.stderr.readline().decode()
+        process.terminate()
+        assert AT_FIRST not in process.stderr.read().decode()
 
 
 def test_the_lines_have_the_fields_of_the_contract(folder):

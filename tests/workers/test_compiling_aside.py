@@ -136,6 +136,15 @@ def test_a_kernel_is_compiled_as_ever_once_only_loading_is_over(start: Start) ->
     assert start.answers == [2.0]
 
 
+def test_it_is_told_once_and_only_where_something_is_compiled(start: Start) -> None:
+    told: list[str] = []
+    with kernel_cache.told_of_compiling(lambda: told.append("compiling")):
+        start.load()
+    with kernel_cache.told_of_compiling(lambda: told.append("again")):
+        start.load()
+    assert told == ["compiling"]
+
+
 def test_all_that_a_task_needs_is_loaded_before_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded: list[str] = []
     monkeypatch.setattr(process.warming, "audits", lambda: loaded.append("audits"))
