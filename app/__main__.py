@@ -1,7 +1,9 @@
 """The console script, and `python -m app` where it is not on the path, as for child processes of `serve`."""
 
 import atexit
+import codecs
 import gc
+import io
 import os
 import signal
 import sys
@@ -20,9 +22,26 @@ def open_missing_streams() -> None:
         setattr(sys, ("stdin", "stdout", "stderr")[number], os.fdopen(number, mode, encoding="utf-8", closefd=False))
 
 
+def as_escapes(error: UnicodeError) -> tuple[str, int]:
+    """What an encoding lacks, as JSON writes it: a line of JSON stays one, and no tag is lost."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    import json
+
+    return json.dumps(error.object[error.start : error.end])[1:-1], error.end
+
+
+def escape_what_stdout_lacks() -> None:
+    """A locale that is not UTF-8 has no letters for the tags of other countries: results are not lost for that."""
+    codecs.register_error("loopaudit.escapes", as_escapes)
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="loopaudit.escapes")
+
+
 def main() -> None:
     """Ctrl-C while the command is loaded ends it without a word; from then on it is the command's."""
     open_missing_streams()
+    escape_what_stdout_lacks()
     gc.set_threshold(BETWEEN_LOOKS)
     # What ends with the process is not looked through once more: that was a sixth of a short command.
     atexit.register(gc.freeze)

@@ -1,6 +1,9 @@
 """`loopaudit inspect`: what it says of files, and with which exit code."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -8,6 +11,16 @@ from scipy.io import savemat
 from typer.main import get_command
 
 from tests.cli.calling import WIDE, as_program, run
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_tag_that_the_encoding_of_stdout_lacks_is_written_in_escapes(tmp_path, encoding):
+    (tmp_path / "tags.csv").write_text(WIDE.replace("FIC1.", "K\u00fchler\U0001f4a71."), encoding="utf-8")
+    command = [sys.executable, "-m", "app", "inspect", str(tmp_path / "tags.csv")]
+    done = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding}, timeout=120)
+    assert (done.returncode, done.stderr) == (0, b"")
+    shown = "K\\u00fchler" if encoding == "ascii" else "K\u00fchler"
+    assert f"{shown}\\ud83d\\udca71 " in done.stdout.decode(encoding)
 
 
 def test_inspect_says_what_a_file_holds_and_what_would_be_refused(tmp_path):
