@@ -1,6 +1,6 @@
 """The columns that the table of the plant can show, and the addresses of its other views."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 from urllib.parse import urlencode
@@ -58,12 +58,27 @@ COLUMNS: Mapping[str, Column] = {
 
 USUAL = ("unit", "verdict", "reliability", "health", "stiction_probability", "likely_cause", "reasons_text")
 
+USUAL_ORDERS: Mapping[str, str] = {"-priority": "worst first: health, importance", "loop": "by tag"}
+
 
 def sorted_column(sort: str) -> str:
     """The name of the column whose head turns this order around; that of the order itself where there is none."""
     asked = sort.removeprefix("-")
     heads = {(column.sort or name).removeprefix("-"): name for name, column in COLUMNS.items()}
     return heads.get(asked, asked)
+
+
+def orders(names: Iterable[str], sort: str) -> Mapping[str, str]:
+    """The orders to choose from, in words: the usual ones, those that the heads of these columns start with, and the
+    one in use."""
+    heads = [COLUMNS[name].sort or name for name in names if COLUMNS[name].sort is not None]
+    return {order: USUAL_ORDERS.get(order) or _in_words(order) for order in (*USUAL_ORDERS, *heads, sort)}
+
+
+def _in_words(order: str) -> str:
+    name = sorted_column(order)
+    label = COLUMNS[name].label if name in COLUMNS else order
+    return f"{label}, greatest first" if order.startswith("-") else label
 
 
 def query_without(told: Mapping[str, Any], *left_out: str, **changed: Any) -> str:

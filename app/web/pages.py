@@ -31,7 +31,7 @@ from app.services.telling.asked_wording import asked_words
 from app.services.telling.next_steps import OF_NO_VERDICT
 from app.services.telling.wording import CAUSE_WORDS, RELIABILITY_WORDS, VERDICT_WORDS
 from app.web import loop, loop_list, runs, uploads
-from app.web.columns import COLUMNS, USUAL, query_without, sorted_column
+from app.web.columns import COLUMNS, USUAL, orders, query_without, sorted_column
 from app.web.rendering import CHARTS, STATIC, page
 
 A_WEEK = {"Cache-Control": "public, max-age=604800"}
@@ -157,6 +157,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         names=names,
         columns=COLUMNS,
         sorted_by=sorted_column(form.sort),
+        orders=orders(names, form.sort),
         units=plants.unit_names(backend),
         owners=plants.owner_names(backend),
         causes=sorted(map(cause_to_ask_for, CAUSE_WORDS), key=lambda cause: cause[1].casefold()),

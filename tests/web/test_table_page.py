@@ -269,6 +269,23 @@ def test_all_columns_are_exported_with_those_of_the_loop(client):
     assert {"importance", "priority", "description"} <= set(client.get(whole[0]).text.splitlines()[0].split(","))
 
 
+def test_every_order_that_a_head_leads_to_can_be_chosen_without_heads(client):
+    """On a telephone there are none."""
+    shown = "column=health&column=stiction_probability&column=stiction_S"
+    html = client.get(f"/table?{shown}").text
+    choice = html.split('name="sort">')[1].split("</select>")[0]
+    offered = re.findall(r'<option value="([^"]+)"( selected)?>([^<]+)<', choice)
+    assert offered == [
+        ("-priority", " selected", "worst first: health, importance"),
+        ("loop", "", "by tag"),
+        ("health", "", "Health"),
+        ("-stiction_probability", "", "Probability of stiction, greatest first"),
+    ]
+    turned = client.get(f"/table?{shown}&sort=-health").text
+    assert '<option value="-health" selected>Health, greatest first</option>' in turned
+    assert turned.count(" selected>Health") == 1
+
+
 def test_rows_are_narrowed_by_the_likely_cause(client):
     page = client.get("/table?likely_cause=data")
     assert '<option value="data" selected>too little usable data</option>' in page.text
