@@ -28,6 +28,17 @@ def csv(tag: str) -> dict[str, object]:
     return {"name": f"{tag}.csv", "mimeType": "text/csv", "buffer": f"time,{tag}.PV,{tag}.OP\n0,1,2\n1,2,3\n".encode()}
 
 
+def test_the_list_of_uploads_says_by_itself_what_became_of_them(opened: Page, client, web_backend):
+    """Who sends several files is led there, and saw for good that they wait to be read."""
+    number = client.post("/v1/uploads?filename=nothing.csv", content=b"not a table").json()["id"]
+    opened.goto("/uploads")
+    state = opened.locator("#uploads tr", has_text="nothing.csv").locator("td").nth(2)
+    expect(state).to_have_text("received, waits to be read")
+    read_upload(web_backend, int(number), "test")
+    expect(state).to_have_text("failed", timeout=10_000)
+    expect(state).to_have_class("refused")
+
+
 def test_an_upload_is_waited_for_though_an_answer_was_lost(opened: Page, client, web_backend):
     number = client.post("/v1/uploads?filename=lost.csv", content=b"time,L1.PV,L1.OP\n0,1,2\n1,2,3\n").json()["id"]
     asked = []

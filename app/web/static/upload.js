@@ -67,6 +67,18 @@ if (upload && ["received", "reading"].includes(upload.dataset.state)) {
   setTimeout(look, 500);
 }
 
+const list = document.getElementById("uploads");
+if (list) {
+  const open = () => list.querySelector("[data-open]") !== null;
+  const read = async () => {
+    const answer = await fetch(location.href);
+    const found = answer.ok && !answer.redirected && new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("uploads");
+    if (found && !list.contains(document.activeElement)) list.replaceChildren(...found.children); // who is on a link there stays on it
+  };
+  const again = () => { if (open()) setTimeout(() => read().catch(() => {}).then(again), 2000); }; // away for a moment: asked again
+  again();
+}
+
 const mapping = document.getElementById("mapping");
 if (mapping) {
   const text = document.getElementById("mapping-text");
