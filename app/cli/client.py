@@ -94,4 +94,5 @@ class ServiceClient(Client):
             raise RequestError("no_service", text) from error
         except ServiceError as error:
             code = f"http_{error.status}" if error.code == NO_PROBLEM else error.code
-            raise RequestError(code, error.detail) from error
+            asked = f"the service at {self.url} asks for a key: give one by --key or LOOPAUDIT_KEY"
+            raise RequestError(code, asked if code == "key_needed" else error.detail) from error

@@ -212,6 +212,11 @@ def test_a_service_whose_data_base_stays_away_is_asked_for_a_minute(monkeypatch)
             "unknown_upload",
             "there is none",
         ),
+        (
+            httpx.Response(401, json={"code": "key_needed", "detail": "a key is needed: Authorization: ..."}),
+            "key_needed",
+            "the service at http://server asks for a key: give one by --key or LOOPAUDIT_KEY",
+        ),
         (httpx.Response(502, text="<html>"), "http_502", "Bad Gateway"),
     ],
 )
