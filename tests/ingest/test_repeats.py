@@ -1,5 +1,6 @@
 """Rows whose time their tags had already are counted and told, whether they say the same or not."""
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -28,6 +29,29 @@ def test_rows_that_repeat_with_other_values_are_refused_and_told(read: Read) -> 
     for content in (wide, long):
         assert dict(content.rejects.counts) == {"duplicate_time": 3}
         assert f"3 {TOLD}" in content.summary.notes
+
+
+def put_back(tag: str | None = None) -> str:
+    """From half past midnight on by a clock that goes from 3 h back to 2 h, a sample every 15 s."""
+    seconds = [1800 + 15 * k - (3600 if k >= 600 else 0) for k in range(900)]
+    stamps = [f"2026-10-25 {at // 3600:02d}:{at // 60 % 60:02d}:{at % 60:02d}" for at in seconds]
+    if tag is None:
+        return "time,PV,OP\n" + "".join(f"{stamp},{k % 50},{k % 40}\n" for k, stamp in enumerate(stamps))
+    return "tag,time,value\n" + "".join(f"{tag},{stamp},{k % 50}\n" for k, stamp in enumerate(stamps))
+
+
+@pytest.mark.parametrize("text", [put_back(), put_back("F1.PV")], ids=["wide", "long"])
+def test_an_hour_that_came_twice_asks_for_the_zone_of_the_times(read: Read, text: str) -> None:
+    """In UTC, the usual zone, an hour of the night was lost without a word of why."""
+    told = [note for note in read(text).summary.notes if "twice in autumn" in note]
+    assert told == [
+        "an hour of rows came twice: if it is the one that a clock shows twice in autumn, name the zone of the times "
+        "(they were read as those of UTC), and both hours are kept"
+    ]
+    there = read(text, options=IngestOptions(time_zone="Europe/Berlin")).summary
+    assert not any("twice" in note for note in there.notes)
+    in_file = read(re.sub(r"(:\d\d),", r"\1Z,", text)).summary
+    assert (in_file.time_zone, any("twice" in note for note in in_file.notes)) == ("in the file", False)
 
 
 def test_a_file_without_repeats_tells_of_none(read: Read) -> None:

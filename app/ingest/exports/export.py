@@ -34,6 +34,7 @@ from app.ingest.tags.loops import Grouping, group
 from app.ingest.tags.settling import told
 from app.ingest.telling import without_controls
 from app.ingest.times.stamps import TimeForm
+from app.ingest.times.wall_clock import may_come_twice
 from app.nanoseconds import NS_PER_S
 
 CLOCKS_APART_NS = 15 * 60 * NS_PER_S
@@ -380,9 +381,25 @@ class TableExport(Export):
         if self._tally.repeats:
             what = "the time of a row before; of each tag the last value of a time was taken"
             notes.append(f"{self._tally.repeats} rows have {what}")
+            notes += self._hour_came_twice()
         if self._tally.comments:
             notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
         return notes
+
+    def _hour_came_twice(self) -> list[str]:
+        """Where a clock may have been put back in a zone that nobody named."""
+        form, tally = self._plan.form, self._tally
+        first, last = tally.first_time_ns, tally.last_time_ns
+        local = form.kind in ("text", "serial") and not form.zone_in_file and tally.backward
+        if not local or first is None or last is None:
+            return []
+        if not may_come_twice(first, last, tally.rows_read, tally.repeats):
+            return []
+        read_as = f"they were read as those of {self._options.time_zone}"
+        return [
+            "an hour of rows came twice: if it is the one that a clock shows twice in autumn, name the zone of the "
+            f"times ({read_as}), and both hours are kept"
+        ]
 
     def _ahead_of_clock(self) -> list[str]:
         now_ns, last_ns = self._options.now_ns, self._tally.last_time_ns

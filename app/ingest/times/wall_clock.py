@@ -15,6 +15,7 @@ HOUR_NS = 3600 * NS_PER_S
 FAR_NS = 2 * HOUR_NS  # steps of more than that come from outside of the hour
 FIRST, SECOND = 1, 2
 OUTSIDE = 0
+ABOUT_AN_HOUR_NS = HOUR_NS // 2, 2 * HOUR_NS
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,13 @@ class Before:
 
     local: int | None = None
     which: int = OUTSIDE
+
+
+def may_come_twice(first_ns: int, last_ns: int, rows: int, repeats: int) -> bool:
+    """Whether those of so many rows that repeat the time of another one are about an hour of them: read in a zone
+    without summer time, an hour that a clock showed twice looks so."""
+    least, most = ABOUT_AN_HOUR_NS
+    return rows > repeats and least <= repeats * (last_ns - first_ns) / (rows - repeats) <= most
 
 
 class WallClock:
