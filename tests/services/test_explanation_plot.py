@@ -8,7 +8,7 @@ import pytest
 from app.engine.mismatch import Comparison, explain
 from app.engine.mismatch.judge.result import Verdict
 from app.services.axes import ticks
-from app.services.explaining.plot import COLOURS, as_many, explanation_html
+from app.services.explaining.plot import COLOURS, as_many, explanation_html, figure_of
 from app.services.explaining.svg import DIFFERS, UNSEEN, explanation_svg, legend, panel
 from tests.engine.plain_loop import GIVEN, TS, moves, recorded
 
@@ -41,3 +41,14 @@ def test_a_plot_without_names_says_what_the_verdict_says(verdict: Verdict, said:
         assert said in drawn
         assert ("nothing is missing" in drawn) is (verdict == "consistent")
     assert '"showSendToCloud": false' in explanation_html(found, op)  # its bytes stay with the plant
+
+
+def test_the_page_has_room_between_its_plots_and_says_what_is_shaded_and_framed() -> None:
+    """The title of the time axis stood across that of the plot below it."""
+    op = 40.0 + moves()
+    drawn = figure_of(explain(Comparison("loop", TS, op, recorded(moves()), simulation=GIVEN)), op).layout
+    inner = drawn.height - drawn.margin.t - drawn.margin.b
+    below, above = drawn.yaxis3.domain[1], drawn.yaxis2.domain[0]
+    assert (above - below) * inner >= 80  # labels of ticks, title of the axis, title of the plot
+    titles = [annotation.text for annotation in drawn.annotations]
+    assert ["shaded" in titles[0], "framed" in titles[1]] == [True, True]

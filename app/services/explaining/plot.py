@@ -12,6 +12,8 @@ from app.services.explaining.wording import VERDICT_WORDS
 
 COLOURS = {"recording": "#222222", "given": "#b0b0b0", "refitted": "#d98200", "explained": "#0b6fb8"}
 
+HEIGHT, MARGIN = 900, {"t": 100, "b": 80}
+
 # What a plant recorded is not offered to the cloud of those who make the library.
 CONFIG = {"displaylogo": False, "showSendToCloud": False, "plotlyServerURL": ""}
 
@@ -23,12 +25,21 @@ def as_many(op: FloatArray, count: int) -> FloatArray:
 
 def explanation_html(explanation: Explanation, op: FloatArray) -> str:
     """A self-contained page. op: (N,) as recorded, the residual is drawn against it."""
+    return str(figure_of(explanation, op).to_html(CONFIG, include_plotlyjs=True, full_html=True))
+
+
+def figure_of(explanation: Explanation, op: FloatArray) -> go.Figure:
+    """What the page shows. op: as in `explanation_html`."""
     figure = make_subplots(
         rows=3,
         cols=1,
         row_heights=[0.5, 0.25, 0.25],
-        vertical_spacing=0.08,
-        subplot_titles=("PV: recording and simulations", "Residual over time", "Residual against OP"),
+        vertical_spacing=0.12,
+        subplot_titles=(
+            "PV: recording and simulations; shaded: where they differ",
+            "Residual over time; framed: held out of the fit",
+            "Residual against OP",
+        ),
     )
     traces = explanation.traces
     op = as_many(op, len(traces.pv))
@@ -53,10 +64,11 @@ def explanation_html(explanation: Explanation, op: FloatArray) -> str:
     fit = explanation.fit
     gain = f"held-out RMSE {fit.refitted.rmse:.4g} refitted, {fit.explained.rmse:.4g} explained"
     title = f"{explanation.name}: {named}; {gain}"
-    figure.update_layout(title=title, template="plotly_white", height=900, legend={"orientation": "h", "y": 1.06})
+    figure.update_layout(title=title, template="plotly_white", height=HEIGHT, legend={"orientation": "h", "y": 1.06})
+    figure.update_layout(margin=MARGIN)
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
     figure.update_xaxes(title_text="OP", row=3, col=1)
-    return str(figure.to_html(CONFIG, include_plotlyjs=True, full_html=True))
+    return figure
 
 
 def add_residual(figure: go.Figure, time_s: FloatArray, op: FloatArray, residual: FloatArray, label: str) -> None:
@@ -78,9 +90,8 @@ def mark_windows(figure: go.Figure, explanation: Explanation) -> None:
         figure.add_vrect(
             x0=window.start_s,
             x1=window.end_s,
-            line={"dash": "dot", "width": 1},
-            fillcolor="white",
-            opacity=0.2,
+            line={"dash": "dot", "width": 1, "color": "#566372"},
+            fillcolor="rgba(0, 0, 0, 0)",
             row=2,
             col=1,
         )
