@@ -255,3 +255,10 @@ def test_a_pv_that_stood_has_no_picture_over_op():
     judged_none = {"pv_op": moving, "judged": None, "window": None}
     assert reports._path_of(judged_none) == "All 3 samples of what was given to the audit."
     assert reports._path_of(judged_none | {"window": ["a", "b"]}) == "All 3 samples of the audited window."
+
+
+@pytest.mark.parametrize("tag", ["FIC101", "LIC7"])
+def test_a_report_draws_a_valve_only_where_its_size_is_stated(client, tag):
+    told = client.get(f"/loops/{tag}/charts").json()
+    assert told["valve"] is not None
+    assert ("valve, estimated" in client.get(f"/v1/loops/{tag}/report").text) is (told["size"] is not None)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from app.services.auditing.audits import cancel_audit, start_audit
 from app.services.explaining import explanations
@@ -37,6 +37,27 @@ def test_the_list_of_uploads_says_by_itself_what_became_of_them(opened: Page, cl
     read_upload(web_backend, int(number), "test")
     expect(state).to_have_text("failed", timeout=10_000)
     expect(state).to_have_class("refused")
+
+
+@pytest.mark.parametrize("size", [None, {"S": 3.0, "low": 2.0, "high": 4.0}])
+def test_a_valve_is_drawn_by_itself_only_where_its_size_is_stated(opened: Page, size: dict[str, float] | None):
+    """A valve that was cleared was drawn as one that sticks."""
+
+    def sized(route: Route) -> None:
+        told = route.fetch().json()
+        told["trend"]["valve"], told["valve"] = told["trend"]["op"], {"S": 3.0, "J": 1.0}
+        route.fulfill(json=told | {"size": size})
+
+    opened.route("**/loops/LIC7/charts*", sized)
+    opened.goto("/loops/LIC7")
+    opened.locator("#charts").scroll_into_view_if_needed()
+    expect(opened.locator("#charts")).to_have_attribute("data-drawn", "yes")
+    drawn = opened.evaluate(
+        "document.getElementById('trend').data.find((one) => one.name === 'valve, estimated').visible"
+    )
+    assert (drawn != "legendonly") is (size is not None)
+    said = "drawn with the size S above" if size else "which are assumed, not measured"
+    expect(opened.locator("#valve-note")).to_contain_text(said)
 
 
 def test_an_upload_is_waited_for_though_an_answer_was_lost(opened: Page, client, web_backend):

@@ -158,7 +158,7 @@ def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:
     window = drawn["window"]
     shaded = [seconds_of(stamp) for stamp in window] if window else None
     above = [Line("PV", trend["pv"], PV), *([Line("SP", trend["sp"], SP)] if trend.get("sp") else [])]
-    valve = [Line("valve, estimated", trend["valve"], VALVE)] if trend.get("valve") else []
+    valve = [Line("valve, estimated", trend["valve"], VALVE)] if trend.get("valve") and drawn["size"] else []
     below = [Line("OP", trend["op"], OP), *valve]
     return [
         chart(x, above, ends, title="PV and SP over time", shaded=shaded),

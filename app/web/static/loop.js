@@ -3,7 +3,9 @@
 const line = (x, y, name, colour, more) => ({ x, y, name, type: "scatter", mode: "lines", line: { color: paint(colour), width: 1.4 }, ...more });
 
 const WAIT_MS = 200; // a wheel or a drag asks once, when it has come to rest
-const valvesNote = ({ valve, size }) => `The valve's position is an estimate, ${size ? "drawn with the size S above" : `drawn with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP), which are assumed, not measured`}.`;
+const valvesNote = ({ valve, size }) => (size
+  ? "The valve's position is an estimate, drawn with the size S above."
+  : `The valve's position is not drawn, as no size is stated. A click on its name draws an estimate with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP), which are assumed, not measured.`);
 const LONG_MS = 86400000, AROUND = 0.25; // a record of days is a solid block: it opens at what speaks for it, and some of what is beside it
 const countNote = ({ samples, shown }, back = "") => (shown < samples
   ? `${shown} of ${samples} samples shown, of each stretch the least and the greatest: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
@@ -14,11 +16,11 @@ const BACK = " A double click shows the whole again.";
 const marked = (values, standing) => values.map((value, k) => (standing[k] ? value : null));
 const pen = (x, y, standing, more) => line(x, marked(y, standing), "OP travels, PV stands", "--stands", { line: { color: paint("--stands"), width: 7 }, hoverinfo: "skip", legendgroup: "stands", ...more });
 
-function trendLines(trend, clock) {
+function trendLines(trend, clock, more) {
   const x = trend.time.map(clock.shown);
   const traces = [line(x, trend.pv, "PV", "--pv", { yaxis: "y2" }), line(x, trend.op, "OP", "--op")];
   if (trend.sp) traces.splice(1, 0, line(x, trend.sp, "SP", "--sp", { yaxis: "y2" }));
-  if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve"));
+  if (trend.valve) traces.push(line(x, trend.valve, "valve, estimated", "--valve", more));
   return [pen(x, trend.op, trend.standing, { showlegend: trend.standing.includes(1), legendrank: 2000 }), pen(x, trend.pv, trend.standing, { yaxis: "y2", showlegend: false }), ...traces];
 }
 
@@ -33,7 +35,7 @@ function drawTrend({ trend, window: shown, judged, valve, size, damage }) {
     shapes.push(stretch(judged, { line: { width: 2, color: paint("--ink"), dash: "dot" } }));
     document.getElementById("judged-note").textContent = `The stretch that speaks for the record, ${judged.map((at) => clock.shown(at).slice(0, 16).replace("T", " ")).join(" to ")}, is framed with dots; the size, the shapes and PV against OP are of it.`;
   }
-  draw("trend", trendLines(trend, clock), {
+  draw("trend", trendLines(trend, clock, size ? {} : { visible: "legendonly" }), {
     height: 480, xaxis: axis(folded(clock.title, document.getElementById("trend"))), hovermode: "x", shapes,
     yaxis: axis("OP", { domain: [0, 0.46] }), yaxis2: axis("PV and SP", { domain: [0.54, 1] }),
   });
