@@ -32,9 +32,10 @@ def as_escapes(error: UnicodeError) -> tuple[str, int]:
 
 
 def escape_what_stdout_lacks() -> None:
-    """A locale that is not UTF-8 has no letters for the tags of other countries: results are not lost for that."""
+    """A locale that is not UTF-8 has no letters for the tags of other countries: results are not lost for that. That of
+    C lets bytes of file names through, and has no letters either."""
     codecs.register_error("loopaudit.escapes", as_escapes)
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in ("strict", "surrogateescape"):
         sys.stdout.reconfigure(errors="loopaudit.escapes")
 
 

@@ -12,12 +12,17 @@ from typer.main import get_command
 
 from tests.cli.calling import WIDE, as_program, run
 
+C_LOCALE = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}  # ASCII, with bytes of file names let through
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
-def test_a_tag_that_the_encoding_of_stdout_lacks_is_written_in_escapes(tmp_path, encoding):
+
+@pytest.mark.parametrize(
+    ("settings", "encoding"),
+    [({"PYTHONIOENCODING": "ascii"}, "ascii"), ({"PYTHONIOENCODING": "latin-1"}, "latin-1"), (C_LOCALE, "ascii")],
+)
+def test_a_tag_that_the_encoding_of_stdout_lacks_is_written_in_escapes(tmp_path, settings, encoding):
     (tmp_path / "tags.csv").write_text(WIDE.replace("FIC1.", "K\u00fchler\U0001f4a71."), encoding="utf-8")
     command = [sys.executable, "-m", "app", "inspect", str(tmp_path / "tags.csv")]
-    done = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding}, timeout=120)
+    done = subprocess.run(command, capture_output=True, env=os.environ | settings, timeout=120)
     assert (done.returncode, done.stderr) == (0, b"")
     shown = "K\\u00fchler" if encoding == "ascii" else "K\u00fchler"
     assert f"{shown}\\ud83d\\udca71 " in done.stdout.decode(encoding)
