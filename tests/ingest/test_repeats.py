@@ -54,6 +54,17 @@ def test_an_hour_that_came_twice_asks_for_the_zone_of_the_times(read: Read, text
     assert (in_file.time_zone, any("twice" in note for note in in_file.notes)) == ("in the file", False)
 
 
+@pytest.mark.parametrize(("zone", "told"), [("Asia/Tokyo", True), ("Europe/Berlin", False)])
+def test_who_named_a_zone_that_puts_its_clocks_back_is_not_asked_for_one(read: Read, zone: str, told: bool) -> None:
+    """Two pieces of a day in June overlapped, and the note promised both hours to whoever names the zone."""
+    seconds = [1800 + 15 * k - (3600 if k >= 600 else 0) for k in range(900)]
+    stamps = [f"2026-06-10 {at // 3600:02d}:{at // 60 % 60:02d}:{at % 60:02d}" for at in seconds]
+    text = "time,PV,OP\n" + "".join(f"{stamp},{k % 50},{k % 40}\n" for k, stamp in enumerate(stamps))
+    notes = read(text, options=IngestOptions(time_zone=zone)).summary.notes
+    assert any(TOLD in note for note in notes)
+    assert any("twice in autumn" in note for note in notes) is told
+
+
 def test_a_file_without_repeats_tells_of_none(read: Read) -> None:
     content = read("time,PV,OP\n" + "".join(f"2026-01-31 00:{k:02d}:00,1,2\n" for k in range(30)))
     assert content.summary.notes == ()

@@ -33,6 +33,7 @@ from app.ingest.tags.grouping import TagMapping
 from app.ingest.tags.loops import Grouping, group
 from app.ingest.tags.settling import told
 from app.ingest.telling import without_controls
+from app.ingest.times.read_once import puts_clocks_back
 from app.ingest.times.stamps import TimeForm
 from app.ingest.times.wall_clock import may_come_twice
 from app.nanoseconds import NS_PER_S
@@ -387,15 +388,15 @@ class TableExport(Export):
         return notes
 
     def _hour_came_twice(self) -> list[str]:
-        """Where a clock may have been put back in a zone that nobody named."""
-        form, tally = self._plan.form, self._tally
+        """Where a clock may have been put back in a zone that nobody named: in that one none is."""
+        form, tally, zone = self._plan.form, self._tally, self._options.time_zone
         first, last = tally.first_time_ns, tally.last_time_ns
         local = form.kind in ("text", "serial") and not form.zone_in_file and tally.backward
-        if not local or first is None or last is None:
+        if not local or first is None or last is None or puts_clocks_back(zone, first, last):
             return []
         if not may_come_twice(first, last, tally.rows_read, tally.repeats):
             return []
-        read_as = f"they were read as those of {self._options.time_zone}"
+        read_as = f"they were read as those of {zone}"
         return [
             "an hour of rows came twice: if it is the one that a clock shows twice in autumn, name the zone of the "
             f"times ({read_as}), and both hours are kept"

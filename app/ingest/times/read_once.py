@@ -82,6 +82,12 @@ class TurnsMet:
         return _pass_in_doubt(turn, seconds)
 
 
+def puts_clocks_back(zone: str, first_ns: int, last_ns: int) -> bool:
+    """Whether the clocks of a zone are, in one of the years from one time to another (UTC)."""
+    first, last = (datetime.fromtimestamp(at // NS_PER_S, UTC).year for at in (first_ns, last_ns))
+    return zone != "UTC" and any(_turns(zone, year) for year in range(first, last + 1))
+
+
 @lru_cache(maxsize=1 << 10)
 def _turns(zone: str, year: int) -> tuple[Turn, ...]:
     """Those of a year in which what a clock showed comes again."""
