@@ -39,6 +39,29 @@ def test_the_list_of_uploads_says_by_itself_what_became_of_them(opened: Page, cl
     expect(state).to_have_class("refused")
 
 
+def test_a_list_of_uploads_without_news_is_left_alone_and_asked_for_no_more_after_the_login(opened: Page, client):
+    """What somebody marked to copy was unmarked every two seconds, and whose login had ended was never told."""
+    client.post("/v1/uploads?filename=waits.csv", content=b"time,L1.PV,L1.OP\n0,1,2\n1,2,3\n")
+    asked: list[str] = []
+
+    def ended(route: Route) -> None:
+        asked.append(route.request.resource_type)
+        if asked[-1] == "document" or len(asked) < 3:
+            return route.continue_()
+        return route.fulfill(status=303, headers={"Location": "/glossary"})  # as to the login
+
+    opened.route("**/uploads", ended)
+    opened.goto("/uploads")
+    opened.evaluate("document.querySelector('#uploads tr').mine = true")
+    while len(asked) < 2:
+        opened.wait_for_timeout(100)
+    opened.wait_for_timeout(500)
+    assert opened.evaluate("document.querySelector('#uploads tr').mine") is True
+    while len(asked) < 4:
+        opened.wait_for_timeout(100)
+    assert asked == ["document", "fetch", "fetch", "document"]  # loaded again, which leads to the login
+
+
 @pytest.mark.parametrize("size", [None, {"S": 3.0, "low": 2.0, "high": 4.0}])
 def test_a_valve_is_drawn_by_itself_only_where_its_size_is_stated(opened: Page, size: dict[str, float] | None):
     """A valve that was cleared was drawn as one that sticks."""

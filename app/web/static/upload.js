@@ -72,11 +72,16 @@ if (list) {
   const open = () => list.querySelector("[data-open]") !== null;
   const read = async () => {
     const answer = await fetch(location.href);
-    const found = answer.ok && !answer.redirected && new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("uploads");
-    if (found && !list.contains(document.activeElement)) list.replaceChildren(...found.children); // who is on a link there stays on it
+    if (answer.redirected && !told?.textContent) location.reload(); // the page leads to the login, unless a file is on its way
+    const found = answer.ok && !answer.redirected ? new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("uploads") : null;
+    // Who is on a link there stays on it, and what is marked there stays marked.
+    if (found && !found.isEqualNode(list) && !list.contains(document.activeElement)) list.replaceChildren(...found.children);
   };
-  const again = () => { if (open()) setTimeout(() => read().catch(() => {}).then(again), 2000); }; // away for a moment: asked again
-  again();
+  const look = async () => {
+    try { if (!document.hidden) await read(); } catch { /* the service may be away for a moment; it is asked again */ }
+    if (open()) setTimeout(look, 2000);
+  };
+  if (open()) setTimeout(look, 2000);
 }
 
 const mapping = document.getElementById("mapping");
