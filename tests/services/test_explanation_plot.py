@@ -1,6 +1,7 @@
 """OP beside the traces of an explanation."""
 
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from app.engine.mismatch import Comparison, explain
 from app.engine.mismatch.judge.result import Verdict
 from app.services.axes import ticks
-from app.services.explaining.plot import COLOURS, as_many, explanation_html, figure_of
+from app.services.explaining.plot import COLOURS, LINE, as_many, explanation_html, figure_of
 from app.services.explaining.svg import DIFFERS, UNSEEN, explanation_svg, legend, panel
 from tests.engine.plain_loop import GIVEN, TS, moves, recorded
 
@@ -52,3 +53,19 @@ def test_the_page_has_room_between_its_plots_and_says_what_is_shaded_and_framed(
     assert (above - below) * inner >= 80  # labels of ticks, title of the axis, title of the plot
     titles = [annotation.text for annotation in drawn.annotations]
     assert ["shaded" in titles[0], "framed" in titles[1]] == [True, True]
+
+
+def test_a_name_is_shown_as_it_is_and_its_title_folded() -> None:
+    """`<b>` and the like in a tag were taken for markup, and of a long title the end was beyond the page."""
+    op = 40.0 + moves()
+    found = explain(Comparison("loop", TS, op, recorded(moves()), simulation=GIVEN))
+    drawn = figure_of(replace(found, name="<b>&amp;" + "Long_" * 40), op).layout
+    lines = [unescape(line) for line in drawn.title.text.split("<br>")]
+    assert "".join(lines).startswith("<b>&amp;" + "Long_" * 40)
+    assert max(map(len, lines)) <= 42
+    titles = [line for annotation in drawn.annotations for line in annotation.text.split("<br>")]
+    assert max(map(len, titles)) <= 40
+    above_title = (drawn.legend.y - 1) * (drawn.height - drawn.margin.t - drawn.margin.b)
+    assert (drawn.legend.yanchor, above_title) == ("bottom", pytest.approx(2.5 * LINE))
+    # A row on top, the title, the names of the lines in two rows on a telephone, the title of the plot.
+    assert drawn.margin.t >= LINE * (1 + len(lines) + 2 + 2.5)

@@ -2,6 +2,9 @@
 file.
 """
 
+from html import escape
+from textwrap import wrap
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -12,7 +15,9 @@ from app.services.explaining.wording import VERDICT_WORDS
 
 COLOURS = {"recording": "#222222", "given": "#b0b0b0", "refitted": "#d98200", "explained": "#0b6fb8"}
 
-HEIGHT, MARGIN = 900, {"t": 100, "b": 80}
+HEIGHT, LINE = 940, 22  # px: without the title; a line of text
+ROOM_ABOVE, ROOM_BELOW = 6 * LINE, 70  # px; above the first plot its title and the names of its lines, two rows each
+LONGEST_LINE = 42  # letters; as many as a telephone shows
 
 # What a plant recorded is not offered to the cloud of those who make the library.
 CONFIG = {"displaylogo": False, "showSendToCloud": False, "plotlyServerURL": ""}
@@ -36,8 +41,8 @@ def figure_of(explanation: Explanation, op: FloatArray) -> go.Figure:
         row_heights=[0.5, 0.25, 0.25],
         vertical_spacing=0.12,
         subplot_titles=(
-            "PV: recording and simulations; shaded: where they differ",
-            "Residual over time; framed: held out of the fit",
+            "PV: recording and simulations<br>shaded: where they differ",
+            "Residual over time<br>framed: held out of the fit",
             "Residual against OP",
         ),
     )
@@ -63,9 +68,15 @@ def figure_of(explanation: Explanation, op: FloatArray) -> go.Figure:
     named = ", ".join(e.code for e in explanation.effects) or VERDICT_WORDS[explanation.verdict]
     fit = explanation.fit
     gain = f"held-out RMSE {fit.refitted.rmse:.4g} refitted, {fit.explained.rmse:.4g} explained"
-    title = f"{explanation.name}: {named}; {gain}"
-    figure.update_layout(title=title, template="plotly_white", height=HEIGHT, legend={"orientation": "h", "y": 1.06})
-    figure.update_layout(margin=MARGIN)
+    told = [line for text in (f"{explanation.name}: {named}", gain) for line in wrap(text, LONGEST_LINE)]
+    text, room = "<br>".join(escape(line, quote=False) for line in told), LINE * len(told)
+    figure.update_layout(
+        title={"text": text, "font": {"size": 14}, "y": 1, "yanchor": "top", "pad": {"t": LINE}},
+        template="plotly_white",
+        height=HEIGHT + room,
+        legend={"orientation": "h", "y": 1 + 2.5 * LINE / (HEIGHT - ROOM_ABOVE - ROOM_BELOW), "yanchor": "bottom"},
+        margin={"t": ROOM_ABOVE + room, "b": ROOM_BELOW, "l": 60, "r": 30},
+    )
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
     figure.update_xaxes(title_text="OP", row=3, col=1)
     return figure
