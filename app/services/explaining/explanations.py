@@ -20,6 +20,7 @@ from app.services.explaining.simulations import GivenSimulation, comparison_with
 from app.services.loops import find
 from app.services.moments import iso_utc, latest_ns, moment_of, ns_of
 from app.services.results import Page
+from app.services.telling.repair_sides import explained_before
 from app.services.telling.wording import codes_in
 from app.storage import explanations, notes, series, verdicts
 from app.storage.documents import Document, pack_document, unpack_document
@@ -122,7 +123,7 @@ def _remarks(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
         newest_verdict = verdicts.newest_said(connection, loop.id)
         heard = verdicts.fingerprint_before(connection, loop.id, row.asked_at)
     told = []
-    if repaired_at is not None and row.window_end_ns is not None and ns_of(repaired_at) > row.window_end_ns:
+    if repaired_at is not None and explained_before(summary(row, loop.tag), iso_utc(repaired_at)):
         told.append(f"This is of before the repair of {backend.clock.told_at(repaired_at)}.")
     if newest_verdict is None:
         return told
