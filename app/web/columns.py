@@ -77,7 +77,9 @@ def orders(names: Iterable[str], sort: str) -> Mapping[str, str]:
 
 def _in_words(order: str) -> str:
     name = sorted_column(order)
-    label = COLUMNS[name].label if name in COLUMNS else order
+    if order == "-loop":
+        return "by tag, last first"
+    label = COLUMNS[name].label if name in COLUMNS else name
     return f"{label}, greatest first" if order.startswith("-") else label
 
 

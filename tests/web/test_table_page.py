@@ -284,6 +284,7 @@ def test_every_order_that_a_head_leads_to_can_be_chosen_without_heads(client):
     turned = client.get(f"/table?{shown}&sort=-health").text
     assert '<option value="-health" selected>Health, greatest first</option>' in turned
     assert turned.count(" selected>Health") == 1
+    assert '<option value="-loop" selected>by tag, last first</option>' in client.get("/table?sort=-loop").text
 
 
 def test_rows_are_narrowed_by_the_likely_cause(client):
