@@ -10,6 +10,7 @@ from app.engine.recording import FloatArray
 NO_LIMIT = 1e30
 VESSEL_STEPS = 2
 SWING_STEPS = 4
+TORRICELLI = 0.5  # the exponent of a level by which a vessel empties through an opening
 FAR_APART = 700.0  # exponents of two lags: the exponential of more is soon no number
 HALVED, TAYLOR_TERMS = 2, 14  # a matrix of 1/4 at most, whose 14th power over 14! is less than a rounding error
 
@@ -27,8 +28,9 @@ class Plant:
     swings, unit of PV.
     leak: 1 for a self-regulating process, 0 for an integrator.
     high, low: where x overflows, unit of PV as deviation. zero: time constant of (1 - zero s), s.
-    head: distance of the empty level below the mean for the outflow law f(x) = 2 head (sqrt(1 + x / head) - 1), unit of
-    PV; 0 for f(x) = x. damping: ratio, tau being one over the natural frequency; 0: it does not swing.
+    head: distance of the empty level below the mean for the outflow law f(x) = head / n ((1 + x / head)^n - 1), unit of
+    PV; 0 for f(x) = x. exponent: n of that law. damping: ratio, tau being one over the natural frequency; 0: it does
+    not swing.
     """
 
     K: float
@@ -45,6 +47,7 @@ class Plant:
     zero: float = 0.0
     damping: float = 0.0
     speed0: float = 0.0
+    exponent: float = TORRICELLI
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -111,18 +114,20 @@ def _lag(v: FloatArray, tau: float, ts: float) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def _outflow(x: float, head: float) -> float:
+def _outflow(x: float, head: float, exponent: float) -> float:
     if head <= 0.0:
         return x
-    return 2.0 * head * (np.sqrt(max(1.0 + x / head, 0.0)) - 1.0)
+    level = max(1.0 + x / head, 0.0)
+    power = np.sqrt(level) if exponent == TORRICELLI else level**exponent
+    return head / exponent * (power - 1.0)
 
 
 @njit(cache=True, nogil=True)
-def _advance(x: float, drive: float, tau: float, leak: float, head: float, step: float) -> float:
+def _advance(x: float, drive: float, tau: float, leak: float, head: float, exponent: float, step: float) -> float:
     """x after `step` seconds, the drive held: exact for the linear law, linearised where the step begins otherwise."""
     level = max(1.0 + x / head, 1e-4) if head > 0.0 else 1.0
-    rate = leak / (tau * np.sqrt(level))
-    speed = (drive - leak * _outflow(x, head)) / tau
+    rate = leak / (tau * np.sqrt(level)) if exponent == TORRICELLI else leak / tau * level ** (exponent - 1.0)
+    speed = (drive - leak * _outflow(x, head, exponent)) / tau
     if rate * step < 1e-9:
         return x + speed * step
     return x + speed * (1.0 - np.exp(-rate * step)) / rate
@@ -190,13 +195,13 @@ def _bounded_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
 def _vessel_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     """x (N,) with the outflow law, in steps within each sample."""
     K, tau, _, b, x, _, leak, _, high, low, head = p[:11]
-    y = np.empty(len(u))
+    y, exponent = np.empty(len(u)), p[14]
     x = min(max(x, low), high)
     y[0] = x
     for t in range(1, len(u)):
         drive = K * u[t - 1] + b
         for _ in range(VESSEL_STEPS):
-            x = min(max(_advance(x, drive, tau, leak, head, ts / VESSEL_STEPS), low), high)
+            x = min(max(_advance(x, drive, tau, leak, head, exponent, ts / VESSEL_STEPS), low), high)
         y[t] = x
     return y
 
@@ -219,7 +224,7 @@ def _slopes(x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
     K, tau, _, b, _, _, leak, _, _, _, head = p[:11]
     rate = np.empty(len(x))
     for t in range(len(x)):
-        rate[t] = (K * u[max(t - 1, 0)] + b - leak * _outflow(x[t], head)) / tau
+        rate[t] = (K * u[max(t - 1, 0)] + b - leak * _outflow(x[t], head, p[14])) / tau
     return rate
 
 
@@ -244,7 +249,7 @@ def _swinging(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     """x and tau dx/dt (2, N) of what swings, its drive held over each sample: exact for the linear law; in steps within
     each sample, what the law of outflow is off a straight line held over each, otherwise.
     """
-    K, tau, _, b, x, _, leak, _, high, low, head, _, damping, speed = p
+    K, tau, _, b, x, _, leak, _, high, low, head, _, damping, speed, exponent = p
     steps = 1 if head <= 0.0 and high > 1e29 and low < -1e29 else SWING_STEPS
     system = np.array([[0.0, 1.0, 0.0], [-leak, -2.0 * damping, 1.0], [0.0, 0.0, 0.0]])
     move = _exponential(system * (ts / (steps * tau)))
@@ -254,7 +259,7 @@ def _swinging(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     for t in range(1, len(u)):
         drive = K * u[t - 1] + b
         for _ in range(steps):
-            pull = drive - leak * (_outflow(x, head) - x)
+            pull = drive - leak * (_outflow(x, head, exponent) - x)
             there = move[0, 0] * x + move[0, 1] * speed + move[0, 2] * pull
             speed = move[1, 0] * x + move[1, 1] * speed + move[1, 2] * pull
             x = min(max(there, low), high)
@@ -301,7 +306,7 @@ def run_process(v: FloatArray, plant: Plant, sampling_interval_s: float) -> Floa
 
 
 def plant_of(row: FloatArray) -> Plant:
-    """The plant that a kernel reads as this row (14,); past the constructor as well."""
+    """The plant that a kernel reads as this row (15,); past the constructor as well."""
     plant = object.__new__(Plant)
     vars(plant).update(zip(NUMBERS, row.tolist(), strict=True))
     return plant
@@ -326,7 +331,7 @@ def _processes(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, mos
 
 
 def run_rows(v: FloatArray, rows: FloatArray, ts: float, rest: FloatArray, most: float) -> FloatArray:
-    """What each of some plants (L, 14), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
+    """What each of some plants (L, 15), as the kernel reads them, makes of v (N,), as `with_rest` has it; (L, N)."""
     return _processes(np.ascontiguousarray(v), rows, ts, rest, most)
 
 

@@ -1,5 +1,6 @@
 """What a vessel does that a lag does not: it overflows or runs empty, and it empties by the square root of its level
-(Torricelli).
+(Torricelli), or over a weir by a power of it above 1: 3/2 where that is rectangular, 5/2 where it is a notch
+(ISO 1438).
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ from app.engine.mismatch.physics.scales import depth
 from app.engine.recording import BoolArray, FloatArray
 
 CLEAR = 2.0
+WEIR, NOTCH = 1.5, 2.5
 
 
 def _level(context: Context, sign: float) -> Parameter:
@@ -90,6 +92,19 @@ def outflow(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(head=float(values[0]))
 
 
+def crest(context: Context) -> tuple[Parameter, ...]:
+    """How far the weir's crest is below the working point, and the power of the height above it."""
+    return (*head(context), Parameter("exponent", "1", 1.2, 3.0, WEIR, log=True, deviation=0.4))
+
+
+def crests(context: Context, _: FloatArray) -> FloatArray:
+    return grid(np.geomspace(0.9, 6.0, 6) * depth(context), np.array([WEIR, NOTCH]))
+
+
+def over_weir(plant: Plant, values: FloatArray, _: Context) -> Plant:
+    return plant.changed(head=float(values[0]), exponent=float(values[1]))
+
+
 BLOCKS = (
     _overflow(1.0),
     _overflow(-1.0),
@@ -102,6 +117,18 @@ BLOCKS = (
         heads,
         alter=outflow,
         penalty=14.0,
+        frees_gain=True,
+    ),
+    Block(
+        "process.outflow_law",
+        "process",
+        "process",
+        "at another level",
+        crest,
+        crests,
+        alter=over_weir,
+        form="weir",
+        penalty=16.5,
         frees_gain=True,
     ),
 )
