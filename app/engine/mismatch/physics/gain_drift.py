@@ -1,4 +1,6 @@
-"""A gain that drifts with time: fouling, wear, a change of feed. A ramp that holds its end, or a step."""
+"""A gain that drifts with time: fouling, wear, a change of feed. A ramp that holds its end, or a step. Where it is that
+of all that flows, what the working point is worth drifts with it.
+"""
 
 import numpy as np
 
@@ -82,6 +84,45 @@ def seen_before_and_after(values: FloatArray, context: Context) -> bool:
     return bool(last >= EDGE * duration and values[0] <= (1.0 - EDGE) * duration)
 
 
+def whole_parameters(context: Context) -> tuple[Parameter, ...]:
+    """shift: by how much the working point's own worth changes: its distance from where nothing flows, which no record
+    of OP shows, times the change.
+    """
+    span = context.record.op_span
+    return (*ramp_parameters(context), Parameter("shift", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
+
+
+def whole_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.duration_s * np.linspace(0.0, 0.85, 14), np.zeros(1), np.zeros(1))
+
+
+def whole_step_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.duration_s * np.linspace(0.05, 0.92, 24), np.zeros(1), np.zeros(1))
+
+
+def whole_to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    share = ramp(context, values[0], context.record.reference_duration_s)
+    return scaled(signal, values[1] * share, context) + values[2] * share
+
+
+def whole_stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    share = ramp(context, values[0], values[0])
+    return scaled(signal, values[1] * share, context) + values[2] * share
+
+
+def flows_one_way(values: FloatArray, context: Context) -> bool:
+    """Whether where nothing flows is beyond all that OP did: what is scaled does not turn its sign."""
+    if values[1] == 0.0:
+        return False
+    nothing = reference(context) - float(values[2] / values[1])
+    op = context.record.op_deviation
+    return not float(np.min(op)) < nothing < float(np.max(op))
+
+
+def steps_one_way(values: FloatArray, context: Context) -> bool:
+    return seen_before_and_after(values[:1], context) and flows_one_way(values, context)
+
+
 CODE, WHEN = "process.gain_drift", "after a time"
 STEPPED = Block(
     CODE,
@@ -151,6 +192,36 @@ BLOCKS = (
         sensible=comes_and_goes,
         abrupt=True,
         penalty=20.0,
+        rough=True,
+        frees_gain=True,
+    ),
+    Block(
+        CODE,
+        "process",
+        "input",
+        WHEN,
+        whole_parameters,
+        whole_starts,
+        apply=whole_to_the_end,
+        active=since,
+        form="whole",
+        sensible=flows_one_way,
+        penalty=20.0,
+        frees_gain=True,
+    ),
+    Block(
+        CODE,
+        "process",
+        "input",
+        WHEN,
+        whole_parameters,
+        whole_step_starts,
+        apply=whole_stepped,
+        active=since,
+        form="whole-step",
+        sensible=steps_one_way,
+        abrupt=True,
+        penalty=21.0,
         rough=True,
         frees_gain=True,
     ),
