@@ -67,6 +67,23 @@ def wiener(signal: FloatArray, values: FloatArray, context: Context) -> FloatArr
     return context.record.pv_span * (x + values[0] * (x * x - MEAN_SQUARE))
 
 
+def wiener_cubic_parameters(context: Context) -> tuple[Parameter, ...]:
+    return (*wiener_parameters(context), Parameter("third", "1/PV span^2", -3.0, 3.0, 1.0, linear=True))
+
+
+def wiener_cubic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    x = signal / context.record.pv_span
+    square = x * x
+    return context.record.pv_span * (x + values[0] * (square - MEAN_SQUARE) + values[1] * square * x)
+
+
+def rises(values: FloatArray, context: Context) -> bool:
+    """Whether PV shows more wherever there is more, over all that PV did: what turns back is no scale."""
+    x = context.record.pv_deviation / context.record.pv_span
+    ends = np.linspace(float(np.min(x)), float(np.max(x)), 9)
+    return bool(np.all(1.0 + 2.0 * values[0] * ends + 3.0 * values[1] * ends * ends > 0.0))
+
+
 def kink_parameters(context: Context) -> tuple[Parameter, ...]:
     low, high = np.quantile(context.record.op_deviation, (0.08, 0.92))
     span = context.record.op_span
@@ -115,6 +132,19 @@ BLOCKS = (
         apply=wiener,
         form="wiener",
         penalty=12.5,
+        frees_gain=True,
+    ),
+    Block(
+        "process.nonlinear_gain",
+        "process",
+        "output",
+        WHERE,
+        wiener_cubic_parameters,
+        zeros_of_two,
+        apply=wiener_cubic,
+        form="wiener-cubic",
+        sensible=rises,
+        penalty=15.5,
         frees_gain=True,
     ),
     Block(
