@@ -12,7 +12,7 @@ from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.valve_deadband import grows
 from app.engine.mismatch.physics.valve_stiction import SETS_IN, sets_in
 from app.engine.recording import FloatArray
-from app.engine.valve import he_stem
+from app.engine.valve import choudhury_start, choudhury_step, he_stem
 from app.engine.valve.he import he_step
 
 N, TAU, LATE = 1800, 20.0, 4
@@ -67,6 +67,22 @@ def test_a_valve_that_begins_to_stick_is_dated(seed: int, first: int) -> None:
         assert sizes[name].low <= truth <= sizes[name].high
     assert sizes["S"].value == pytest.approx(S, rel=0.1)
     assert sizes["start"].high - sizes["start"].low < 200.0
+
+
+def test_a_valve_that_begins_to_stick_another_way_is_dated() -> None:
+    """Choudhury's stem slips by J on its way on, He's by S."""
+    stood = np.zeros(5)
+
+    def stem(t: int, op: float, _: float) -> float:
+        if t < 700:
+            choudhury_start(op, stood)
+            return op
+        return choudhury_step(op, stood, S, J)
+
+    said = asked(3, stem)
+    assert [effect.code for effect in said.effects] == ["valve.stiction"]
+    assert said.effects[0].windows[0].start_s == pytest.approx(700, abs=40.0)
+    assert said.effects[0].parameters[0].value == pytest.approx(S, rel=0.05)
 
 
 def test_a_valve_that_sticks_all_along_is_not_dated() -> None:

@@ -1,20 +1,24 @@
 """What makes PV late in one way fitted as well as what does so in another: a dead time, a lag, an inverse response. And
-what sets in at a time: at once, straight, or slower and slower.
+what sets in at a time: at once, straight, or slower and slower; a stem that sticks all along, or from a time on.
 """
 
 import numpy as np
 
 from app.engine.mismatch.compete.competition import Contender
-from app.engine.mismatch.fit.fitting import fit
+from app.engine.mismatch.fit.fitting import fit, residual_rows, task_of
 from app.engine.mismatch.fit.scan import task_with
 from app.engine.mismatch.fit.task import start_at
-from app.engine.mismatch.loop.block import Block, Context
+from app.engine.mismatch.loop.block import Block, Context, grid
 from app.engine.mismatch.physics import LATE
+from app.engine.mismatch.physics.moments import EDGE
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
 ROUNDS, STEPS = 2, 6
 STEPS_IN_TIME, SET_IN = ("disturbance.step", "sensor.step"), ("sensor.drift", "sensor.drift/levelling")
+STICKS, STICKS_SINCE = "valve.stiction", ("valve.stiction/sets_in", "valve.stiction/choudhury_sets_in")
+MOMENTS = np.linspace(EDGE, 1.0 - EDGE, 9)  # of the record
+SIZES, SLIPS = np.exp(np.linspace(-0.2, 0.3, 6)), np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the size found; J / S
 LASTING = (2.0, 5.0)  # of the process's slowest time
 
 
@@ -36,9 +40,25 @@ def alike(block: Block, best: Contender) -> tuple[FloatArray, ...]:
     if {block.code, best.block.code} <= LATE and block.code != best.block.code:
         count = len(block.parameters(context))
         return (np.full(count, float(np.sum(found)) / count),)
+    if best.block.code == STICKS and block.name in STICKS_SINCE and block.name != best.block.name:
+        return since_when(block, best)
     if best.block.name in STEPS_IN_TIME and block.name in SET_IN:
         return tuple(np.array([found[0], lasting * slowness(context), found[1]]) for lasting in LASTING)
     return ()
+
+
+def since_when(block: Block, best: Contender) -> tuple[FloatArray, ...]:
+    """From when on a stem of about the size of the `best` one explains PV best, under the noise that one leaves; never
+    where it explains more as it is.
+    """
+    task, found = task_with(best.over, block), best.fit
+    (size, slip), moments = found.parts[-1].values[:2], MOMENTS * found.record.duration_s
+    tried = grid(np.minimum(size * SIZES, found.record.op_range), np.append(SLIPS, slip), moments)
+    known = [part.values for part in found.parts[:-1]]
+    places = [start_at(task, found.plant, np.concatenate((*known, values))) for values in tried]
+    costs = [residual_rows(task, x, found.noise).cost for x in places]
+    there = int(np.argmin(costs))
+    return (tried[there],) if costs[there] < residual_rows(task_of(found), found.x, found.noise).cost else ()
 
 
 def begun_at(block: Block, best: Contender, values: FloatArray) -> Contender:

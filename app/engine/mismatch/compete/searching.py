@@ -104,7 +104,7 @@ def jumps(block: Block, context: Context) -> bool:
 
 def finely(form: Block, found: Fit) -> Block:
     """A form with a grid that is fine in its first parameter about where a fit stands, its own in the others; and in
-    the moment from which on it acts, where it has one.
+    the moment from which on it acts, where it has one as the fit has.
     """
     part = found.parts[-1]
     sizes = part.values[0] * np.exp(np.linspace(-WIDTH, WIDTH, POINTS))
@@ -114,7 +114,8 @@ def finely(form: Block, found: Fit) -> Block:
         if len(part.values) == len(form.parameters(context)):
             others.add(tuple(part.values[1:]))
         points = np.array([(size, *other) for other in sorted(others) for size in sizes])
-        return np.concatenate((points, at_other_moments(part, context))) if form is part.block else points
+        alike = [p.name for p in form.parameters(context)] == [p.name for p in part.block.parameters(context)]
+        return np.concatenate((points, at_other_moments(part, context))) if alike else points
 
     return replace(form, starts=starts)
 

@@ -2,6 +2,7 @@
 `app.engine.valve`.
 """
 
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from app.engine.recording import BoolArray, FloatArray
 from app.engine.valve import choudhury_stem, he_stem
 
 Sizes = TypeVar("Sizes", float, FloatArray)
+Stem = Callable[[FloatArray, float, float, float], FloatArray]
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -77,16 +79,30 @@ def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
 
 def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
     moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
-    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.8]), moments)
+    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.5, 0.8]), moments)
 
 
-def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def fewer_sizes(context: Context, _: FloatArray) -> FloatArray:
+    """One slip and six bands: beside any stem that was found they are looked for closely (`kindred`)."""
+    moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
+    return grid(context.record.op_span * np.geomspace(0.05, 0.8, 6), np.array([0.5]), moments)
+
+
+def sticking_since(stem_of: Stem, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """The stem follows until it sticks, where it then is."""
     S, share, start_s = values.tolist()
     out, first = signal.copy(), int(np.searchsorted(context.time_s, start_s))
     if first < len(signal):
-        out[first:] = he_stem(np.ascontiguousarray(signal[first:]), S, S * share, float(signal[max(first - 1, 0)]))
+        out[first:] = stem_of(np.ascontiguousarray(signal[first:]), S, S * share, float(signal[max(first - 1, 0)]))
     return out
+
+
+def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return sticking_since(he_stem, signal, values, context)
+
+
+def choudhury_sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return sticking_since(choudhury_stem, signal, values, context)
 
 
 def sticks_since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
@@ -100,21 +116,28 @@ def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
     return amid(float(values[2]), shows, context)
 
 
-SETS_IN = Block(
-    "valve.stiction",
-    "valve",
-    "valve",
-    "after OP reversals, from a time on",
-    sets_in_parameters,
-    sets_in_starts,
-    apply=sets_in,
-    active=sticks_since,
-    form="sets_in",
-    penalty=22.0,
-    rough=True,
-    finalists=2,
-    sensible=seen_on_both_sides,
+SETTING_IN = tuple(
+    Block(
+        "valve.stiction",
+        "valve",
+        "valve",
+        "after OP reversals, from a time on",
+        sets_in_parameters,
+        points,
+        apply=model,
+        active=sticks_since,
+        form=form,
+        penalty=22.0,
+        rough=True,
+        finalists=2,
+        sensible=seen_on_both_sides,
+    )
+    for form, points, model in (
+        ("sets_in", sets_in_starts, sets_in),
+        ("choudhury_sets_in", fewer_sizes, choudhury_sets_in),
+    )
 )
+SETS_IN = SETTING_IN[0]
 
 BLOCKS = (
     *(
@@ -133,5 +156,5 @@ BLOCKS = (
         )
         for form, model in (("he", he), ("choudhury", choudhury))
     ),
-    SETS_IN,
+    *SETTING_IN,
 )
