@@ -14,7 +14,7 @@ from app.engine.mismatch.fit.noise import NoiseModel
 from app.engine.mismatch.fit.task import Given, make_task, start_at
 from app.engine.mismatch.judge.validation import lasting
 from app.engine.mismatch.location import quick_location
-from app.engine.mismatch.loop.block import Block, Part
+from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import Experiment, alike, experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
@@ -50,6 +50,8 @@ GROWING = (
     (LEVEL, "disturbance.step", (1000.0, 4.0)),
     (LEVEL, "disturbance.ramp", (1000.0, 3000.0, 4.0)),
     (LAG, "process.gain_drift", (500.0, 1.0)),
+    (LAG, "process.gain_drift/whole", (500.0, 0.5, 4.0)),
+    (LAG, "process.dead_time/grows", (80.0,)),
     (LAG, "unnamed/terms:op_times_time+pv_times_time_lagged", (0.7, 0.3)),
 )
 
@@ -99,6 +101,26 @@ def test_terms_of_moments_of_one_record_are_left_out_of_another() -> None:
     assert lasting((Part(made_of(names[1:2]), np.array([2.0])),)) == ()
     timeless = Part(made_of(names[:1]), np.array([1.0]))
     assert lasting((timeless,)) == (timeless,)
+
+
+SET_IN = (
+    ("valve.stiction/sets_in", (3.0, 0.5, 700.0), "valve.stiction/he", [3.0, 0.5, 0.0]),
+    ("valve.stiction/choudhury_sets_in", (3.0, 0.5, 700.0), "valve.stiction/choudhury", [3.0, 0.5, 0.0]),
+    ("valve.deadband/grows", (3.0, 0.2, 0.4), "valve.deadband", [3.0, 0.0]),
+    ("process.dead_time/sets_in", (700.0, 12.0), "process.dead_time", [12.0]),
+    ("process.dead_time/grows", (12.0,), "process.dead_time", [12.0]),
+)
+
+
+@pytest.mark.parametrize(("name", "values", "since", "known"), SET_IN)
+def test_what_set_in_is_there_all_along_in_another_record(
+    name: str, values: tuple[float, ...], since: str, known: list[float]
+) -> None:
+    record = driven(LAG, 1200)
+    (part,) = lasting((Part(of_name(record, name), np.array(values)),))
+    assert part.block.name == since
+    assert part.values.tolist() == known
+    assert len(known) == len(part.block.parameters(Context(record, LAG)))
 
 
 @pytest.mark.parametrize("follows", [False, True])

@@ -15,12 +15,21 @@ from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, LARGEST, Experiment, alike, experiment, may_be_gain
 from app.engine.mismatch.loop.plant import Plant
-from app.engine.mismatch.physics import named, terms
+from app.engine.mismatch.physics import fixed, named, terms
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
 START_SHARE, LEAST_START = 0.1, 5
 LONGEST_DEAD_TIME = 1.0  # of the record: beyond, nothing of OP is seen in it
+# What set in amid the first record, or grew along it, is there from the start on of a later one, as large as it became:
+# the block that is there all along, and which of the values are its own. Where a stem stands is found from the start.
+THERE_SINCE: dict[str, tuple[str, tuple[int, ...]]] = {
+    "valve.stiction/sets_in": ("valve.stiction/he", (0, 1)),
+    "valve.stiction/choudhury_sets_in": ("valve.stiction/choudhury", (0, 1)),
+    "valve.deadband/grows": ("valve.deadband", (0,)),
+    "process.dead_time/sets_in": ("process.dead_time", (1,)),
+    "process.dead_time/grows": ("process.dead_time", (0,)),
+}
 OF_ONE_RECORD = (
     "disturbance.step",
     "disturbance.ramp",
@@ -41,7 +50,7 @@ def validate(
 
     sensors: the parts that PV showed by itself. given: the given simulation as a model at the level of the first
     record, or its trace (N,) over the second one, or None. What belongs to moments of the first record (a step, a stuck
-    stretch) is left out.
+    stretch) is left out; what set in then is there all along.
     Raises DataError("nothing_known") where nothing is compared beyond the start, DataError("signal_missing").
     """
     record = alike(base.record, second)
@@ -70,9 +79,19 @@ def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]
 
 
 def lasting(parts: tuple[Part, ...]) -> tuple[Part, ...]:
-    """The parts that a second record has as well."""
+    """The parts that a second record has as well, as they are there."""
     kept = (terms.untimed(part) for part in parts if part.block.code not in OF_ONE_RECORD)
-    return tuple(part for part in kept if part is not None)
+    return tuple(there_since(part) for part in kept if part is not None)
+
+
+def there_since(part: Part) -> Part:
+    """A part as it is in a record after the one in which it set in."""
+    if part.block.name not in THERE_SINCE:
+        return part
+    name, own = THERE_SINCE[part.block.name]
+    block = next(block for block in fixed() if block.name == name)
+    at_rest = (0.0,) if name.startswith("valve.") else ()
+    return Part(block, np.array([*(part.values[k] for k in own), *at_rest]))
 
 
 def beginning(usable: BoolArray) -> BoolArray:

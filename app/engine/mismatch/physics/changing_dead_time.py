@@ -48,7 +48,7 @@ def grows_starts(context: Context, _: FloatArray) -> FloatArray:
 
 def grows(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Longer and longer, from nothing at the record's start."""
-    return later(signal, values[0] * context.time_s / context.record.duration_s, context)
+    return later(signal, values[0] * np.minimum(context.time_s / context.record.reference_duration_s, 1.0), context)
 
 
 BLOCKS = (
