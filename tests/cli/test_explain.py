@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from app.cli.explain import as_text
 from app.cli.main import cli
 from app.errors import LoopauditError
-from app.services.explaining.wording import NO_SIZE, RANGES
+from app.services.explaining.wording import HELD, NO_SIZE, RANGES
 from tests.engine.wandering import STICKY, TS, recorded
 
 runner = CliRunner()
@@ -291,7 +291,10 @@ def test_numbers_are_told_with_the_caution_that_pages_have(recording: Path) -> N
     sized = line["effects"][0] | {"effect": "valve.deadband", "parameters": width}
     told = as_text(line | {"effects": [sized]})
     assert f"    {NO_SIZE}\n" in told
-    assert f"  {RANGES}\n" in told
+    assert f"  {RANGES}: {HELD}.\n" in told
+    drifting = as_text(line | {"effects": [sized | {"effect": "sensor.drift"}]})
+    assert f"  {RANGES}.\n" in drifting
+    assert "true S" not in drifting
     stuck = as_text(line | {"effects": [line["effects"][0] | {"parameters": {}}]})
     assert NO_SIZE not in stuck
     assert RANGES not in stuck

@@ -120,10 +120,8 @@ WAVE_PARTS = ("sine", "cosine")
 """How the numbers of a wave begin, of which any may be zero."""
 SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
 NO_SIZE = "S and J of the model that reproduces PV, not the size: the audit states that, and J is not told"
-RANGES = (
-    "The range behind a number is right only where the model is. It is no 95 % interval on a plant's records: in a "
-    "trial of nine nights such ranges held the true S in 11 of 33 loops, those of the audit in 25 of 25."
-)
+RANGES = "The range behind a number is right only where the model is. It is no 95 % interval on a plant's records"
+HELD = "in a trial of nine nights such ranges held the true S in 11 of 33 loops, those of the audit in 25 of 25"
 
 
 def effect_words(code: str) -> str:
@@ -185,8 +183,11 @@ def in_words(found: dict[str, Any], clock: PlantClock) -> dict[str, Any]:
 
 
 def ranges_of(effects: Sequence[Mapping[str, Any]]) -> str:
-    """How far the ranges behind the numbers of effects can be trusted; nothing where there are none."""
-    return RANGES if any(effect["parameters"] for effect in effects) else ""
+    """How far the ranges behind the numbers of effects can be trusted, and how often those of a valve's S held; nothing
+    where there are none.
+    """
+    ranged = {effect["effect"] for effect in effects if effect["parameters"]}
+    return (f"{RANGES}: {HELD}." if ranged & set(SIZED_ELSEWHERE) else f"{RANGES}.") if ranged else ""
 
 
 def no_size(effect: Mapping[str, Any]) -> str:
