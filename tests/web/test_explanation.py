@@ -5,6 +5,7 @@ import re
 import pytest
 
 from app.services.explaining.wording import (
+    HELD,
     LEFT,
     NO_SIZE,
     RANGES,
@@ -60,7 +61,7 @@ DONE = ASKED | {
     "errors": [("as given", "1.2", "40", "no (p < 0.001)", "yes (p 0.4)")],
     "loops": [("recorded", "120", "1.4", "3.1", "0.87"), ("simulation as given", "none", "0.2", "8.0", "0.90")],
     "reasons": ["the controller does its part"],
-    "ranges": RANGES,
+    "ranges": f"{RANGES}: {HELD}.",
     "unmoved": [],
 }
 
