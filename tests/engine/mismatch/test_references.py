@@ -93,6 +93,20 @@ def test_a_vessel_that_overflows_simulates_the_same_again(plant: Plant, values: 
         simulate_again(lacking, record.op)
 
 
+@pytest.mark.parametrize("exponent", [0.0, -0.5])
+def test_a_power_that_no_level_falls_by_is_refused(exponent: float) -> None:
+    """As a part of a model has it, and as its plant: an exponent of 0 divided by itself."""
+    record = driven(LAG, 300)
+    weir = of_name(record, "process.outflow_law/weir")
+    model = model_from_line(model_line(export(fitted(record, LAG, weir, np.array([20.0, 1.5])), ())))
+    of_part = replace(model, parts=(replace(model.parts[0], values=(20.0, exponent)),))
+    with pytest.raises(DataError, match="outflow_law/weir needs head, exponent above 0"):
+        simulate_again(of_part, record.op)
+    of_plant = replace(model, plant=(*model.plant, ("head", 20.0), ("exponent", exponent)), parts=())
+    with pytest.raises(DataError, match="exponent must be more than 0"):
+        simulate_again(of_plant, record.op)
+
+
 def test_terms_of_moments_of_one_record_are_left_out_of_another() -> None:
     names = ("op_2", "op_times_time", "pv_3", "pv_times_time_lasting")
     kept = lasting((Part(made_of(names), np.array([1.0, 2.0, 3.0, 4.0])),))

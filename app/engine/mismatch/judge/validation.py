@@ -143,12 +143,16 @@ def middles_of(model: ExplainedModel, record: Experiment) -> tuple[tuple[str, fl
 
 def values_of(part: PartModel, block: Block, context: Context) -> FloatArray:
     """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes beside
-    its plant: an overflow has a balance too where that integrates.
+    its plant: an overflow has a balance too where that integrates. What is fitted by its logarithm is above 0.
     """
-    names = [parameter.name for parameter in block.parameters(context)]
+    parameters = block.parameters(context)
     values = np.array(part.values, dtype=np.float64)
-    if len(values) != len(names) or not np.all(np.isfinite(values)):
-        raise DataError("model_invalid", f"{part.name} needs finite values of {', '.join(names) or 'nothing'}")
+    if len(values) != len(parameters) or not np.all(np.isfinite(values)):
+        names = ", ".join(parameter.name for parameter in parameters) or "nothing"
+        raise DataError("model_invalid", f"{part.name} needs finite values of {names}")
+    if any(parameter.log and value <= 0.0 for parameter, value in zip(parameters, values, strict=True)):
+        names = ", ".join(parameter.name for parameter in parameters if parameter.log)
+        raise DataError("model_invalid", f"{part.name} needs {names} above 0")
     return values
 
 
@@ -177,7 +181,7 @@ def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s:
     """Gain, times and spans of a model that no process has."""
     positive = ("sampling_interval_s", "op_span", "pv_span", "duration_s")
     above = [name for name in positive if others.get(name, 1.0) <= 0.0]
-    above += ["tau"] if plant["tau"] <= 0.0 else []
+    above += [name for name in ("tau", "exponent") if plant.get(name, 1.0) <= 0.0]
     below = [name for name in ("theta", "tau2", "tau3", "leak", "damping") if plant.get(name, 0.0) < 0.0]
     late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
     return [
