@@ -159,7 +159,7 @@ class Task:
         return values
 
     def row_of(self, values: FloatArray) -> FloatArray:
-        """The plant of values (P,) as the kernel reads it (14,)."""
+        """The plant of values (P,) as the kernel reads it (15,)."""
         row = self.given_row.copy()
         row[self.linear_at] = values[: self.linear_count]
         return row

@@ -35,7 +35,7 @@ class ForwardPath:
         self.recent: dict[bytes, FloatArray] = {}
 
     def run(self, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
-        """PV (N,) as `simulate` has it, of a plant as the kernel reads it (14,) and the values of each block."""
+        """PV (N,) as `simulate` has it, of a plant as the kernel reads it (15,) and the values of each block."""
         signal, numbers = self.into_process(values)
         for k in self.inside:
             numbers += values[k].tobytes()
@@ -47,7 +47,7 @@ class ForwardPath:
         return pv if self.taken is None else pv[self.taken]
 
     def run_each(self, rows: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
-        """PV (L, N) of each of some plants (L, 14) behind and before the same values of each block."""
+        """PV (L, N) of each of some plants (L, 15) behind and before the same values of each block."""
         if self.inside:
             return np.stack([self.run(row, values) for row in rows])
         signal, _ = self.into_process(values)
