@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
-from app.engine.mismatch.loop.block import Context
+from app.engine.mismatch.compete.competition import contenders, glance, survey
+from app.engine.mismatch.fit.fitting import fit_linear
+from app.engine.mismatch.fit.scan import ground, scan
+from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.loop.block import Block, Context
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
+from app.engine.mismatch.physics import fixed
 from app.engine.mismatch.physics.gain_drift import flows_one_way
 from app.engine.mismatch.physics.static_gain import rises
 from app.engine.recording import FloatArray
@@ -69,6 +74,30 @@ def test_a_drift_of_all_that_flows_does_not_turn_its_sign() -> None:
     assert flows_one_way(np.array([100.0, -0.2, -0.2 * far]), context)
     assert not flows_one_way(np.array([100.0, -0.2, -0.2 * within]), context)
     assert not flows_one_way(np.array([100.0, 0.0, -2.0]), context)
+    assert not flows_one_way(np.array([100.0, -0.01, -0.01 * far]), context)
+    assert not flows_one_way(np.array([100.0, -0.1, -0.1 * 5.0 * far]), context)
+
+
+def test_what_turns_the_sign_of_what_flows_stands_in_no_other_form_s_place() -> None:
+    """A gain that drifts about what OP goes through in the record: that of all that flows would gain more in a scan."""
+    op = moves(N, HELD)
+    drifting = (1.0 + 0.6 * np.clip((np.arange(N) - 400.0) / 1100.0, 0.0, 1.0)) * (op - np.median(op))
+    pv = run_process(drifting, PLANT, 1.0) + noise(N)
+    base = fit_linear(experiment(1.0, op, pv), Given(PLANT))
+    context = Context(base.record, base.plant)
+    drifts = tuple(block for block in fixed() if block.code == "process.gain_drift")
+    solved = [start.values for start in scan(named(drifts, "whole"), (ground(base, base.noise),))[0]]
+    assert not flows_one_way(solved[0], context)
+    for scanned in (*survey(base, drifts), *glance(base, drifts)):
+        if scanned.block.form in ("whole", "whole-step"):
+            assert all(scanned.block.sensible(start.values, context) for start in scanned.starts)
+            assert not scanned.points[0] or flows_one_way(scanned.points[0][0].values, context)
+    entered = contenders(base, drifts)
+    assert entered[0].fit.parts[-1].makes_sense(context)
+
+
+def named(blocks: tuple[Block, ...], form: str) -> Block:
+    return next(block for block in blocks if block.form == form)
 
 
 def test_a_bent_scale_of_pv_is_no_limit() -> None:

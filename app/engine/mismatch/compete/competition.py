@@ -65,13 +65,19 @@ def contenders(
             admitted[part.block.name] = replace(scanned, starts=starts)
     begun = [(scanned.block, begin(scanned, found)) for scanned in admitted.values()]
     scores = [fits[0].likelihood - block.penalty for block, fits in begun]
-    asked = pursued_from(max(scores, default=0.0) - found.likelihood) + found.likelihood
+    sensible = [score for score, (_, fits) in zip(scores, begun, strict=True) if says_what_it_is(fits[0])]
+    asked = pursued_from(max(sensible, default=0.0) - found.likelihood) + found.likelihood
     entered = []
     for (block, fits), score in zip(begun, scores, strict=True):
         hard = block.rough or (block.distant and score > found.likelihood)
         best = pursue(block, fits) if score > asked or hard else fits[0]
         entered.append(Contender(block, best, best.likelihood - found.likelihood, found))
     return tuple(sorted(entered, key=lambda contender: -contender.score))
+
+
+def says_what_it_is(found: Fit) -> bool:
+    """Whether the values of a fit's last part are what its block says."""
+    return found.parts[-1].makes_sense(Context(found.record, found.plant))
 
 
 def pursued_from(best: float) -> float:
@@ -87,13 +93,23 @@ def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     context = Context(found.record, found.plant)
     surveyed = []
     for block in (b for b in blocks if b.suits is None or b.suits(context)):
-        first, second = scan(block, (own, quiet))
+        first, second = (solved_sensibly(starts, block, context) for starts in scan(block, (own, quiet)))
         starts = (*finalists(first, block, context), *finalists(second, block, context))
         if block.distant:
             starts += finalists(at_given(block, found), block, context)
         points = (finalists(first, block, context, POINTS), finalists(second, block, context, POINTS))
-        surveyed.append(Scanned(block, starts, first[0].gain, second[0].gain, points))
+        surveyed.append(Scanned(block, starts, best_gain(first), best_gain(second), points))
     return tuple(surveyed)
+
+
+def solved_sensibly(starts: tuple[Start, ...], block: Block, context: Context) -> tuple[Start, ...]:
+    """The points of a scan; of a strict block those at which it is what its code says."""
+    return tuple(start for start in starts if not block.strict or Part(block, start.values).makes_sense(context))
+
+
+def best_gain(starts: tuple[Start, ...]) -> float:
+    """The gain (nat) of the first point; -inf where there is none."""
+    return starts[0].gain if starts else -np.inf
 
 
 def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
@@ -101,8 +117,8 @@ def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
     own, context = ground(found, found.noise), Context(found.record, found.plant)
     scanned = []
     for block in (b for b in blocks if b.suits is None or b.suits(context)):
-        starts = scan(block, (own,))[0]
-        scanned.append(Scanned(block, starts, starts[0].gain, 0.0))
+        if starts := solved_sensibly(scan(block, (own,))[0], block, context):
+            scanned.append(Scanned(block, starts, starts[0].gain, 0.0))
     return tuple(scanned)
 
 

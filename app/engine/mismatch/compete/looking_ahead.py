@@ -4,13 +4,15 @@ the foremost passes over, may leave the foremost much more to explain where it w
 
 from dataclasses import dataclass
 
-from app.engine.mismatch.compete.competition import Contender, Scanned, descended
+import numpy as np
+
+from app.engine.mismatch.compete.competition import Contender, Scanned, descended, solved_sensibly
 from app.engine.mismatch.compete.pairing import Couple, fit_again, placed, searched_again
 from app.engine.mismatch.compete.ranking import best_of_each_code, ranked
 from app.engine.mismatch.compete.worth import SECOND_MUST_GAIN
 from app.engine.mismatch.fit.fitting import Fit, quiet_noise
 from app.engine.mismatch.fit.scan import ground, scan
-from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.loop.block import Context, Part
 
 OTHERS, PURSUED, STEPS = 5, 2, 6
 
@@ -98,12 +100,15 @@ def promised(beside: Contender, forms: tuple[tuple[Scanned, float], ...]) -> tup
     that the other leaves, or under quiet noise. forms: each with how far it is behind the best one alone.
     """
     own = beside.fit
+    context = Context(own.record, own.plant)
     under = ground(own, own.noise), ground(own, quiet_noise(own.record, own.given))
     found = []
     for form, behind in forms:
-        for starts, before in zip(scan(form.block, under), (form.gain, form.quiet_gain), strict=True):
-            more = beside.score + starts[0].gain - before - behind
-            found.append(Promise(beside, Part(form.block, starts[0].values), more))
+        for scanned, before in zip(scan(form.block, under), (form.gain, form.quiet_gain), strict=True):
+            starts = solved_sensibly(scanned, form.block, context)
+            if starts and np.isfinite(before):
+                more = beside.score + starts[0].gain - before - behind
+                found.append(Promise(beside, Part(form.block, starts[0].values), more))
     best = max(found, key=lambda promise: promise.more, default=None)
     return () if best is None or best.more < SECOND_MUST_GAIN else (best,)
 

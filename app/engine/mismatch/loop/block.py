@@ -66,8 +66,8 @@ class Block:
     active: (signal before the block (N,), values, context) -> mask (N,) where it acts; None: always.
     penalty: log-likelihood it must gain before it is believed, from clean simulations. rough: the simulation jumps
     with the parameters.
-    sensible: whether values, fitted, still are what the code says; None: always. abrupt: shows in a few samples only,
-    as a jump does.
+    sensible: whether values, fitted, still are what the code says; None: always. strict: a scan counts no others, which
+    would stand where a block belongs that says what it finds. abrupt: shows in a few samples only, as a jump does.
     sum_of: (points (M, P), context) -> what it does at these points, as sums of what others do; None: as none.
     affine: what leaves it answers a sum with the sum of the answers, beside what is there anyway. Of blocks that alter
     the plant alone the plant tells.
@@ -102,6 +102,7 @@ class Block:
     distant: bool = False
     sum_of: "Callable[[FloatArray, Context], Sum] | None" = None
     affine: bool = False
+    strict: bool = False
 
     @property
     def name(self) -> str:

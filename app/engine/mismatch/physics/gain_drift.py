@@ -10,6 +10,7 @@ from app.engine.recording import FloatArray
 
 EDGE = 0.03
 LEAST_PASSING = 0.05
+LEAST_OF_WHOLE, FARTHEST = 0.05, 20.0  # share of gain; of OP's span
 
 
 def change(context: Context) -> Parameter:
@@ -111,11 +112,13 @@ def whole_stepped(signal: FloatArray, values: FloatArray, context: Context) -> F
 
 
 def flows_one_way(values: FloatArray, context: Context) -> bool:
-    """Whether where nothing flows is beyond all that OP did: what is scaled does not turn its sign."""
-    if values[1] == 0.0:
+    """Whether where nothing flows is beyond all that OP did: what is scaled does not turn its sign. And no further than
+    any OP is: a load that steps is a hardly other gain of what flows from very far.
+    """
+    change, shift = values[1:].tolist()
+    if abs(change) < LEAST_OF_WHOLE or abs(shift) > FARTHEST * context.record.op_span * abs(change):
         return False
-    nothing = reference(context) - float(values[2] / values[1])
-    op = context.record.op_deviation
+    nothing, op = reference(context) - shift / change, context.record.op_deviation
     return not float(np.min(op)) < nothing < float(np.max(op))
 
 
@@ -207,6 +210,7 @@ BLOCKS = (
         affine=True,
         form="whole",
         sensible=flows_one_way,
+        strict=True,
         penalty=20.0,
         frees_gain=True,
     ),
@@ -222,6 +226,7 @@ BLOCKS = (
         affine=True,
         form="whole-step",
         sensible=steps_one_way,
+        strict=True,
         abrupt=True,
         penalty=21.0,
         rough=True,

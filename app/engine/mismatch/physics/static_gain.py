@@ -144,6 +144,7 @@ BLOCKS = (
         apply=wiener_cubic,
         form="wiener-cubic",
         sensible=rises,
+        strict=True,
         penalty=15.5,
         frees_gain=True,
     ),
