@@ -49,6 +49,11 @@ class UploadListed(Read):
         description="Since when there is no room on the disk to read it, ISO 8601, UTC; it is tried again every five "
         "minutes at the latest. Null: it does not wait for that.",
     )
+    waits_for_file_since: str | None = Field(
+        None,
+        description="Since when no worker that was asked to read it sees its file, ISO 8601, UTC: all need the same "
+        "data folder. They are asked again every five minutes at the latest. Null: it does not wait for that.",
+    )
     layout: str | None = Field(description="How the file was found to be laid out; null before it is read.")
     loops_found: int = Field(description="How many loops were found.")
     rows_kept: int = Field(description="Rows of the file that gave samples.")

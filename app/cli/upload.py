@@ -152,6 +152,8 @@ def why_it_waits(file: Path, clock: Callable[[], float] = time.monotonic) -> Cal
     def seen(upload: "Upload") -> None:
         if upload.waits_for_room_since:
             why = "waits for room on the disk of the service, which keeps it and tries again"
+        elif upload.waits_for_file_since:
+            why = "kept by the service, and no worker sees its file: all need the same LOOPAUDIT_DATA_DIR"
         elif upload.state == "received" and clock() - since_s >= LONG_S:
             first = "at the first start of a version its worker compiles the engine, for a minute or two"
             why = f"kept by the service, and not read yet; {first}"

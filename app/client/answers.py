@@ -90,6 +90,7 @@ class Upload(Answer):
     reason: str | None
     error_code: str | None
     waits_for_room_since: str | None
+    waits_for_file_since: str | None
     layout: str | None
     loops: list[str]
     rows_kept: int

@@ -44,6 +44,7 @@ class UploadView:
     reason: str | None
     error_code: str | None
     waits_for_room_since: str | None
+    waits_for_file_since: str | None
     layout: str | None
     loops: list[str]
     loops_found: int

@@ -73,6 +73,7 @@ uploads = Table(
     Column("announced_s", Float),
     Column("pause_s", Float),  # until it is announced again, where it found no room on the disk
     Column("waits_since", UtcDateTime),  # when it first found none; the tries since then did not either
+    Column("unseen_since", UtcDateTime),  # when a worker first did not see its file; none did since then
     Column("summary_json", Text),
     Column("tags_json", Text),  # which tag became what: megabytes of a plant's export, read for one upload alone
     CheckConstraint("state IN ('received', 'reading', 'done', 'failed')", name="state"),

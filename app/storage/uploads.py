@@ -17,7 +17,7 @@ from app.storage.types import clock_s, long_ago, longer_pause, now, run_out
 OUR_FAULTS = ("reader_lost", "fault")
 BACK_OFF = range(3, 10)
 """Attempts after which the pause to the next one doubles; after more of them it stays."""
-NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None}
+NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None, "unseen_since": None}
 GOING = "going:"
 """How the content key of an upload begins that is being dropped; that of any other is hexadecimal."""
 
@@ -41,6 +41,7 @@ class UploadRow:
     error_text: str | None
     attempts: int
     waits_since: datetime | None
+    unseen_since: datetime | None
     summary_json: str | None
 
     @property
@@ -184,11 +185,11 @@ def lock_bytes(connection: Connection, fingerprint: str) -> None:
 
 def claim(connection: Connection, upload_id: int, owner: str, lease_s: float, max_attempts: int) -> ReadingClaim | None:
     """The right to read, or None where somebody else has it or the upload has ended."""
-    free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     claimed = connection.execute(
         update(uploads)
-        .where(uploads.c.id == upload_id, UNREAD, free, uploads.c.attempts < max_attempts)
+        .where(uploads.c.id == upload_id, UNREAD, _free(lease_s), uploads.c.attempts < max_attempts)
         .values(state="reading", owner=owner, lease_until_s=clock_s() + lease_s, attempts=uploads.c.attempts + 1)
+        .values(unseen_since=None, pause_s=case((uploads.c.unseen_since.is_(None), uploads.c.pause_s)))
         .returning(uploads.c.attempts, uploads.c.receipt_number)
     ).one_or_none()
     return None if claimed is None else ReadingClaim(upload_id, claimed.attempts, owner, claimed.receipt_number)
@@ -242,10 +243,9 @@ def replace_rejects(connection: Connection, upload_id: int, listed: Sequence[Rej
 def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
     """Uploads whose readers died too often become failed; also those that wait to be read, which nobody could claim:
     more tries were allowed when the last one began."""
-    free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
     result = connection.execute(
         update(uploads)
-        .where(UNREAD, free, uploads.c.attempts >= max_attempts)
+        .where(UNREAD, _free(lease_s), uploads.c.attempts >= max_attempts)
         .values(
             state="failed",
             ended_at=now(),
@@ -262,20 +262,49 @@ def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
 def to_announce(connection: Connection, stalled_s: float, lease_s: float) -> list[int]:
     """Uploads that nobody reads, and that nobody was told of lately; they count as told from now on.
 
-    One that was tried in vain waits longer from the third time on, one that found no room as long as its pause.
+    One that was tried in vain waits longer from the third time on, one that found no room, or whose file no worker
+    sees, as long as its pause.
     """
     since = uploads.c.announced_s
-    waits = (uploads.c.state == "received") & uploads.c.pause_s.is_not(None)
+    unseen = uploads.c.unseen_since.is_not(None)
+    waits = ((uploads.c.state == "received") | unseen) & uploads.c.pause_s.is_not(None)
     no_room = (waits, long_ago(since, uploads.c.pause_s))
     longer = [
         (uploads.c.attempts >= tries, long_ago(since, stalled_s * 2 ** (tries - 2))) for tries in reversed(BACK_OFF)
     ]
     quiet = case(no_room, *longer, else_=long_ago(since, stalled_s))
-    free = or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
+    pause_s = case((unseen, longer_pause(uploads.c.pause_s, stalled_s)), else_=uploads.c.pause_s)
+    told = {"announced_s": clock_s(), "pause_s": pause_s}
     found = connection.scalars(
-        update(uploads).where(UNREAD, free, quiet).values(announced_s=clock_s()).returning(uploads.c.id)
+        update(uploads).where(UNREAD, _free(lease_s), quiet).values(told).returning(uploads.c.id)
     )
     return sorted(found)
+
+
+def _free(lease_s: float) -> ColumnElement[bool]:
+    """Of an upload that is still to be read: whether nobody reads it."""
+    return or_(uploads.c.state == "received", run_out(uploads.c.lease_until_s, lease_s))
+
+
+def note_unseen(connection: Connection, upload_id: int, first_pause_s: float, lease_s: float) -> bool:
+    """A worker that was rung for it does not see its file; whether it is one that nobody reads. The pause grows with
+    each time that it is announced, not with each doorbell of those that heaped up."""
+    since = func.coalesce(uploads.c.unseen_since, literal(now(), uploads.c.unseen_since.type))
+    told = {"unseen_since": since, "pause_s": func.coalesce(uploads.c.pause_s, first_pause_s), "announced_s": clock_s()}
+    unread = (uploads.c.id == upload_id, UNREAD, _free(lease_s))
+    return connection.execute(update(uploads).where(*unread).values(told)).rowcount == 1
+
+
+def unseen(connection: Connection) -> dict[int, str]:
+    """The fingerprints of uploads whose files workers did not see, by upload."""
+    found = select(uploads.c.id, uploads.c.fingerprint).where(UNREAD, uploads.c.unseen_since.is_not(None))
+    return {upload_id: fingerprint for upload_id, fingerprint in connection.execute(found)}
+
+
+def seen_again(connection: Connection, upload_ids: Iterable[int]) -> bool:
+    """Whether the file of any of them was not seen, and now is: the next sweep announces them."""
+    these = (uploads.c.id.in_(list(upload_ids)), UNREAD, uploads.c.unseen_since.is_not(None))
+    return connection.execute(update(uploads).where(*these).values(announced_s=None, **NO_PAUSE)).rowcount > 0
 
 
 def _held(claim: ReadingClaim) -> Any:

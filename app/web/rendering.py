@@ -14,7 +14,7 @@ from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
 from app.services.rendering import FILTERS, GLOBALS
 from app.services.results import UploadView
-from app.services.telling.wording import NO_ROOM_YET, READ_IN_PART, STATE_WORDS
+from app.services.telling.wording import FILE_UNSEEN, NO_ROOM_YET, READ_IN_PART, STATE_WORDS
 
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
@@ -43,6 +43,8 @@ def as_tags(loops: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
 def upload_words(upload: UploadView) -> str:
     if upload.waits_for_room_since:
         return NO_ROOM_YET
+    if upload.waits_for_file_since:
+        return FILE_UNSEEN
     return READ_IN_PART if upload.damaged else STATE_WORDS[upload.state]
 
 

@@ -271,6 +271,15 @@ def test_an_upload_that_waits_for_room_is_told_once(tmp_path, capsys):
     assert "night.csv: waits for room on the disk" in told[0]
 
 
+def test_an_upload_whose_file_no_worker_sees_is_told_once(tmp_path, capsys):
+    seen = why_it_waits(tmp_path / "night.csv")
+    for since in (None, "2026-01-31T03:00:00Z", "2026-01-31T03:00:00Z"):
+        seen(Upload.of({"id": "7", "state": "received", "waits_for_file_since": since}))
+    told = capsys.readouterr().err.splitlines()
+    assert "night.csv: kept by the service, and no worker sees its file" in " ".join(told)
+    assert " ".join(told).count("night.csv") == 1
+
+
 def test_an_upload_that_nobody_reads_for_long_says_what_may_be_done_first(tmp_path, capsys):
     times = iter([0.0, LONG_S - 1.0, LONG_S, LONG_S + 1.0, LONG_S + 99.0])
     seen = why_it_waits(tmp_path / "night.csv", clock=lambda: next(times))

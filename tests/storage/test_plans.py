@@ -206,6 +206,7 @@ ALWAYS = {
     "uploads to announce": lambda c: uploads.to_announce(c, 20.0, LEASE_S),
     "uploads that wait for room": uploads.waiting_for_room,
     "uploads that are unread": uploads.unread_fingerprints,
+    "uploads whose files are not seen": uploads.unseen,
     "an unread upload before another": lambda c: receipts.unread_before(c, 5),
     "uploads of the same bytes": lambda c: uploads.keys_of(c, FINGERPRINT, "{}"),
     "whether bytes are needed": lambda c: retention.must_keep(c, FINGERPRINT, LONG_AGO),

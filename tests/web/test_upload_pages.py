@@ -57,6 +57,19 @@ def test_an_upload_that_waits_for_room_says_so_on_its_page_and_in_the_list(clien
     assert "no room" not in client.get(f"/uploads/{answer['id']}").text
 
 
+def test_an_upload_whose_file_no_worker_sees_says_so_on_its_page_and_in_the_list(client, web_backend):
+    answer = client.post("/v1/uploads", content=b"time,FIC8.PV,FIC8.OP\n0,1,2\n1,2,3\n").json()
+    with web_backend.database.write() as connection:
+        assert stored_uploads.note_unseen(connection, int(answer["id"]), 20.0, 40.0)
+    since = client.get(f"/v1/uploads/{answer['id']}").json()["waits_for_file_since"]
+    page = seen(client, f"/uploads/{answer['id']}").texts
+    assert "waits: no worker sees its file" in page
+    assert any(text.startswith(f"Since {since[:10]} {since[11:16]} no worker that was asked") for text in page)
+    assert "waits: no worker sees its file" in seen(client, "/uploads").texts
+    read_upload(web_backend, int(answer["id"]), "test")
+    assert "no worker" not in client.get(f"/uploads/{answer['id']}").text
+
+
 def test_an_upload_that_came_damaged_is_marked_on_its_page_and_in_the_list(client, web_backend):
     rows = "".join(f"{k},{k * 7919 % 101},{k * 104729 % 97}\n" for k in range(20_000))
     sent = gzip.compress(f"time,FIC9.PV,FIC9.OP\n{rows}".encode())[:-500]

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import logging
 import shutil
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
@@ -39,6 +40,7 @@ from app.storage.samples import Samples, prepare
 from app.storage.series import Place, Stretch
 from app.storage.uploads import ReadingClaim, RejectRow, UploadRow
 
+FILE_UNSEEN = "file_unseen"
 BATCH_LOOPS = 200
 BATCHES_AHEAD = 2  # read, but not yet written
 LISTED_LOOPS = 20_000
@@ -46,6 +48,7 @@ BATCH_VALUES = 2_000_000
 FAULTS_IN_ALL = 3
 """Attempts after which a fault of ours is told: it would most likely be the same at the tenth, an hour later."""
 
+log = logging.getLogger("loopaudit.intake")
 
 Attributes = dict[str, dict[str, Any]]
 """What a mapping says of loops, by casefolded tag."""
@@ -82,13 +85,26 @@ def read_upload(backend: Backend, upload_id: int, owner: str) -> None:
     """Reads the upload if it is still to be read, nobody else reads it, and its file can be seen from here."""
     with backend.database.read() as connection:
         row = uploads.by_id(connection, upload_id)
-    if row is None or not path_of(backend, row.fingerprint).is_file():
+    if row is None:
+        return
+    if not path_of(backend, row.fingerprint).is_file():
+        _tell_unseen(backend, row)
         return
     with backend.database.write() as connection:
         most = backend.settings.max_reading_attempts
         claim = uploads.claim(connection, upload_id, owner, backend.settings.lease_s, most)
     if claim is not None:
         _read_claimed(backend, row, claim)
+
+
+def _tell_unseen(backend: Backend, row: UploadRow) -> None:
+    """Another worker may see it, so that it is not claimed."""
+    settings = backend.settings
+    with backend.database.write() as connection:
+        waits = uploads.note_unseen(connection, row.id, settings.stalled_s, settings.lease_s)
+    if waits:
+        text = "upload %d waits: this worker does not see its file %s; all need the same LOOPAUDIT_DATA_DIR"
+        log.warning(text, row.id, path_of(backend, row.fingerprint), extra={"code": FILE_UNSEEN})
 
 
 def _read_claimed(backend: Backend, row: UploadRow, claim: ReadingClaim) -> None:

@@ -113,7 +113,7 @@ class Receiving:
                 return None
             self._keep(values["fingerprint"])
             row, created = uploads.receive(connection, values)
-            again = uploads.try_again(connection, row.id)
+            again = uploads.try_again(connection, row.id) or uploads.seen_again(connection, [row.id])
             if correction is not None:
                 correction.keep(connection)
             return Receipt(_whole(connection, str(row.id)), created), created or again
@@ -306,6 +306,7 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         reason=row.error_text,
         error_code=row.error_code,
         waits_for_room_since=iso_utc(row.waits_since) if row.state == "received" else None,
+        waits_for_file_since=iso_utc(row.unseen_since),
         layout=summary.get("layout"),
         loops=[],
         loops_found=loops_found,

@@ -229,6 +229,9 @@ _SERVICE = {
     "broker_refused": "Of a log alone: the broker answers and refuses: mostly a full Redis, or a wrong password.",
     "cannot_listen": "The host or port cannot be listened on; choose another, or stop what has it.",
     "database_url": "LOOPAUDIT_DATABASE_URL is no address of PostgreSQL or SQLite; correct it.",
+    "file_unseen": (
+        "Of a log alone: the worker does not see an upload's file; give all the same LOOPAUDIT_DATA_DIR, or mount it."
+    ),
     "newer_tables": "A newer loopaudit made these tables; run that one, or restore the backup of before it.",
     "no_database": "There is no data base in the data folder; see that LOOPAUDIT_DATA_DIR is the one of the service.",
     "no_tables": "The data base has no tables; run `loopaudit migrate`.",

@@ -100,8 +100,9 @@ STATE_WORDS = {
 
 
 NO_ROOM_YET = "waits for room on the disk"
+FILE_UNSEEN = "waits: no worker sees its file"
+"""Of an upload that is received and cannot be read for that, as that before."""
 READ_IN_PART = "done, but the file came damaged"
-"""Of an upload that is received and cannot be read for that."""
 
 STARTERS = {
     "schedule": "the nightly schedule",

@@ -315,6 +315,7 @@ def exports(backend: Backend) -> Check:
     """Rows first, then files: one that is sent meanwhile has its file before its row."""
     with backend.database.read() as connection:
         unread = uploads.unread_fingerprints(connection)
+        unseen = set(uploads.unseen(connection).values())
         needed = retention.fingerprints_to_keep(connection, oldest_export(backend.settings))
     try:
         there = {file.name for file in backend.settings.uploads_dir.iterdir()}
@@ -327,6 +328,10 @@ def exports(backend: Backend) -> Check:
     if lost := unread - there:
         found = f"{len(lost)} exports that are still to be read are gone, such as {min(lost)[:12]}"
         return Check("exports", "problem", found, advice)
+    if unseen:
+        of_them = "1 export is here and no worker sees it"
+        found = of_them if len(unseen) == 1 else f"{len(unseen)} exports are here and no worker sees them"
+        return Check("exports", "problem", found, "give all processes the same data folder, mounted where each runs")
     if gone := needed - there:
         return Check("exports", "warning", f"{len(gone)} exports that were read are gone before their time", advice)
     return Check("exports", "ok", f"{len(needed)} of {len(needed)} are there")

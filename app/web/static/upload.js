@@ -56,7 +56,7 @@ if (upload && ["received", "reading"].includes(upload.dataset.state)) {
     const answer = await fetch(upload.dataset.url, { headers: { Accept: "application/json" } });
     if (answer.status === 401) return true; // the page leads to the login
     const found = answer.ok ? await answer.json() : null;
-    return found !== null && (!["received", "reading"].includes(found.state) || (found.waits_for_room_since ?? "") !== upload.dataset.waits);
+    return found !== null && (!["received", "reading"].includes(found.state) || (found.waits_for_room_since ?? found.waits_for_file_since ?? "") !== upload.dataset.waits);
   };
   const look = async () => {
     let news = false;
