@@ -1,5 +1,6 @@
-"""A worker that goes on where its broker answers and refuses: a Redis without memory left, or with a full disk, or a
-RabbitMQ that waited longer than its `consumer_timeout` for a large export to be read.
+"""A worker that goes on where its broker answers and refuses: a Redis without memory left, with a full disk or become a
+replica, a RabbitMQ that waited longer than its `consumer_timeout` for a large export to be read, or a login that either
+refuses.
 
 Celery counts that as unrecoverable and ends. What the broker did not take or lost is in the data base, and the sweeper
 rings for it again.
@@ -7,13 +8,14 @@ rings for it again.
 
 import logging
 import time
+from typing import Any
 
 from celery.worker.consumer import Consumer as CeleryConsumer
 from celery.worker.state import maybe_shutdown
 
-from app.queue.jobs import BROKER_REFUSED
+from app.queue.refusals import RETRIES_IN_S, tell_failure
 
-FIRST_PAUSE_S, LONGEST_PAUSE_S, LOOKS_EVERY_S = 1.0, 10.0, 0.2
+FIRST_PAUSE_S, LOOKS_EVERY_S = 1.0, 0.2
 QUIET_S = 60.0
 """Without a refusal for so long, the next one is a new one."""
 
@@ -24,6 +26,16 @@ class Consumer(CeleryConsumer):
     """Connects anew after a refusal, as after a lost connection, with a growing pause."""
 
     _pause_s, _refused_at = FIRST_PAUSE_S, 0.0
+
+    def ensure_connected(self, conn: Any) -> Any:
+        """As Celery's own, which says "Cannot connect" of a login that is refused too."""
+        retries = self.app.conf.broker_connection_max_retries
+        connected = conn.ensure_connection(self._tell, retries, callback=maybe_shutdown)
+        self.first_connection_attempt = False
+        return connected
+
+    def _tell(self, error: Exception, pause_s: float) -> None:
+        tell_failure(log, error, pause_s)
 
     def on_connection_error_before_connected(self, exc: Exception) -> None:
         if self._is_refusal(exc):
@@ -40,13 +52,9 @@ class Consumer(CeleryConsumer):
         return isinstance(error, self.channel_errors) and not isinstance(error, self.connection_errors)
 
     def _wait_after(self, refusal: Exception) -> None:
-        from redis import RedisError  # a tenth of a second at the start of a worker whose broker is another
-
         is_new = time.monotonic() - self._refused_at > QUIET_S
-        self._pause_s = FIRST_PAUSE_S if is_new else min(2 * self._pause_s, LONGEST_PAUSE_S)
-        wanted = "takes nothing, make room in it" if isinstance(refusal, RedisError) else "refuses"
-        text = "the broker answers and %s; trying again in %.0f s: %s"
-        log.error(text, wanted, self._pause_s, refusal, extra={"code": BROKER_REFUSED})
+        self._pause_s = FIRST_PAUSE_S if is_new else min(2 * self._pause_s, RETRIES_IN_S)
+        tell_failure(log, refusal, self._pause_s, self.channel_errors)
         until = time.monotonic() + self._pause_s
         while time.monotonic() < until:
             maybe_shutdown()

@@ -12,8 +12,6 @@ AUDIT_CHUNK = "loopaudit.audit_chunk"
 EXPLAIN = "loopaudit.explain"
 DELIVER = "loopaudit.deliver"
 SWEEP = "loopaudit.sweep"
-BROKER_REFUSED = "broker_refused"
-"""Stable code of what is logged where a broker answers and refuses."""
 
 MOST_WAITING = 2000
 """More doorbells of a queue than this ring for nobody. Without a worker, or behind hours of work, which is announced

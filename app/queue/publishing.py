@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from kombu.exceptions import OperationalError
 
 from app.queue.jobs import AUDIT_CHUNK, DELIVER, EXPLAIN, FORGOTTEN_AFTER_S, READ_UPLOAD, SWEEP
+from app.queue.refusals import BrokerRefusal, refusal_of
 from app.settings import Settings
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ class Queue:
         self._settings = settings
         self._away_until = 0.0
         self._asking: Future[bool] | None = None
+        self.refusal: BrokerRefusal | None = None
+        """What the broker refused when it was asked last."""
 
     def read_upload(self, upload_id: int) -> bool:
         return self._send(READ_UPLOAD, upload_id)
@@ -59,6 +62,7 @@ class Queue:
             return self._asking.result(HANGS_AFTER_S)
         except TimeoutError:
             log.warning("broker away: no answer within %s s", HANGS_AFTER_S)
+            self.refusal = None
             self._away_until = time.monotonic() + AWAY_S
             return False
 
@@ -70,10 +74,9 @@ class Queue:
                 if client is not None:  # of Redis alone
                     client.set(PROBE, "", px=1000)
         except self._refusals as error:
-            log.warning("broker away: %s", error)
-            self._away_until = time.monotonic() + AWAY_S
+            self._tell(error)
             return False
-        self._away_until = 0.0
+        self._away_until, self.refusal = 0.0, None
         return True
 
     def close(self) -> None:
@@ -87,10 +90,19 @@ class Queue:
         try:
             self._application.send_task(job, args=arguments, expiration=FORGOTTEN_AFTER_S)
         except self._refusals as error:
-            self._away_until = time.monotonic() + AWAY_S
-            log.warning("broker away, %s%r waits for the sweeper: %s", job, arguments, error)
+            self._tell(error, f", {job}{arguments!r} waits for the sweeper")
             return False
+        self.refusal = None
         return True
+
+    def _tell(self, error: Exception, what_waits: str = "") -> None:
+        self._away_until = time.monotonic() + AWAY_S
+        self.refusal = refusal = refusal_of(error, self._application.connection_for_write().channel_errors)
+        if refusal is None:
+            log.warning("broker away%s: %s", what_waits, error)
+        else:
+            text = "the broker answers and %s%s: %s"
+            log.warning(text, refusal.what, what_waits, error, extra={"code": refusal.code})
 
     @cached_property
     def _refusals(self) -> tuple[type[Exception], ...]:

@@ -10,8 +10,9 @@ from celery.beat import SchedulingError
 from celery.schedules import schedstate, schedule
 from kombu.exceptions import OperationalError
 
-from app.queue.jobs import BROKER_REFUSED
+from app.queue.refusals import RETRIES_IN_S, refusal_of, tell_failure
 
+FIRST_PAUSE_S = 1.0
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT}
 
 log = logging.getLogger("loopaudit.queue")
@@ -34,12 +35,27 @@ class Scheduler(CeleryScheduler):
         except SchedulingError as error:
             self._tell(error, error.__context__)
 
+    def _ensure_connected(self) -> Any:
+        """A RabbitMQ that refuses the login is no connection that was lost: it would end the schedule."""
+        pause_s = FIRST_PAUSE_S
+        while True:
+            try:
+                return self.connection.ensure_connection(self._tell_away, self.app.conf.broker_connection_max_retries)
+            except self.connection.channel_errors as error:
+                tell_failure(log, error, pause_s, self.connection.channel_errors)
+            time.sleep(pause_s)
+            pause_s = min(2 * pause_s, RETRIES_IN_S)
+
+    def _tell_away(self, error: Exception, pause_s: float) -> None:
+        tell_failure(log, error, pause_s)
+
     def _tell(self, error: SchedulingError, cause: BaseException | None) -> None:
         away, refused = self.connection.connection_errors, self.connection.channel_errors
         of_broker = cause.__cause__ if isinstance(cause, OperationalError) else cause
-        if isinstance(of_broker, refused) and not isinstance(of_broker, away):
-            text = "the broker answers and refuses, asked again soon: %s"
-            log.error(text, error, extra={"code": BROKER_REFUSED})
+        such = () if isinstance(of_broker, away) else refused
+        if of_broker is not None and (refusal := refusal_of(of_broker, such)):
+            text = "the broker answers and %s, asked again soon: %s"
+            log.error(text, refusal.what, error, extra={"code": refusal.code})
         elif {getattr(it, "errno", None) for it in (cause, of_broker)} & NO_ROOM:
             log.error("no room on the disk for the broker's messages, make room; asked again soon: %s", error)
         elif isinstance(cause, (OperationalError, OSError, *away)):

@@ -74,7 +74,8 @@ def test_every_sentence_says_more_than_its_code(code, sentence):
         "cancelled",
         "memory",
         "no_problem_details",
-        "broker_refused",  # of a log
+        "broker_login",  # of a log, as a field
+        "broker_refused",
         "same_file",  # in brackets
         "damaged",
     ],

@@ -12,7 +12,8 @@ from celery.beat import BeatLazyFunc, ScheduleEntry
 
 from app.queue import Queue, folder
 from app.queue.application import celery_application
-from app.queue.jobs import BROKER_REFUSED, SWEEP
+from app.queue.jobs import SWEEP
+from app.queue.refusals import FULL
 from app.queue.steady import Scheduler
 from app.services.backend import Backend
 from app.services.intake.uploads import get_upload
@@ -123,7 +124,7 @@ def test_a_schedule_tells_a_broker_that_refuses_from_one_that_is_away(
     schedule: Scheduler, server: RedisServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     server.set_memory(1)
-    assert vars(ring(schedule, caplog))["code"] == BROKER_REFUSED
+    assert vars(ring(schedule, caplog))["code"] == FULL.code
     server.kill()
     away = ring(schedule, caplog)
     assert "code" not in vars(away)

@@ -11,7 +11,7 @@ from kombu import Connection
 
 from app.queue import READ_UPLOAD, SWEEP, Queue, consuming, publishing
 from app.queue.application import celery_application
-from app.queue.jobs import BROKER_REFUSED, FORGOTTEN_AFTER_S, queue_names
+from app.queue.jobs import FORGOTTEN_AFTER_S, queue_names
 from app.settings import Settings
 
 ADDRESS = "amqp://guest:guest@127.0.0.1:5672//"
@@ -84,4 +84,4 @@ def test_a_refusal_is_waited_out(
     assert now_s[0] == pytest.approx(1001.0, abs=0.3)
     (told,) = (record for record in caplog.records if record.levelno == logging.ERROR)
     assert told.getMessage().startswith("the broker answers and refuses; trying again in 1 s: ")
-    assert told.__dict__["code"] == BROKER_REFUSED
+    assert told.__dict__["code"] == "broker_refused"

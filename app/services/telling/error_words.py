@@ -226,7 +226,9 @@ LOOP_WORDS = {
 _SERVICE = {
     "already_serving": "`serve` runs already with this data folder; use that one, stop it, or name another folder.",
     "being_restored": "A backup is being brought back; start again when that is done.",
-    "broker_refused": "Of a log alone: the broker answers and refuses: mostly a full Redis, or a wrong password.",
+    "broker_login": "Of a log alone: the broker refuses user, password, rights or virtual host; correct the address.",
+    "broker_read_only": "Of a log alone: the broker's Redis is a replica that takes no writes; name the other one.",
+    "broker_refused": "Of a log alone: the broker answers and refuses, mostly a Redis that is full; make room in it.",
     "cannot_listen": "The host or port cannot be listened on; choose another, or stop what has it.",
     "database_url": "LOOPAUDIT_DATABASE_URL is no address of PostgreSQL or SQLite; correct it.",
     "file_unseen": (

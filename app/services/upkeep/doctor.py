@@ -304,11 +304,10 @@ def broker(backend: Backend) -> Check:
         return Check("broker", "problem", "it is in the data folder, which is not there", "see the data folder")
     if backend.queue.reachable():
         return Check("broker", "ok", "answers")
-    advice = (
-        "start it, or correct LOOPAUDIT_BROKER_URL; one that is full says so in its log; uploads are kept, and audits "
-        "wait until then"
-    )
-    return Check("broker", "problem", "does not answer, or takes no message", advice)
+    if refusal := backend.queue.refusal:
+        return Check("broker", "problem", f"answers and {refusal.what}: uploads are kept, audits wait", refusal.advice)
+    advice = "start it, or correct LOOPAUDIT_BROKER_URL; uploads are kept, and audits wait until then"
+    return Check("broker", "problem", "does not answer", advice)
 
 
 def exports(backend: Backend) -> Check:

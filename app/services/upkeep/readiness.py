@@ -22,7 +22,7 @@ def readiness(backend: Backend) -> Readiness:
     free, folder = free_bytes(backend.settings), folder_state(backend.settings)
     checks: dict[str, object] = {"database": _database(backend), "disk_free_bytes": free, "data_folder": folder}
     checks["schema"] = _schema(backend) if checks["database"] == "ok" else "not known"
-    checks["broker"] = "ok" if backend.queue.reachable() else "away"
+    checks["broker"] = _broker(backend)
     busy, well = checks["database"] == "busy", checks["schema"] == "current"
     if well:
         checks |= {"writes": _writes(backend)} | _waiting_for_room(backend)
@@ -54,6 +54,12 @@ def _database(backend: Backend) -> str:
     except SQLAlchemyError as error:
         return "busy" if busy and no_connection_left(error) else f"away: {type(error).__name__}"
     return "busy" if busy else "ok"
+
+
+def _broker(backend: Backend) -> str:
+    if backend.queue.reachable():
+        return "ok"
+    return backend.queue.refusal.state if backend.queue.refusal else "away"
 
 
 def _waiting_for_room(backend: Backend) -> dict[str, object]:
