@@ -20,8 +20,8 @@ from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
 from app.services.backend import DISK_FULL, away_in_words
-from app.services.intake.uploads import stored_files
-from app.services.upkeep.draft_folder import BEING_WRITTEN, draft_of, settle
+from app.services.intake.uploads import STORED, stored_files
+from app.services.upkeep.draft_folder import BEING_WRITTEN, PART, draft_of, settle
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer
 from app.settings import Settings, sync_folder
@@ -126,6 +126,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
     finally:
         database.close()
     # Exports first: where there is no room for all of them the data base stays as it was, with all that it tells of.
+    _drop_left(settings.uploads_dir)
     for file in _files(folder / UPLOADS):
         _put(file, settings.uploads_dir / file.name)
     sync_folder(settings.uploads_dir)
@@ -142,6 +143,13 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
     return BackupReport(
         folder, migrate(settings), len(told["files"]), sum(path.stat().st_size for path in _files(folder))
     )
+
+
+def _drop_left(exports: Path) -> None:
+    """Copies that a restore which was killed left half done; nobody else is at work."""
+    for file in exports.glob(f".*{PART}"):
+        if STORED.fullmatch(file.name.removeprefix(".").removesuffix(PART)):
+            file.unlink(missing_ok=True)
 
 
 def _move_in(settings: Settings, file: Path) -> None:
@@ -280,7 +288,7 @@ def _put(source: Path, target: Path) -> None:
 
 
 def _drafted(source: Path, target: Path) -> Path:
-    draft = target.with_name(f".{target.name}.part")
+    draft = target.with_name(f".{target.name}{PART}")
     draft.unlink(missing_ok=True)  # of one that was killed, or a link: what it leads to would be overwritten
     try:
         # "x" follows no link that was made since.

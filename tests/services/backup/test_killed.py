@@ -152,6 +152,17 @@ def test_a_backup_that_was_killed_at_its_very_end_comes_back(settings, tmp_path,
     assert backups.restore(settings, tmp_path / "kept", force=True).files == 1
 
 
+def test_what_a_killed_restore_left_among_the_exports_goes_with_the_next_one(settings, tmp_path):
+    """It may be of an export that is in no backup that is brought back again."""
+    backups.backup(settings, tmp_path / "kept")
+    left = settings.uploads_dir / f".{'b' * 64}.part"
+    others = [settings.uploads_dir / name for name in (f".{'b' * 63}.part", ".notes.part", "mine")]
+    for file in (left, *others):
+        file.write_bytes(b"half of it")
+    backups.restore(settings, tmp_path / "kept", force=True)
+    assert [file.exists() for file in (left, *others)] == [False, True, True, True]
+
+
 def test_the_command_says_what_it_removed(settings, amid, tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
