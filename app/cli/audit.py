@@ -19,6 +19,7 @@ from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, progress, say
 from app.cli.outputs import is_stream, part_of, written
 from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
+from app.counting import counted
 from app.errors import DataError, LoopauditError
 from app.threads import OF_LINEAR_ALGEBRA, OF_READING, limit_to_one
 
@@ -176,7 +177,7 @@ def interrupted(audited: list[AuditedFile], files: int, out: Path | None) -> str
         found = any(result.lines for result in audited)
         kept = f"what was found so far is in {part_of(out)}; " if found else ""
         kept += f"{out} is left as it was"
-    return f"loopaudit: interrupted, {len(audited)} of {files} files audited; {kept}"
+    return f"loopaudit: interrupted, {len(audited)} of {counted(files, 'file')} audited; {kept}"
 
 
 def audit_files(files: list[Path], jobs: int, how: Reading) -> Generator[AuditedFile]:
@@ -271,7 +272,7 @@ def in_words(content: "RecordingsRead") -> Iterator[str]:
 def beside_shown(refused: int, shown: int) -> Iterator[str]:
     """How many rows and values were refused beside those that are shown, where there are more."""
     if refused > shown:
-        yield f"and {refused - shown} more rows or values that could not be read"
+        yield f"and {counted(refused - shown, 'more row or value', 'more rows or values')} that could not be read"
 
 
 def exit_code(audited: list[AuditedFile], named: list[Path]) -> ExitCode:

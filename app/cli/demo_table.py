@@ -10,6 +10,7 @@ from rich.text import Text
 
 from app.cli.messages import console_for
 from app.cli.tables import VERDICT_STYLE, chance, number
+from app.counting import counted
 from app.services.telling.wording import VERDICT_RANK, VERDICT_WORDS, rely
 
 if TYPE_CHECKING:
@@ -120,6 +121,5 @@ def _sentence(judged: Sequence[Judged], loops: int) -> str:
     right = sum(item.outcome == HIT for item in judged)
     relied = [item for item in judged if item.row["reliability"] == "reliable"]
     relied_right = sum(item.outcome == HIT for item in relied)
-    return (
-        f"{right} of {loops} loops judged rightly; of {len(relied)} verdicts called reliable, {relied_right} are right."
-    )
+    called = f"of {counted(len(relied), 'verdict')} called reliable, {counted(relied_right, 'is', 'are')} right"
+    return f"{right} of {counted(loops, 'loop')} judged rightly; {called}."

@@ -12,6 +12,7 @@ import typer
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, say
 from app.cli.opening import opened
+from app.counting import counted
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def sent(backend: "Backend", run: str, *, again: bool = False) -> ExitCode:
     for one in found:
         sys.stdout.write(f"{one.receiver}: {outcome(one, backend.clock)}\n")
     undone = sum(one.state != "done" for one in found)
-    say(f"loopaudit: the digest of run {run} is with {len(found) - undone} of {len(found)} receivers")
+    say(f"loopaudit: the digest of run {run} is with {len(found) - undone} of {counted(len(found), 'receiver')}")
     return ExitCode.SOME_FAILED if undone else ExitCode.DONE
 
 

@@ -11,6 +11,7 @@ from app.cli.audit import FORMS, recording_files
 from app.cli.mapping import MappingOption, mapping_bytes
 from app.cli.messages import ExitCode, console_for, say
 from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
+from app.counting import counted
 from app.errors import DataError, LoopauditError
 from app.services.moments import moment_of
 
@@ -114,7 +115,7 @@ def loop_table(report: "InspectReport") -> "Table":
     for loop in report.loops[:SHOWN_LOOPS]:
         table.add_row(*map(Text, cells(loop)))
     if len(report.loops) > SHOWN_LOOPS:
-        table.caption = f"and {len(report.loops) - SHOWN_LOOPS} more loops"
+        table.caption = f"and {counted(len(report.loops) - SHOWN_LOOPS, 'more loop')}"
     return table
 
 
@@ -156,7 +157,7 @@ def refused(report: "InspectReport", shown: int = 10) -> Iterator[str]:
         yield "nothing would be refused"
         return
     counts = ", ".join(f"{count} {code}" for code, count in sorted(report.rejects.counts.items()))
-    yield f"{report.rejects.total} rows or values would be refused: {counts}"
+    yield f"{counted(report.rejects.total, 'row or value', 'rows or values')} would be refused: {counts}"
     for reject in report.rejects.listed[:shown]:
         where = "" if reject.line is None else f"line {reject.line}: "
         yield f"  {where}{reject.text} [{reject.code}]"

@@ -13,6 +13,7 @@ import typer
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, progress, say
 from app.cli.opening import opened
+from app.counting import counted
 from app.errors import RequestError
 
 if TYPE_CHECKING:
@@ -37,6 +38,10 @@ def nightly(
     The run and how it ended are printed as JSON. Exit code 1: some loops failed; 2: there are no loops, the service is
     not ready, or the run has not ended after --timeout (it goes on). On the embedded default this command does the work
     together with the worker of `serve`, or alone where none runs.
+
+    It works on the installation itself (LOOPAUDIT_DATA_DIR, LOOPAUDIT_DATABASE_URL), as `digest`, `report` and `keys`
+    do, and has no --url: the night is one of the plant's, with digest and explanations. A service on another machine is
+    asked by POST /v1/audits, or on its page of runs, for an audit of the whole plant that is no night.
 
     [bold]Examples[/bold]
 
@@ -92,8 +97,7 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
             lend_a_hand(backend, run.id)
             run = patiently(partial(get_audit, backend, run.id), deadline - time.monotonic())
             advance(run.done + run.failed - before)
-    loops = "1 loop" if run.total == 1 else f"{run.total} loops"
-    say(f"loopaudit: {loops}, {run.done} with a verdict, {run.failed} failed")
+    say(f"loopaudit: {counted(run.total, 'loop')}, {run.done} with a verdict, {run.failed} failed")
     return run
 
 

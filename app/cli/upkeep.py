@@ -9,6 +9,7 @@ import typer
 
 from app.cli.configuration import load_settings
 from app.cli.messages import ExitCode, console_for, say
+from app.counting import counted
 
 if TYPE_CHECKING:
     from app.services.upkeep.doctor import Check
@@ -66,7 +67,8 @@ def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the bac
     done = keep(load_settings(unattended=True), folder)
     for part in done.removed:
         say(f"loopaudit: removed {part}, which a backup that was killed had left")
-    say(f"loopaudit: {done.folder} holds {done.files} files, {done.bytes} bytes, tables of version {done.schema}")
+    files = counted(done.files, "file")
+    say(f"loopaudit: {done.folder} holds {files}, {done.bytes} bytes, tables of version {done.schema}")
     raise typer.Exit(ExitCode.DONE)
 
 
@@ -91,5 +93,5 @@ def restore(
     from app.services.upkeep.backup import restore as bring_back
 
     done = bring_back(load_settings(), folder, force=force)
-    say(f"loopaudit: restored {done.files} files, {done.bytes} bytes; the tables have version {done.schema}")
+    say(f"loopaudit: restored {counted(done.files, 'file')}, {done.bytes} bytes; the tables have version {done.schema}")
     raise typer.Exit(ExitCode.DONE)

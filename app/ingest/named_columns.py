@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import polars as pl
 
+from app.counting import counted
 from app.errors import DataError
 from app.ingest.columns.clocks import date_and_clock
 from app.ingest.columns.joined_stamps import stamps_of
@@ -181,7 +182,8 @@ def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ())
     separator = max(SEPARATORS, key=text.partition("\n")[0].count)
     data, emptied = _without_long_rows(text.encode(), separator)
     if emptied:
-        damage = (*damage, f"{emptied} rows have more fields than there are names, and were left empty")
+        left = f"and {'was' if emptied == 1 else 'were'} left empty"
+        damage = (*damage, f"{counted(emptied, 'row has', 'rows have')} more fields than there are names, {left}")
     try:
         frame = pl.read_csv(
             io.BytesIO(data),

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from app.counting import counted
 from app.services.moments import PlantClock, iso_utc, moment_of
 
 TOLD = 3
@@ -12,7 +13,7 @@ def damage_in_words(damaged: Sequence[tuple[int, int]], clock: PlantClock) -> st
     if not damaged:
         return ""
     spans = [f"{_short(clock, first)} to {_short(clock, last)}" for first, last in damaged[:TOLD]]
-    more = f" and {len(damaged) - TOLD} stretches more" if len(damaged) > TOLD else ""
+    more = f" and {counted(len(damaged) - TOLD, 'stretch', 'stretches')} more" if len(damaged) > TOLD else ""
     return (
         f"What was stored from {', from '.join(spans)}{more} cannot be read (the stored samples are damaged) and is "
         "left out; send its export again."

@@ -7,6 +7,7 @@ from itertools import count, takewhile
 
 from sqlalchemy import ColumnElement, Connection, Update, and_, case, or_, select, update
 
+from app.counting import counted_times
 from app.storage.bulk import insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.tables import UNDELIVERED, deliveries
@@ -128,7 +129,7 @@ def wait_s(attempt: int) -> float:
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes deliveries back whose lease has ended: they may have been sent, and are sent again with the same id."""
-    lost = f"the worker was lost {max_attempts} times while it sent this digest"
+    lost = f"the worker was lost {counted_times(max_attempts)} while it sent this digest"
     failed = {"ended_at": now(), "error_text": lost, "next_try_s": None}
     claimed = UNDELIVERED & (deliveries.c.state == "claimed")
     return take_back(connection, deliveries, claimed, max_attempts, lease_s, failed, {"next_try_s": None})

@@ -21,6 +21,7 @@ from sqlalchemy import (
     update,
 )
 
+from app.counting import counted_times
 from app.storage.bulk import among_many, insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
@@ -238,7 +239,7 @@ def wait_for_room(connection: Connection, claim: ExplanationClaim, first_pause_s
 
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float) -> Reopened:
     """Takes explanations back whose lease has ended; those that were tried too often are failed(worker_lost)."""
-    lost = f"the worker was lost {max_attempts} times while it worked on this explanation"
+    lost = f"the worker was lost {counted_times(max_attempts)} while it worked on this explanation"
     failed = {"ended_at": now(), "error_code": "worker_lost", "error_text": lost, **NO_PAUSE}
     claimed = UNEXPLAINED & (explanations.c.state == "claimed")
     return take_back(connection, explanations, claimed, max_attempts, lease_s, failed, {"announced_s": None})

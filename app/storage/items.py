@@ -6,6 +6,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, Update, bindparam, func, select, tuple_, update
 
+from app.counting import counted_times
 from app.storage.leases import Reopened, take_back
 from app.storage.tables import GOING_ON, audit_items, audits, loops
 from app.storage.types import clock_s
@@ -100,7 +101,7 @@ def fail(connection: Connection, failures: Sequence[Failure]) -> None:
 def reopen_expired(connection: Connection, max_attempts: int, lease_s: float, audit_id: int | None = None) -> Reopened:
     """Takes loops back whose lease has ended; those that were tried too often are failed(worker_lost). audit_id: those
     of this run alone. Each task has an owner of its own: `lost` tells how many of each run have no successor."""
-    text = f"the worker was lost {max_attempts} times while it audited this loop"
+    text = f"the worker was lost {counted_times(max_attempts)} while it audited this loop"
     claimed = audit_items.c.state == "claimed"
     if audit_id is not None:
         claimed &= audit_items.c.audit_id == audit_id

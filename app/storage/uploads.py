@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func, insert, literal, or_, select, update
 
+from app.counting import counted_times
 from app.storage.bulk import insert_new, insert_new_rows
 from app.storage.loops import IN_SERVICE
 from app.storage.receipts import next_number
@@ -250,7 +251,7 @@ def give_up(connection: Connection, max_attempts: int, lease_s: float) -> int:
             state="failed",
             ended_at=now(),
             error_code="reader_lost",
-            error_text=f"the worker that read this file was lost, {max_attempts} times",
+            error_text=f"the worker that read this file was lost, {counted_times(max_attempts)}",
             owner=None,
             lease_until_s=None,
             **NO_PAUSE,

@@ -460,7 +460,7 @@ def test_mapped_tags_of_loops_that_came_are_named_where_they_did_not(read: Read)
 @pytest.mark.parametrize(
     ("others", "told"),
     [
-        (("B",), "of the 2 loops of the mapping 1 are not in this file: B"),
+        (("B",), "of the 2 loops of the mapping 1 is not in this file: B"),
         (("B", "C"), "of the 3 loops of the mapping 2 are not in this file"),  # a mapping of the whole plant
     ],
 )

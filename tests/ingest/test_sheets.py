@@ -127,7 +127,7 @@ def test_notes_of_one_sheet_name_it_and_those_of_a_mapping_are_of_all(read: Read
     assert content.summary.notes == (
         "the workbook has 2 sheets; 2 of them were read: 'S1', 'S2'",
         "sheet 'S2': rows were not in order of time; they were sorted",
-        "of the 3 loops of the mapping 1 are not in this file: C",
+        "of the 3 loops of the mapping 1 is not in this file: C",
     )
 
 

@@ -106,7 +106,7 @@ def test_a_field_too_many_in_a_table_that_is_asked_for_its_columns(end: str) -> 
     table = parse_named((end or "\n").join(rows) + end, IngestOptions())
     np.testing.assert_array_equal(table.numbers("OP"), [10, np.nan, 12, 13])
     np.testing.assert_array_equal(table.numbers("PV"), [1, np.nan, 3, 4])
-    assert table.damage == ("1 rows have more fields than there are names, and were left empty",)
+    assert table.damage == ("1 row has more fields than there are names, and was left empty",)
 
 
 HOURS = [f"2024-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(240)]

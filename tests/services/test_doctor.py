@@ -155,13 +155,13 @@ MAIL = {"digest_mail_to": "a@plant.example", "digest_smtp_host": "localhost", "d
     [
         ({}, "ok", "nobody gets one"),
         ({"digest_mail_to": "a@plant.example"}, "problem",
-         "1 receivers, not set: LOOPAUDIT_DIGEST_SMTP_HOST, LOOPAUDIT_DIGEST_MAIL_FROM"),
-        (MAIL, "ok", "1 receivers; no links, because LOOPAUDIT_PUBLIC_URL is not set"),
-        (MAIL | {"public_url": "https://plant.example"}, "ok", "1 receivers"),
-        (MAIL | {"public_url": "https://plant.example", "digest_smtp_user": "audit"}, "ok", "1 receivers"),
+         "1 receiver, not set: LOOPAUDIT_DIGEST_SMTP_HOST, LOOPAUDIT_DIGEST_MAIL_FROM"),
+        (MAIL, "ok", "1 receiver; no links, because LOOPAUDIT_PUBLIC_URL is not set"),
+        (MAIL | {"public_url": "https://plant.example"}, "ok", "1 receiver"),
+        (MAIL | {"public_url": "https://plant.example", "digest_smtp_user": "audit"}, "ok", "1 receiver"),
         (MAIL | {"digest_smtp_user": "audit", "digest_smtp_starttls": False}, "warning",
          "the mail server's password travels in clear"),
-        (MAIL | {"public_url": "https://plant.example", "digest_smtp_starttls": False}, "ok", "1 receivers"),
+        (MAIL | {"public_url": "https://plant.example", "digest_smtp_starttls": False}, "ok", "1 receiver"),
     ],
 )  # fmt: skip
 def test_how_the_digest_goes_out_is_looked_at(tmp_path, set_, state, found):

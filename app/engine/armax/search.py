@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from app.counting import counted
 from app.engine.armax.grid import search_grid
 from app.engine.armax.model import Criterion, Order, OrderSearch, SearchSpace, Stages, mean_of
 from app.engine.recording import FloatArray
@@ -113,4 +114,6 @@ def check_length(samples: int, space: SearchSpace) -> None:
     p = long_order(max(samples, 2), space)
     if p < space.largest or samples - p - space.nc_max < 3 * max(coefficients, 2 * p):
         needed = max(8 * space.largest, 4 * max(coefficients, 2 * p) + space.nc_max)
-        raise DataError("record_too_short", f"{samples} samples; the search space {space} needs about {needed}")
+        raise DataError(
+            "record_too_short", f"{counted(samples, 'sample')}; the search space {space} needs about {needed}"
+        )

@@ -4,6 +4,7 @@ from typing import cast
 
 import numpy as np
 
+from app.counting import counted, counted_times
 from app.engine.codes import CheckCode
 from app.engine.evidence import Finding, Operator, Outcome
 from app.engine.fitness.config import FitnessConfig
@@ -43,14 +44,15 @@ def not_evaluated(code: CheckCode, because: str) -> Finding:
 def check_length(samples: int, config: FitnessConfig, repeats: int = 1) -> Finding:
     enough = samples >= config.min_samples
     stored = f", each of them stored {repeats} times" if repeats > 1 else ""
-    text = f"{samples} samples{stored}, at least {config.min_samples} are needed"
+    text = f"{counted(samples, 'sample')}{stored}, at least {config.min_samples} are needed"
     return _finding("too_short", enough, text, samples, config.min_samples, "samples", ">=")
 
 
 def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConfig) -> Finding:
     """both: (N,) True where PV and OP have a value. interpolated: the signal that was brought to the other's times."""
     usable, share = int(np.sum(both)), 1.0 - float(np.mean(both))
-    text = f"PV and OP both have a value in {usable} of {len(both)} samples, at least {config.min_samples} are needed"
+    of_all = counted(len(both), "sample")
+    text = f"PV and OP both have a value in {usable} of {of_all}, at least {config.min_samples} are needed"
     if interpolated is not None:
         text += f"; they were stamped at different times, {interpolated} is interpolated"
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
@@ -81,7 +83,7 @@ def check_automatic(automatic: BoolArray | None, kept: int, later: int, config: 
         f"by its recorded mode in automatic for {100 * share:.1f} % of the samples, {kept} of them in a row; "
         f"at least {config.min_samples} in a row are needed"
     )
-    text += f"; the {later} samples after them are not looked at" if later and kept else ""
+    text += f"; {_after(later, 'them')}" if later and kept else ""
     return _finding("not_in_automatic", kept >= config.min_samples, text, share, None, "share")
 
 
@@ -92,11 +94,19 @@ def check_gaps(unbroken: Unbroken, kept: int, samples: int, later: int, config: 
         text = f"no hole is longer than {most}"
     else:
         text = (
-            f"{gaps} holes longer than {most} split the record; of its long "
-            f"stretches the newest has {kept} of {samples} samples, at least {config.min_samples} are needed"
+            f"{counted(gaps, 'hole')} longer than {most} {'splits' if gaps == 1 else 'split'} the record; of its long "
+            f"stretches the newest has {kept} of {counted(samples, 'sample')}, at least {config.min_samples} are needed"
         )
-        text += f"; the {later} samples after it are not looked at" if later else ""
+        text += f"; {_after(later, 'it')}" if later else ""
     return _finding("gaps", kept >= config.min_samples, text, gaps, None, "holes")
+
+
+def _after(later: int, what: str) -> str:
+    return (
+        f"the sample after {what} is not looked at"
+        if later == 1
+        else f"the {later} samples after {what} are not looked at"
+    )
 
 
 def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: FitnessConfig) -> Finding:
@@ -105,7 +115,8 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
     dead = share >= config.flat_share
     text = f"{name.upper()} holds one value for {100 * share:.1f} % of the stretch"
     if dead:
-        text += f": {meaning}; {kept} samples in a row remain, at least {config.min_samples} are needed"
+        remain = counted(kept, "sample in a row remains", "samples in a row remain")
+        text += f": {meaning}; {remain}, at least {config.min_samples} are needed"
     usable = not dead or kept >= config.min_samples
     operator: Operator | None = None if dead and usable else "<"  # then what remains decides
     return _finding(_of(name, "flat"), usable, text, share, config.flat_share, "share", operator)
@@ -123,7 +134,9 @@ def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
     share = at.more + at.less
     both = at.less >= config.least_of_two_values and at.switches >= config.fewest_switches
     switched = both and share >= config.two_values_share and at.on_the_way <= config.most_on_the_way
-    text = f"OP is at one of two values for {100 * share:.1f} % of the stretch, and switched {at.switches} times"
+    text = (
+        f"OP is at one of two values for {100 * share:.1f} % of the stretch, and switched {counted_times(at.switches)}"
+    )
     text += ": on/off control, or an OP that is stored more coarsely than it moves" if switched else ""
     return _finding("op_two_values", not switched, text, share, config.two_values_share, "share")
 
@@ -179,7 +192,7 @@ def check_skew(skew: Skew | None, record: UniformRecord) -> Finding:
     """A skew refuses nothing: it is set right."""
     if skew is None:
         return not_evaluated("time_skew", "OP does not show at once what is new in PV")
-    apart = f"{abs(skew.samples)} samples ({abs(skew.samples) * record.sampling_interval_s:.4g} s)"
+    apart = f"{counted(abs(skew.samples), 'sample')} ({abs(skew.samples) * record.sampling_interval_s:.4g} s)"
     if skew.samples == 0:
         text = "PV and OP were stamped at one time"
     elif skew.samples < 0:

@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from app.counting import counted
 from app.engine.evidence import rising
 from app.engine.fitness.signals import run_lengths
 from app.engine.recording import BoolArray, FloatArray
@@ -36,7 +37,12 @@ def spiking_sensor(scene: Scene) -> Rival:
     if count > _MOST_SPIKES_SHARE * samples:
         return not_evaluated("sensor_spikes", "what looks like a spike is a twentieth of all samples")
     share = float(np.mean([share for _, share in pieces]))
-    text = f"{count} single samples of PV jump away and come back; they hold {100 * share:.0f} % of its fast variance"
+    jump = counted(
+        count,
+        "single sample of PV jumps away and comes back; it holds",
+        "single samples of PV jump away and come back; they hold",
+    )
+    text = f"{jump} {100 * share:.0f} % of its fast variance"
     strength = rising(share, 0.0, 2 * SPIKE_SHARE) if count >= _FEWEST_SPIKES else 0.0
     return Rival("sensor_spikes", strength, text, statistic=share, threshold=SPIKE_SHARE)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from app.counting import counted
 from app.engine.causality.own_cycle import OwnCycle
 from app.engine.codes import shape_code
 from app.engine.corroborate import Corroboration
@@ -37,7 +38,11 @@ def stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
         return ()
     hours = in_digits(fitness.audited.length_s / 3600.0, 2)
     text = f"{whole.judged} stretches of {hours} h were judged each by itself; the middle one of them is shown"
-    text += f"; {whole.standing} more are left out, because PV or OP stood still" if whole.standing else ""
+    text += (
+        f"; {counted(whole.standing, 'more is', 'more are')} left out, because PV or OP stood still"
+        if whole.standing
+        else ""
+    )
     return (Reason("stretches", text),)
 
 

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import polars as pl
 
+from app.counting import counted
 from app.errors import DataError
 from app.ingest.align import stretches
 from app.ingest.columns.plans import Plan, WidePlan
@@ -333,7 +334,8 @@ class TableExport(Export):
         if second := self._grouping.second:
             pairs = list(second.items())[:5]
             shown = ", ".join(f"{tag} ({owner.signal} is {owner.tag})" for tag, owner in pairs)
-            notes.append(f"{len(second)} tags name a signal that their loop has already; kept beside it: {shown}")
+            name = counted(len(second), "tag names a signal that its", "tags name a signal that their")
+            notes.append(f"{name} loop has already; kept beside it: {shown}")
         notes += [f"{what}: {told(moves)}" for what, moves in self._grouping.settled.items()]
         if odd := self._grouping.with_controls:
             notes.append(f"control characters in names of tags were replaced: {', '.join(list(odd)[:5])}")
@@ -366,25 +368,35 @@ class TableExport(Export):
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
         if count := self._tally.in_other_order:
+            fit = f"{counted(count, 'date fits', 'dates fit')} with them exchanged alone"
             notes.append(
-                f"check this first, day and month stand in both orders: {count} dates fit with them exchanged alone "
-                "and were refused; those that fit in both orders may be months off"
+                f"check this first, day and month stand in both orders: {fit} and {'was' if count == 1 else 'were'} "
+                "refused; those that fit in both orders may be months off"
             )
         if self._tally.lacks_half:
             notes.append("hours go to 12 and begin again: nothing tells AM from PM, and times may be wrong by 12 hours")
         if self._tally.without_date:
-            notes.append(f"{self._tally.without_date} rows have a clock without a date: that of a row above was taken")
+            rows = counted(self._tally.without_date, "row has", "rows have")
+            notes.append(f"{rows} a clock without a date: that of a row above was taken")
         notes += self._tally.turns.notes()
         if self._tally.stuttering:
             notes.append(
-                f"{self._tally.stuttering} stamps repeated the one before; their rows went into the missing step"
+                counted(
+                    self._tally.stuttering,
+                    "stamp repeated the one before; its row",
+                    "stamps repeated the one before; their rows",
+                )
+                + " went into the missing step"
             )
         if self._tally.repeats:
             what = "the time of a row before; of each tag the last value of a time was taken"
-            notes.append(f"{self._tally.repeats} rows have {what}")
+            notes.append(f"{counted(self._tally.repeats, 'row has', 'rows have')} {what}")
             notes += self._hour_came_twice()
         if self._tally.comments:
-            notes.append(f"{self._tally.comments} lines that begin with *, # or [ were passed over as comments")
+            lines = counted(self._tally.comments, "line that begins", "lines that begin")
+            notes.append(
+                f"{lines} with *, # or [ {'was' if self._tally.comments == 1 else 'were'} passed over as comments"
+            )
         return notes
 
     def _hour_came_twice(self) -> list[str]:
@@ -415,7 +427,7 @@ class TableExport(Export):
 def _how_long(time_ns: int) -> str:
     minutes = round(time_ns / (60 * NS_PER_S))
     if minutes < 90:
-        return f"{minutes} minutes"
+        return counted(minutes, "minute")
     hours = round(minutes / 60)
     return f"{hours} hours" if hours < 2 * 24 else f"{round(hours / 24)} days"
 
@@ -434,9 +446,11 @@ def mapping_notes(mapping: TagMapping | None, tags: Collection[str]) -> tuple[st
     notes = []
     missing = [entry.tag for name, entry in mapping.entries.items() if entry.loop in here and name not in come]
     if missing:
-        notes.append(f"of loops of the file {len(missing)} mapped tags are not in it: {', '.join(missing[:5])}")
+        tags_missing = counted(len(missing), "mapped tag is", "mapped tags are")
+        notes.append(f"of loops of the file {tags_missing} not in it: {', '.join(missing[:5])}")
     if absent := sorted(loops - here):
         # A plant's mapping beside a file of one unit is no mistake: names would only be noise.
         names = f": {', '.join(absent[:5])}" if len(absent) <= len(here) else ""
-        notes.append(f"of the {len(loops)} loops of the mapping {len(absent)} are not in this file{names}")
+        of_all = counted(len(loops), "loop")
+        notes.append(f"of the {of_all} of the mapping {counted(len(absent), 'is', 'are')} not in this file{names}")
     return tuple(notes)

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from app.counting import counted
 from app.errors import DataError
 from app.ingest.columns.further_down import may_part_rows_below
 from app.ingest.columns.plans import LongPlan, Plan, name_of
@@ -143,7 +144,8 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
 
     closed = [name for name, kind in schema.items() if _holds_no_values(kind)]
     shown = ", ".join(name[:80] for name in closed[:5])
-    notes = (f"{len(closed)} columns hold lists, structures or bytes, which are no values: {shown}",) if closed else ()
+    hold = counted(len(closed), "column holds", "columns hold")
+    notes = (f"{hold} lists, structures or bytes, which are no values: {shown}",) if closed else ()
     return Table(len(names), height, names, part, apart=True, notes=notes)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.counting import counted
 from app.engine.audit_config import AuditConfig
 from app.errors import NotFoundError, RequestError
 from app.services.auditing import ending
@@ -162,7 +163,11 @@ def _spelled(backend: Backend, wanted: LoopFilter) -> LoopFilter:
     missing = [tag for tag in wanted.tags if tag not in known]
     if missing:
         shown = ", ".join(repr(tag) for tag in missing[:5])
-        raise RequestError("unknown_loops", f"{len(missing)} of {len(wanted.tags)} tags are not there: {shown}")
+        raise RequestError(
+            "unknown_loops",
+            f"{len(missing)} of {counted(len(wanted.tags), 'tag')} {'is' if len(missing) == 1 else 'are'} not there: "
+            f"{shown}",
+        )
     return replace(wanted, tags=tuple(dict.fromkeys(known[tag] for tag in wanted.tags)))
 
 

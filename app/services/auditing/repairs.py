@@ -6,6 +6,7 @@ from datetime import datetime
 
 from sqlalchemy import Connection
 
+from app.counting import counted
 from app.engine.audit import Audit
 from app.engine.audit_config import AuditConfig
 from app.engine.evidence import Reason
@@ -41,7 +42,8 @@ class Window:
         if self.cut:
             text = f"judged from the repair of {at} on: what came before it is left out"
             return replace(audit, judgement=replace(judged, reasons=(*judged.reasons, Reason(SINCE_REPAIR, text))))
-        text = f"of before the repair of {at}: {self.since_repair} samples since then are too few to judge by"
+        few = counted(self.since_repair, "sample since then is", "samples since then are")
+        text = f"of before the repair of {at}: {few} too few to judge by"
         reasons = (Reason(BEFORE_REPAIR, text), *judged.reasons)
         return replace(audit, judgement=replace(judged, reliability="not_reliable", reasons=reasons))
 

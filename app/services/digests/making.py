@@ -8,6 +8,7 @@ from itertools import groupby
 
 from sqlalchemy import Connection
 
+from app.counting import counted
 from app.errors import RequestError
 from app.services.addresses import loop_address
 from app.services.audit_json.rows import TIMES, sampled
@@ -72,7 +73,9 @@ def ended_run(backend: Backend, audit_id: str) -> AuditView:
     """The run, where it has a digest. Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
     run = get_audit(backend, audit_id)
     if not run.ended:
-        raise RequestError("run_goes_on", f"the run {run.id} has not ended yet: {run.open} loops are open")
+        raise RequestError(
+            "run_goes_on", f"the run {run.id} has not ended yet: {counted(run.open, 'loop is', 'loops are')} open"
+        )
     return run
 
 

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import polars as pl
 
+from app.counting import counted
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.compare.aligning import Aligned, onto
@@ -96,7 +97,8 @@ def comparison_with(
     usable = int(np.sum(np.isfinite(recording.pv) & np.isfinite(recording.op)))
     if usable < LEAST_SAMPLES:
         raise DataError(
-            "too_short", f"the window has {usable} samples with PV and OP, at least {LEAST_SAMPLES} are needed"
+            "too_short",
+            f"the window has {counted(usable, 'sample')} with PV and OP, at least {LEAST_SAMPLES} are needed",
         )
     told = {} if simulation is None else simulation.told
     measured = measured_alone(recording, told.get("column"))
@@ -163,11 +165,15 @@ def _placed(values: FloatArray, at_ns: TimeArray | None, samples: Samples, recor
         if len(values) != recording.samples:
             raise DataError(
                 "simulation_length",
-                f"the simulation has {len(values)} samples and no times, the recording has {recording.samples}",
+                f"the simulation has {counted(len(values), 'sample')} and no times, the recording has "
+                f"{recording.samples}",
             )
         at_ns = origin_ns(samples) + np.round(recording.time_s * NS_PER_S).astype(np.int64)
     if len(at_ns) != len(values):
-        raise DataError("simulation_length", f"{len(at_ns)} times were given for {len(values)} simulated values")
+        raise DataError(
+            "simulation_length",
+            f"{counted(len(at_ns), 'time was', 'times were')} given for {counted(len(values), 'simulated value')}",
+        )
     known = at_ns != NO_TIME
     at_ns, once = np.unique(at_ns[known], return_index=True)
     return Document({"kind": "trace"}, Samples(at_ns, {"simulation": values[known][once]}))

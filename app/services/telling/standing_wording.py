@@ -2,6 +2,7 @@
 
 import math
 
+from app.counting import counted
 from app.engine.plant_wide.stood_together import StoodTogether
 from app.services.telling.naming import NAMED, named
 
@@ -14,7 +15,7 @@ def with_others(group: StoodTogether, tag: str) -> str:
     """The reason that one of the group has, as a sentence begins."""
     count = len(group.stands) - 1
     others = [stand.tag for stand in group.stands[: NAMED + 1] if stand.tag != tag]
-    return f"PV of {count} other loops came to stand {when(group)} ({named(others, count)}): {look(group)}"
+    return f"PV of {counted(count, 'other loop')} came to stand {when(group)} ({named(others, count)}): {look(group)}"
 
 
 def of_all(group: StoodTogether) -> str:

@@ -13,6 +13,7 @@ from typing import Literal
 
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 
+from app.counting import counted
 from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_answers
@@ -246,7 +247,7 @@ def workers(backend: Backend) -> Check:
         return Check("workers", "problem", f"loops wait, and no worker gave a sign for {silent_s:.0f} s", advice)
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
     none = "no loop waits; whether a worker runs shows only while loops wait"
-    return Check("workers", "ok", f"{claimed} loops in work, {open_} waiting" if open_ or claimed else none)
+    return Check("workers", "ok", f"{counted(claimed, 'loop')} in work, {open_} waiting" if open_ or claimed else none)
 
 
 def oldest_work(backend: Backend) -> Check:
@@ -267,7 +268,7 @@ def room(backend: Backend) -> Check:
         return Check("room", "ok", "no upload waits for room on the disk")
     name = one_line(longest.filename)
     since = backend.clock.told_at(longest.waits_since)
-    found = f"{count} uploads wait" if count > 1 else "1 upload waits"
+    found = counted(count, "upload waits", "uploads wait")
     found += f" for room on the disk, {longest.id} ({name}, {longest.size_bytes} bytes) since {since}"
     advice = "make room; one that waits on although there is room needs more than the disk can give: send it in parts"
     long_ago = datetime.now(UTC) - longest.waits_since > timedelta(seconds=OLD_WORK_S)
@@ -325,14 +326,15 @@ def exports(backend: Backend) -> Check:
         return Check("exports", "problem", found, advice)
     advice = "look whether all processes have the same data folder; restore a backup, or send the exports again"
     if lost := unread - there:
-        found = f"{len(lost)} exports that are still to be read are gone, such as {min(lost)[:12]}"
+        gone = counted(len(lost), "export that is still to be read is", "exports that are still to be read are")
+        found = f"{gone} gone, such as {min(lost)[:12]}"
         return Check("exports", "problem", found, advice)
     if unseen:
-        of_them = "1 export is here and no worker sees it"
-        found = of_them if len(unseen) == 1 else f"{len(unseen)} exports are here and no worker sees them"
+        found = counted(len(unseen), "export is here and no worker sees it", "exports are here and no worker sees them")
         return Check("exports", "problem", found, "give all processes the same data folder, mounted where each runs")
-    if gone := needed - there:
-        return Check("exports", "warning", f"{len(gone)} exports that were read are gone before their time", advice)
+    if early := needed - there:
+        gone = counted(len(early), "export that was read is", "exports that were read are")
+        return Check("exports", "warning", f"{gone} gone before {'its' if len(early) == 1 else 'their'} time", advice)
     return Check("exports", "ok", f"{len(needed)} of {len(needed)} are there")
 
 
@@ -354,7 +356,7 @@ def digests(backend: Backend) -> Check:
     if not receivers:
         return Check("digest", "ok", "nobody gets one")
     links = "" if backend.settings.public_url else "; no links, because LOOPAUDIT_PUBLIC_URL is not set"
-    good = Check("digest", "ok", f"{len(receivers)} receivers{links}")
+    good = Check("digest", "ok", f"{counted(len(receivers), 'receiver')}{links}")
     return next(chain(_unsent_digests(backend), _doubtful_digests(backend)), good)
 
 
@@ -363,7 +365,7 @@ def _unsent_digests(backend: Backend) -> Iterator[Check]:
     settings = backend.settings
     missing = list(deliveries.missing_settings(backend))
     if missing:
-        found = f"{len(settings.digest_receivers)} receivers, not set: {', '.join(missing)}"
+        found = f"{counted(len(settings.digest_receivers), 'receiver')}, not set: {', '.join(missing)}"
         yield Check("digest", "problem", found, "set these")
     if forbidden := forbidden_hosts(settings):
         found = f"no webhook goes to {forbidden[0]}, a private or special address"

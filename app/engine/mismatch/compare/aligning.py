@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.counting import counted
 from app.engine.evidence import Reason
 from app.engine.recording import FloatArray
 from app.errors import DataError
@@ -42,7 +43,14 @@ def onto(time: FloatArray, other_time: FloatArray, trace: FloatArray) -> Aligned
     if known.sum() < 2:
         raise DataError("simulation_not_finite", "the simulation has no values")
     if holes := int(np.sum(~known[np.argmax(known) : len(known) - np.argmax(known[::-1])])):
-        raise DataError("simulation_not_finite", f"{holes} samples of the simulation between others have no value")
+        raise DataError(
+            "simulation_not_finite",
+            counted(
+                holes,
+                "sample of the simulation between others has no value",
+                "samples of the simulation between others have no value",
+            ),
+        )
     if len(other_time) == len(time) and other_time[0] == 0.0:
         other_time = other_time + time[0]
     order = np.flatnonzero(known)[np.argsort(other_time[known], kind="stable")]
@@ -75,7 +83,8 @@ def beyond(begin: float, end: float, at: FloatArray, slack: float = 0.0) -> tupl
     if not outside:
         return ()
     text = covered(begin, end, float(np.min(at)), float(np.max(at)))
-    return (Reason("simulation_cut", f"{text}; {outside} samples of it lie outside and are not compared"),)
+    left_out = counted(outside, "sample of it lies outside and is", "samples of it lie outside and are")
+    return (Reason("simulation_cut", f"{text}; {left_out} not compared"),)
 
 
 def covered(begin: float, end: float, first: float, last: float) -> str:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.counting import counted, counted_times
 from app.engine.evidence import Reason
 from app.engine.mismatch.compare.thinning import centred_all, centred_means, held_means
 from app.engine.mismatch.fit.given import LEAST_DAMPING
@@ -95,7 +96,9 @@ def check(comparison: Comparison) -> None:
         raise DataError("interval_invalid", f"the sampling interval is {ts:g} s, it must be more than 0")
     if n < LEAST_SAMPLES:
         raise DataError(
-            "too_short", f"{n} samples are too few to explain a difference, at least {LEAST_SAMPLES} are needed"
+            "too_short",
+            f"{counted(n, 'sample is', 'samples are')} too few to explain a difference, at least {LEAST_SAMPLES} are "
+            "needed",
         )
     if len(comparison.op) != n:
         raise DataError("signal_length", f"OP has {len(comparison.op)} samples, PV has {n}; they must be the same")
@@ -142,8 +145,8 @@ def check_moves(comparison: Comparison) -> None:
     if moves < LEAST_MOVES:
         raise DataError(
             "signal_constant",
-            f"PV changes {moves} times in {len(pv)} samples, at least {LEAST_MOVES} are needed: there is "
-            "nothing to compare a simulation with",
+            f"PV changes {counted_times(moves)} in {counted(len(pv), 'sample')}, at least {LEAST_MOVES} are needed: "
+            "there is nothing to compare a simulation with",
         )
 
 
@@ -231,7 +234,8 @@ def without_wild(comparison: Comparison) -> Comparison:
     pv = np.where(wild, np.interp(at, at[~wild], comparison.pv[~wild]), comparison.pv)
     known = ~wild if comparison.known is None else comparison.known & ~wild
     first = comparison.pv[wild][0]
-    text = f"{int(wild.sum())} samples of PV stand far outside of all others (first {first:.6g}) and are left out"
+    stand = counted(int(wild.sum()), "sample of PV stands", "samples of PV stand")
+    text = f"{stand} far outside of all others (first {first:.6g}) and {'is' if wild.sum() == 1 else 'are'} left out"
     return replace(comparison, pv=pv, known=known, notes=(*comparison.notes, Reason("wild_samples", text)))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.counting import counted, counted_times
 from app.engine.evidence import Reason
 from app.engine.fitness.resample import MOST_POINTS
 from app.engine.mismatch.compare.aligning import beyond, covering
@@ -53,7 +54,8 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     if present.sum() < LEAST_SAMPLES:
         raise DataError(
             "too_short",
-            f"{name} has {int(present.sum())} samples with time, PV and OP, at least {LEAST_SAMPLES} are needed",
+            f"{name} has {counted(int(present.sum()), 'sample')} with time, PV and OP, at least {LEAST_SAMPLES} are "
+            "needed",
         )
     order = np.flatnonzero(present)[np.argsort(time[present], kind="stable")]
     kept = np.concatenate(([True], np.diff(time[order]) > 0.0))
@@ -163,7 +165,12 @@ def whole_trace(time: FloatArray, order: IntArray, trace: FloatArray) -> tuple[R
     holes = int(np.sum(~np.isfinite(trace[within])))
     if not holes:
         return said
-    text = f"{holes} samples of the simulation have no value and are bridged by straight lines"
+    text = (
+        counted(
+            holes, "sample of the simulation has no value and is", "samples of the simulation have no value and are"
+        )
+        + " bridged by straight lines"
+    )
     return (*said, Reason("simulation_bridged", text))
 
 
@@ -171,8 +178,14 @@ def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:
     """What times (N,) s in the order of the file hide: an hour that comes twice is sorted into the one before."""
     found = []
     if back := int(np.sum(np.diff(time) < 0.0)):
-        text = f"time runs back {back} times; sorted by time, the samples of a clock that was set are mixed"
+        text = f"time runs back {counted_times(back)}; sorted by time, the samples of a clock that was set are mixed"
         found.append(Reason("time_runs_back", text))
     if repeated:
-        found.append(Reason("times_repeated", f"{repeated} samples whose time was there before are left out"))
+        found.append(
+            Reason(
+                "times_repeated",
+                counted(repeated, "sample whose time was there before is", "samples whose time was there before are")
+                + " left out",
+            )
+        )
     return tuple(found)

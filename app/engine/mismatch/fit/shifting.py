@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.counting import counted
 from app.engine.evidence import Reason, in_digits
 from app.engine.mismatch.fit.given import TraceModel, behind_trace
 from app.engine.mismatch.loop.experiment import Experiment
@@ -45,7 +46,7 @@ def in_step(record: Experiment, trace: FloatArray) -> InStep:
 
 def in_words(record: Experiment, early: int, before: float, after: float) -> Reason:
     side, other = ("early", "later") if early > 0 else ("late", "earlier")
-    moved = f"{abs(early)} samples ({abs(early) * record.sampling_interval_s:.4g} s) {other}"
+    moved = f"{counted(abs(early), 'sample')} ({abs(early) * record.sampling_interval_s:.4g} s) {other}"
     left = f"{in_digits(100.0 * after, 2)} % of it, as it came {in_digits(100.0 * before, 2)} %"
     text = (
         f"the simulation is {side} and compared {moved}: there a linear model of OP leaves {left}; are its times the "

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.counting import counted
 from app.engine.evidence import Reason
 from app.engine.mismatch.compete.richer_noise import ANSWERING
 from app.engine.mismatch.compete.selection import Selection
@@ -195,7 +196,9 @@ def too_few(record: Experiment) -> tuple[Reason, ...]:
     compared = int(np.sum(compared_samples(record.usable)))
     if compared >= LEAST_COMPARED:
         return ()
-    return (Reason("too_few_data", f"{compared} samples can be compared, at least {LEAST_COMPARED} are needed"),)
+    return (
+        Reason("too_few_data", f"{counted(compared, 'sample')} can be compared, at least {LEAST_COMPARED} are needed"),
+    )
 
 
 def nothing_left(base: Fit) -> bool:

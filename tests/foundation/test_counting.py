@@ -1,0 +1,51 @@
+"""One of something is told as one."""
+
+import numpy as np
+import pytest
+
+from app.cli.audit import beside_shown
+from app.counting import counted, counted_times
+from app.engine.audit_config import AuditConfig
+from app.engine.fitness import checks
+from app.engine.mismatch.compare.aligning import beyond
+from app.engine.mismatch.compare.even_grid import faults_of_the_clock
+from app.ingest import TagMapping
+from app.ingest.exports.export import mapping_notes
+from app.services.damage import damage_in_words
+from app.services.moments import PlantClock
+
+FITNESS = AuditConfig().fitness
+MAPPING = b"tag,loop,signal\nA,FIC1,PV\nB,FIC1,OP\nC,FIC2,PV\n"
+
+
+def test_one_is_one() -> None:
+    assert [counted(n, "sample") for n in (0, 1, 2)] == ["0 samples", "1 sample", "2 samples"]
+    assert [counted(n, "row has", "rows have") for n in (1, 5)] == ["1 row has", "5 rows have"]
+    assert [counted_times(n) for n in (1, 2)] == ["once", "2 times"]
+
+
+SAID = {
+    "length": lambda: checks.check_length(1, FITNESS).text,
+    "missing": lambda: checks.check_missing(np.array([True]), None, FITNESS).text,
+    "clock": lambda: " ".join(it.text for it in faults_of_the_clock(np.array([0.0, 2.0, 1.0]), 1)),
+    "beyond": lambda: beyond(0.0, 9.0, np.array([5.0, 6.0, 11.0]))[0].text,
+    "mapping": lambda: " ".join(mapping_notes(TagMapping.from_bytes(MAPPING), ["A"])),
+    "damage": lambda: damage_in_words([(n * 10**18, n * 10**18 + 1) for n in range(4)], PlantClock("UTC")),
+    "refused": lambda: " ".join(beside_shown(4, 3)),
+}
+EXPECTED = {
+    "length": "1 sample, at least",
+    "missing": "in 1 of 1 sample, at least",
+    "clock": "time runs back once; sorted by time, the samples of a clock that was set are mixed "
+    "1 sample whose time was there before is left out",
+    "beyond": "; 1 sample of it lies outside and is not compared",
+    "mapping": "of loops of the file 1 mapped tag is not in it: B "
+    "of the 2 loops of the mapping 1 is not in this file: FIC2",
+    "damage": " and 1 stretch more cannot be read",
+    "refused": "and 1 more row or value that could not be read",
+}
+
+
+@pytest.mark.parametrize("name", list(SAID))
+def test_one_of_it_is_told_as_one(name: str) -> None:
+    assert EXPECTED[name] in SAID[name]()
