@@ -42,6 +42,9 @@ def _zones_of_everybody() -> frozenset[str]:
     return frozenset(available_timezones() - {"localtime"})
 
 
+UNREAD_BROKER = (
+    "a port is a number, and so is the data base of a Redis; / ? # ; [ % in a password are %2F %3F %23 %3B %5B %25"
+)
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
@@ -59,6 +62,20 @@ def _is_host(text: str) -> bool:
         return bool(ipaddress.ip_address(text))
     except ValueError:
         return HOST_NAME.fullmatch(text) is not None and _can_be_looked_up(text)
+
+
+def _is_read_by_kombu(broker: str) -> bool:
+    """Whether host, port and data base stand where kombu looks for them: behind a password whose letters end them early
+    it fails at the first use, and tells part of the password."""
+    try:
+        parts = urlsplit(broker)
+        _ = parts.port
+    except ValueError:
+        return False
+    if "@" in parts.path + parts.query + parts.fragment and "@" not in parts.netloc:
+        return False
+    name = parts.path.removeprefix("/")
+    return not parts.scheme.startswith("redis") or name == "" or name.isdecimal()
 
 
 def _can_be_looked_up(host: str) -> bool:
@@ -302,6 +319,9 @@ class Settings(BaseSettings):
         # first colon may hold a password: it is not repeated.
         if address and not address.startswith(BROKERS):
             raise ValueError(f"BROKER_URL must begin with {', '.join(BROKERS)}; got {address.partition(':')[0][:20]!r}")
+        servers = [] if address.startswith("folder://") else address.split(";")
+        if not all(_is_read_by_kombu(it) for it in servers):
+            raise ValueError("BROKER_URL cannot be read: " + UNREAD_BROKER)
         return address
 
     @field_validator("public_url")

@@ -27,7 +27,42 @@ def test_a_broker_that_is_refused_is_not_told_with_its_password() -> None:
     assert "hunter2" not in told[0]
 
 
-@pytest.mark.parametrize("address", ["", "redis://127.0.0.1:6379/3", "rediss://host/0"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        "redis://:hunter2/x@host/0",
+        "redis://:12/hunter2@host/0",
+        "amqp://plant:hunter2#x@host//",
+        "amqp://plant:12?hunter2@host//",
+        "amqp://plant:[hunter2@host//",
+        "amqp://plant:hunter2@host:99999//",
+        "amqp://plant:right@host//;amqp://plant:hunter2/x@host//",
+        "redis://:hunter2@host/plant",
+    ],
+)
+def test_an_address_of_a_broker_that_cannot_be_read_is_refused_without_its_password(address: str) -> None:
+    """It was found out where it was first used, after a commit, and part of the password was told for the port."""
+    with pytest.raises(ValidationError) as raised:
+        Settings(broker_url=address)
+    told = [error["msg"] for error in raised.value.errors(include_input=False)]
+    assert "BROKER_URL cannot be read" in told[0]
+    assert "hunter2" not in told[0]
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "",
+        "redis://127.0.0.1:6379/3",
+        "redis://127.0.0.1:6379",
+        "redis://:a@b@[::1]:6379/",
+        "rediss://host/0",
+        "rediss://:secret@host/0?ssl_ca_certs=/etc/ca@plant.pem",
+        "amqp://plant:p%2Fw@host:5672//",
+        "amqp://plant:secret@one//;amqp://plant:secret@two//",
+        "folder:///data/100%#1?x@y",
+    ],
+)
 def test_known_brokers_are_taken(address: str) -> None:
     assert Settings(broker_url=address).broker_url == address
 
