@@ -57,13 +57,13 @@ RETRIES_IN_S = 30.0
 
 def refusal_of(error: BaseException, such: tuple[type[Exception], ...] = ()) -> BrokerRefusal | None:
     """What the broker refused, where the error or what led to it tells that; None: it is away, or the fault is ours.
-    such: classes of errors with which a broker refuses for whatever other reason."""
+    such: classes of errors with which a broker refuses for whatever other reason; kombu wraps those too."""
     for it in _led_to(error):
         if known := BY_CLASS.get(type(it).__name__):
             return known
         if DISK_FULL in str(it):
             return FULL
-    return OTHER if isinstance(error, such) else None
+    return OTHER if isinstance(error, such) or isinstance(error.__cause__, such) else None
 
 
 def tell_failure(log: logging.Logger, error: Exception, pause_s: float, such: tuple[type[Exception], ...] = ()) -> None:

@@ -8,6 +8,7 @@ import pytest
 import redis
 from celery.beat import ScheduleEntry
 from kombu import Connection
+from kombu.exceptions import OperationalError
 
 from app.queue import SWEEP, Queue, steady
 from app.queue.application import celery_application
@@ -179,7 +180,10 @@ def test_refusals_are_told_apart() -> None:
     assert refusal_of(redis.ResponseError("MISCONF Redis is configured to save RDB snapshots")) is FULL
     assert refusal_of(redis.exceptions.NoPermissionError("this user has no permissions")) is LOGIN
     assert refusal_of(redis.ResponseError("NOREPLICAS"), (redis.ResponseError,)) is OTHER
+    wrapped = OperationalError("NOREPLICAS")  # as kombu tells it to who rings
+    wrapped.__cause__ = redis.ResponseError("NOREPLICAS")
+    assert refusal_of(wrapped, (redis.ResponseError,)) is OTHER
     assert refusal_of(redis.ConnectionError("refused")) is None
-    wrapped = OSError("operational")
+    wrapped = OperationalError("refused")
     wrapped.__cause__ = redis.AuthenticationError("Authentication required.")
     assert refusal_of(wrapped) is LOGIN
