@@ -148,7 +148,8 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
 def _drop_left(exports: Path) -> None:
     """Copies that a restore which was killed left half done; nobody else is at work."""
     for file in exports.glob(f".*{PART}"):
-        if STORED.fullmatch(file.name.removeprefix(".").removesuffix(PART)):
+        copy_of = file.name.removeprefix(".").removesuffix(PART)
+        if STORED.fullmatch(copy_of) and file.is_file() and not file.is_symlink():
             file.unlink(missing_ok=True)
 
 

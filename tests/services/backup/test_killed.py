@@ -159,8 +159,11 @@ def test_what_a_killed_restore_left_among_the_exports_goes_with_the_next_one(set
     others = [settings.uploads_dir / name for name in (f".{'b' * 63}.part", ".notes.part", "mine")]
     for file in (left, *others):
         file.write_bytes(b"half of it")
+    folder, link = (settings.uploads_dir / f".{digit * 64}.part" for digit in "cd")  # which no restore makes
+    folder.mkdir()
+    link.symlink_to(others[-1])
     backups.restore(settings, tmp_path / "kept", force=True)
-    assert [file.exists() for file in (left, *others)] == [False, True, True, True]
+    assert [file.exists() for file in (left, *others, folder, link)] == [False, True, True, True, True, True]
 
 
 def test_the_command_says_what_it_removed(settings, amid, tmp_path, monkeypatch):
