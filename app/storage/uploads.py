@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Text, case, cast, delete, func, insert, literal, or_, select, update
 
 from app.counting import counted_times
-from app.storage.bulk import insert_new, insert_new_rows
+from app.storage.bulk import among_many, insert_new, insert_new_rows
 from app.storage.loops import IN_SERVICE
 from app.storage.receipts import next_number
 from app.storage.tables import UNREAD, audits, loops, rejects, upload_loops, uploads
@@ -304,7 +304,7 @@ def unseen(connection: Connection) -> dict[int, str]:
 
 def seen_again(connection: Connection, upload_ids: Iterable[int]) -> bool:
     """Whether the file of any of them was not seen, and now is: the next sweep announces them."""
-    these = (uploads.c.id.in_(list(upload_ids)), UNREAD, uploads.c.unseen_since.is_not(None))
+    these = (among_many(connection, uploads.c.id, upload_ids), UNREAD, uploads.c.unseen_since.is_not(None))
     return connection.execute(update(uploads).where(*these).values(announced_s=None, **NO_PAUSE)).rowcount > 0
 
 

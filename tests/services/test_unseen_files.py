@@ -1,5 +1,6 @@
 """An export whose file no worker sees waits with growing pauses, says so, and is read once the file is there."""
 
+import errno
 import logging
 from pathlib import Path
 
@@ -89,6 +90,46 @@ def test_a_sweep_that_sees_the_file_rings_at_once(backend: Backend, rung: list[i
     assert rung == [int(upload.id)]
     assert uploads.get_upload(backend, upload.id).waits_for_file_since is None
     assert announce_uploads(backend).announced == 0
+
+
+def test_a_share_that_answers_with_an_error_is_one_whose_files_are_not_seen(
+    backend: Backend, rung: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stale handle, or a folder that another user may not look into: it kept every upload from being announced."""
+    upload = send(backend, export())
+    of_path = Path.is_file
+
+    def is_file(path: Path) -> bool:
+        if path.parent == backend.settings.uploads_dir:
+            raise OSError(errno.ESTALE, "Stale file handle", str(path))
+        return of_path(path)
+
+    with monkeypatch.context() as away:
+        away.setattr(Path, "is_file", is_file)
+        assert hear(backend, upload).waits_for_file_since is not None
+        rung.clear()
+        assert announce_uploads(backend).announced == 0
+    assert announce_uploads(backend).announced == 1
+    assert rung == [int(upload.id)]
+
+
+def test_more_uploads_than_a_statement_of_sqlite_has_places_are_seen_again(backend: Backend) -> None:
+    upload = send(backend, export())
+    hide(backend, upload)
+    hear(backend, upload)
+    with backend.database.write() as connection:
+        assert stored.seen_again(connection, range(1, 300_000))
+
+
+def test_an_upload_that_an_older_worker_read_waits_for_nothing(backend: Backend) -> None:
+    """It knows nothing of what it leaves in the row, where it is still at work during an upgrade."""
+    upload = send(backend, export())
+    hidden = hide(backend, upload)
+    hear(backend, upload)
+    hidden.rename(uploads.path_of(backend, upload.fingerprint))
+    with backend.database.write() as connection:
+        connection.execute(update(table).values(state="done"))
+    assert uploads.get_upload(backend, upload.id).waits_for_file_since is None
 
 
 def test_the_same_content_sent_again_rings_at_once(backend: Backend, rung: list[int]) -> None:

@@ -31,7 +31,7 @@ from app.services.data_folder import folder_away
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.swapped import SetPoints
-from app.services.intake.uploads import path_of
+from app.services.intake.uploads import is_seen, path_of
 from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
 from app.services.telling.naming import named, without_commands
@@ -87,7 +87,7 @@ def read_upload(backend: Backend, upload_id: int, owner: str) -> None:
         row = uploads.by_id(connection, upload_id)
     if row is None:
         return
-    if not path_of(backend, row.fingerprint).is_file():
+    if not is_seen(backend, row.fingerprint):
         _tell_unseen(backend, row)
         return
     with backend.database.write() as connection:

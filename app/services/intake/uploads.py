@@ -274,6 +274,15 @@ def path_of(backend: Backend, fingerprint: str) -> Path:
     return backend.settings.uploads_dir / fingerprint
 
 
+def is_seen(backend: Backend, fingerprint: str) -> bool:
+    """Whether the file can be seen from here: not on a share that answers with an error (a stale handle), nor in a
+    folder that another user may not look into."""
+    try:
+        return path_of(backend, fingerprint).is_file()
+    except OSError:
+        return False
+
+
 def stored_files(settings: Settings) -> Iterator[Path]:
     """The exports that are kept, by name. What else lies in their folder (lost+found, somebody's old ones) is no
     upload's, and is left alone. Raises RequestError where the folder cannot be looked into: nothing is known of them.
@@ -306,7 +315,7 @@ def _view(row: UploadRow, loops_found: int) -> UploadView:
         reason=row.error_text,
         error_code=row.error_code,
         waits_for_room_since=iso_utc(row.waits_since) if row.state == "received" else None,
-        waits_for_file_since=iso_utc(row.unseen_since),
+        waits_for_file_since=iso_utc(row.unseen_since) if row.state in ("received", "reading") else None,
         layout=summary.get("layout"),
         loops=[],
         loops_found=loops_found,

@@ -15,7 +15,7 @@ from app.services.backend import DATABASE_AWAY, Backend
 from app.services.data_folder import make_once_told
 from app.services.digests.deliveries import announce_digests
 from app.services.intake.drafts import drafts, is_held
-from app.services.intake.uploads import path_of
+from app.services.intake.uploads import is_seen
 from app.services.results import SweepReport
 from app.services.upkeep.retention import older_than, retain_if_due
 from app.storage import audits, explanations, items, uploads
@@ -100,7 +100,7 @@ def _look_for_unseen(backend: Backend) -> None:
     """Files that workers did not see and that are here now, as on a share that came back, are read at once."""
     with backend.database.read() as connection:
         unseen = uploads.unseen(connection)
-    here = [upload_id for upload_id, fingerprint in unseen.items() if path_of(backend, fingerprint).is_file()]
+    here = [upload_id for upload_id, fingerprint in unseen.items() if is_seen(backend, fingerprint)]
     if here:
         with backend.database.write() as connection:
             uploads.seen_again(connection, here)
