@@ -86,7 +86,7 @@ def _can_be_looked_up(host: str) -> bool:
 class Settings(BaseSettings):
     """Read once at start; `Settings()` takes the environment, arguments override it."""
 
-    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="ignore", hide_input_in_errors=True)
 
     data_dir: Path = Field(
         Path(".loopaudit"), description="Folder of uploads, of the default data base and of the default broker."

@@ -398,7 +398,7 @@ class HealthOut(TableRow, KeyFiguresLine):
 
 class ReadyOut(BaseModel):
     state: Literal["ready", "degraded", "not_ready"] = Field(
-        description="degraded: works, but a broker is away, or data base or data folder take no writes, or all "
-        "connections to read from the data base are in use."
+        description="degraded: works, but a broker is away or refuses, or data base or data folder take no writes, or "
+        "all connections to read from the data base are in use."
     )
     checks: dict[str, Any] = Field(description="What was looked at, and what was found.")
