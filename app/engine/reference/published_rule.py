@@ -11,6 +11,7 @@ from typing import cast
 
 import numpy as np
 
+from app.counting import counted_times
 from app.engine.codes import ReasonCode
 from app.engine.evidence import Reason
 from app.engine.judgement import Judgement
@@ -97,7 +98,7 @@ def _reasons(reference: Reference) -> tuple[Reason, ...]:
         reasons.append(Reason("two_parameter_disagrees", f"the two-parameter valve model {said}"))
     if reference.widenings:
         said = "agreement was found" if reference.reliable else "the last one did not agree either"
-        times = "once" if reference.widenings == 1 else f"{reference.widenings} times"
+        times = counted_times(reference.widenings)
         reasons.append(Reason("search_space_widened", f"the search space was widened {times}; {said}"))
     if reference.ending == "not_widened":
         text = "the search space was not widened: the shapes of PV and OP already clear the valve"
