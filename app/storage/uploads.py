@@ -296,9 +296,10 @@ def note_unseen(connection: Connection, upload_id: int, first_pause_s: float, le
     return connection.execute(update(uploads).where(*unread).values(told)).rowcount == 1
 
 
-def unseen(connection: Connection) -> dict[int, str]:
-    """The fingerprints of uploads whose files workers did not see, by upload."""
-    found = select(uploads.c.id, uploads.c.fingerprint).where(UNREAD, uploads.c.unseen_since.is_not(None))
+def unseen(connection: Connection, longer_than_s: float = 0.0) -> dict[int, str]:
+    """The fingerprints of uploads whose files workers did not see, by upload; longer_than_s: those whose pause is."""
+    paused = (uploads.c.unseen_since.is_not(None), uploads.c.pause_s > longer_than_s)
+    found = select(uploads.c.id, uploads.c.fingerprint).where(UNREAD, *paused)
     return {upload_id: fingerprint for upload_id, fingerprint in connection.execute(found)}
 
 

@@ -79,17 +79,28 @@ def test_it_tells_why_it_waits_and_since_when(backend: Backend, caplog: pytest.L
     assert (done.state, done.waits_for_file_since) == ("done", None)
 
 
-def test_a_sweep_that_sees_the_file_rings_at_once(backend: Backend, rung: list[int]) -> None:
+def test_a_sweep_that_sees_the_file_ends_a_pause_that_grew(backend: Backend, rung: list[int]) -> None:
     upload = send(backend, export())
     hidden = hide(backend, upload)
     rung.clear()
     hear(backend, upload)
+    assert announced_after(backend, 30)
     assert announce_uploads(backend).announced == 0
     hidden.rename(uploads.path_of(backend, upload.fingerprint))
     assert announce_uploads(backend).announced == 1
     assert rung == [int(upload.id)]
     assert uploads.get_upload(backend, upload.id).waits_for_file_since is None
     assert announce_uploads(backend).announced == 0
+
+
+def test_where_one_worker_sees_it_and_another_does_not_it_is_rung_for_as_any_other(backend: Backend) -> None:
+    """A worker that rings amid a sweep is busy: another takes the message. Were each sweep of the one that sees the
+    file to ring, and none of the other's, the one that does not would be asked each time."""
+    upload = send(backend, export())
+    with backend.database.write() as connection:
+        assert stored.note_unseen(connection, int(upload.id), STALLED_S, LEASE_S)
+    assert announce_uploads(backend).announced == 0
+    assert announced_after(backend, 30)  # by whichever sweeps
 
 
 def test_a_share_that_answers_with_an_error_is_one_whose_files_are_not_seen(
@@ -107,6 +118,7 @@ def test_a_share_that_answers_with_an_error_is_one_whose_files_are_not_seen(
     with monkeypatch.context() as away:
         away.setattr(Path, "is_file", is_file)
         assert hear(backend, upload).waits_for_file_since is not None
+        assert announced_after(backend, 30)
         rung.clear()
         assert announce_uploads(backend).announced == 0
     assert announce_uploads(backend).announced == 1

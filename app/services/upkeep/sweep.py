@@ -97,9 +97,11 @@ def announce_uploads(backend: Backend) -> SweepReport:
 
 
 def _look_for_unseen(backend: Backend) -> None:
-    """Files that workers did not see and that are here now, as on a share that came back, are read at once."""
+    """Files that workers did not see and that are here now, as on a share that came back, wait no longer than others.
+    Others' pause they keep: where another worker does not see them still, it would be asked by each sweep of this one,
+    which is busy, and never this one by it."""
     with backend.database.read() as connection:
-        unseen = uploads.unseen(connection)
+        unseen = uploads.unseen(connection, longer_than_s=backend.settings.stalled_s)
     here = [upload_id for upload_id, fingerprint in unseen.items() if is_seen(backend, fingerprint)]
     if here:
         with backend.database.write() as connection:
