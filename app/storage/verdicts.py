@@ -213,6 +213,19 @@ def count(connection: Connection, wanted: RowFilter) -> int:
     return connection.scalar(query.where(*_conditions(wanted, QUICK if quick else SORTABLE))) or 0
 
 
+def count_beyond(connection: Connection, sort: str, descending: bool, wanted: RowFilter, after: After) -> int:
+    """How many rows of `table` come after `after`."""
+    beyond = _without_texts(sort, descending, wanted, after).order_by(None).subquery()
+    return connection.scalar(select(func.count()).select_from(beyond)) or 0
+
+
+def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilter, place: int) -> After | None:
+    """The row of `table` behind so many others; None where there are not as many."""
+    query = _without_texts(sort, descending, wanted, None).offset(place).limit(1)
+    row = connection.execute(query).one_or_none()
+    return None if row is None else After(SentRow._make(row).value, row.tag)
+
+
 def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
     """By value, unknown ones last, then by tag."""
     return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag

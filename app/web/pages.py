@@ -148,7 +148,7 @@ def table(backend: Services, form: Annotated[TableForm, Query()]) -> HTMLRespons
         rows=found.rows,
         run=run,
         most_reports=MOST_TOGETHER,
-        counted=reliability.count(backend, asked),
+        place=reliability.page_place(backend, ROWS_A_PAGE, form.cursor or None, form.sort, asked),
         asked=asked_words(asked),
         last_nights=nights(backend, listed, asked.audit_id),
         judged=judged(backend, listed, asked.audit_id),

@@ -11,6 +11,7 @@ from app.services.plant.loop_verdicts import loop_health, newest_failure
 from app.services.stating.shelving import shelf
 from app.storage import items, loops
 from app.storage.items import Failure
+from app.storage.verdicts import RowFilter
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
 
 
@@ -57,6 +58,11 @@ def test_a_loop_without_a_health_moves_no_mean_and_is_sorted_last(
         page = reliability.table(backend, 3, sort=sort)
         last = reliability.table(backend, 3, page.next_cursor, sort=sort)
         assert [row["loop"] for row in [*page.rows, *last.rows]] == ["B", "C", "D", "A"]
+        place = reliability.page_place(backend, 3, page.next_cursor, sort, RowFilter())
+        assert place == reliability.PagePlace(3, 4, None)
+        third = reliability.table(backend, 1, reliability.table(backend, 2, sort=sort).next_cursor, sort)
+        behind_three = reliability.page_place(backend, 1, third.next_cursor, sort, RowFilter())
+        assert reliability.table(backend, 1, behind_three.previous_cursor, sort).rows == third.rows
     assert ["A", "U1", 1.0, loop_health(backend, "A")["verdict"], None] in plant.tiles(backend)["loops"]
     for tag in "BCD":
         rewrite_newest(backend, ids[tag], health=None)

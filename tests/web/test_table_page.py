@@ -1,6 +1,8 @@
 """The page of the reliability table: sorted, filtered, with columns to choose, and exported."""
 
 import re
+from html import unescape
+from urllib.parse import parse_qs
 
 import pytest
 from sqlalchemy import select, update
@@ -84,10 +86,48 @@ def test_the_table_says_how_many_loops_fit_and_which(client, monkeypatch):
     assert counted("search=fic") == "<b>1</b> loop: with “fic” in tag, description or owner"
     assert counted("search=101&retired=any").endswith("owner; retired or not")
     monkeypatch.setattr(pages, "ROWS_A_PAGE", 2)
-    assert counted("sort=loop") == '<b>3</b> loops <span class="weak">(2 on this page)</span>'
+    assert counted("sort=loop") == '<b>3</b> loops <span class="weak">(rows 1 to 2)</span>'
     asked = RowFilter(("stiction",), "reliable", "U1", owner="crew", min_probability=0.5)
     of_these = "probability of 0.5 or more; of unit U1; looked after by crew"
     assert asked_words(asked) == f"valve sticks; reliable when judged; {of_these}"
+
+
+ROW_OF_LOOP = re.compile(r'<tr><td class="tag"><a href="/loops/([^"]+)"')
+
+
+def linked(html: str, words: str) -> str:
+    return unescape(re.search(rf'<a[^>]* href="([^"]+)">{words}</a>', html)[1])
+
+
+@pytest.mark.parametrize("asked", ["sort=loop", "sort=-yper_pct", "sort=-priority&audit_id=1", "sort=unit&search=1"])
+def test_rows_are_turned_over_forth_and_back_under_the_same_filter_and_order(client, monkeypatch, asked):
+    whole = ROW_OF_LOOP.findall(client.get(f"/table?{asked}&column=yper_pct").text)
+    monkeypatch.setattr(pages, "ROWS_A_PAGE", 1)
+    address, seen_there = f"/table?{asked}&column=yper_pct", []
+    for number in range(1, len(whole) + 1):
+        html = client.get(address).text
+        assert f"row {number} of {len(whole)}" in html
+        seen_there.append((address, ROW_OF_LOOP.findall(html)))
+        address = linked(html, "Next rows") if number < len(whole) else address
+    assert [tag for _, tags in seen_there for tag in tags] == whole
+    for number in range(len(whole), 1, -1):
+        html = client.get(address).text
+        assert "First rows" in html
+        address = linked(html, "Previous rows")
+        assert parse_qs(asked).items() <= parse_qs(address.partition("?")[2]).items()
+        html = client.get(address).text
+        assert ROW_OF_LOOP.findall(html) == seen_there[number - 2][1]
+    assert "Previous rows" not in html
+
+
+def test_a_page_says_which_rows_it_has_of_how_many(client, monkeypatch):
+    monkeypatch.setattr(pages, "ROWS_A_PAGE", 2)
+    first = client.get("/table?sort=loop").text
+    assert "rows 1 to 2 of 3" in first
+    assert "row 3 of 3" in client.get(linked(first, "Next rows")).text
+    turned = linked(first, "Next rows").replace("sort=loop", "sort=-loop")
+    assert "rows 1 to 2 of 3" in client.get(turned).text, "another order begins at its head"
+    assert 'class="pager"' not in client.get("/table?search=fic").text, "all of them are there"
 
 
 def test_an_order_that_is_left_empty_is_the_usual_one(client):

@@ -10,7 +10,7 @@ from app.errors import RequestError
 from app.json_texts import read_json
 from app.services.audit_json.rows import FORM, OLD, as_row, compact, sampled
 from app.services.backend import Backend
-from app.services.cursors import decode, page_of, refused
+from app.services.cursors import decode, encode, page_of, refused
 from app.services.moments import PlantClock, iso_utc
 from app.services.plant.told_until import notes_until
 from app.services.plant.written import marks_of, written_of
@@ -79,6 +79,31 @@ def count(backend: Backend, filters: RowFilter) -> int:
     """How many rows of the table fit."""
     with backend.database.read() as connection:
         return verdicts.count(connection, filters)
+
+
+@dataclass(frozen=True)
+class PagePlace:
+    """Where a page stands among the rows that fit: `behind` so many, `of` so many in all. previous_cursor: of the page
+    before, None where that one is the head of the table."""
+
+    behind: int
+    of: int
+    previous_cursor: str | None
+
+
+def page_place(backend: Backend, limit: int, cursor: str | None, sort: str, filters: RowFilter) -> PagePlace:
+    """Of the page that `table` gives for the same. Counted anew, because rows come, go and change places between two
+    looks; the page before ends where this one begins."""
+    name, descending, after = _checked(limit, sort), sort.startswith("-"), _after(cursor, sort, any_order=True)
+    with backend.database.read() as connection:
+        counted = verdicts.count(connection, filters)
+        if after is None:
+            return PagePlace(0, counted, None)
+        behind = max(counted - verdicts.count_beyond(connection, name, descending, filters, after), 0)
+        last = None
+        if behind > limit:
+            last = verdicts.row_at(connection, name, descending, filters, behind - limit - 1)
+    return PagePlace(behind, counted, None if last is None else encode(sort, last.value, last.tag))
 
 
 def _stored(
