@@ -96,6 +96,16 @@ class TileRow(NamedTuple):
     health: float | None
 
 
+class HealthCount(NamedTuple):
+    """How many loops of a unit have a health of one class, from the worst, 0, on, and their mean; the last class has
+    those without one."""
+
+    unit: str | None
+    place: int
+    loops: int
+    health: float | None
+
+
 class RunOfNight(NamedTuple):
     """nightly_for: the date whose night the run is, which may begin after midnight; None: no night's."""
 
@@ -141,6 +151,14 @@ def _counted(said: FromClause) -> Select[Any]:
         func.sum(loops.c.importance * said.c.health).label("weighted_health"),
     ]
     return select(*by, *figures).group_by(*by)
+
+
+def healths(connection: Connection, limits: Sequence[float]) -> list[HealthCount]:
+    """Of each unit, by class; a class reaches up to its limit, and the next one begins there."""
+    below = [(rows.c.health < limit, place) for place, limit in enumerate(limits)]
+    place = case((rows.c.health.is_(None), len(limits) + 1), *below, else_=len(limits)).label("place")
+    query = select(loops.c.unit, place, func.count(), func.avg(rows.c.health)).select_from(_NEWEST)
+    return [HealthCount._make(row) for row in connection.execute(query.group_by(loops.c.unit, place))]
 
 
 def whole_runs(connection: Connection, most: int) -> list[RunOfNight]:

@@ -88,7 +88,7 @@ def test_the_treemap_has_the_worst_of_each_unit_and_more_of_one(
     monkeypatch.setattr(plant, "MOST_TILES", 2)
     monkeypatch.setattr(plant, "LEAST_TILES", 1)
     told = plant.tiles(backend)
-    assert sorted((str(name), count, importance) for name, count, importance, _ in told["units"]) == [
+    assert sorted((str(name), count, importance) for name, count, importance, *_ in told["units"]) == [
         ("None", 1, 2.0),
         ("U1", 3, 3.0),
     ]
@@ -97,6 +97,18 @@ def test_the_treemap_has_the_worst_of_each_unit_and_more_of_one(
     assert len(healths) == 2
     assert healths == sorted(healths)
     assert [tag for tag, *_ in plant.unit_tiles(backend, None)["loops"]] == ["D"]
+
+
+def test_the_treemap_has_the_loops_of_each_unit_by_health(backend: Backend, add_loops: AddLoops) -> None:
+    ids = add_loops("A", "B", "C", "D", "E", unit="U1") | add_loops("F")
+    audited(backend)
+    for loop, health in zip(ids.values(), (None, 59.9, 60.0, 79.9, 80.0, 20.0), strict=True):
+        rewrite_newest(backend, loop, health=health)
+    told = {unit: classes for unit, *_, classes in plant.tiles(backend)["units"]}
+    assert told == {
+        None: [[1, 20.0], [0, None], [0, None], [0, None]],
+        "U1": [[1, 59.9], [2, pytest.approx(69.95)], [1, 80.0], [1, None]],
+    }
 
 
 def test_rows_say_what_their_health_is_made_of(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

@@ -149,7 +149,11 @@ CONTRAST = """() => {
 
 def test_words_in_the_treemap_stand_out(opened: Page):
     healths = [0, 19, 21, 45, 60, 80, 100]
-    units = [[f"U{health}", 1, 1.0, health] for health in healths]
+    classes = [
+        [[0, None]] * place + [[1, health]] + [[0, None]] * (3 - place)
+        for place, health in zip((0, 0, 0, 0, 1, 2, 2), healths, strict=True)
+    ]
+    units = [[f"U{health}", 1, 1.0, health, of_unit] for health, of_unit in zip(healths, classes, strict=True)]
     loops = [[f"FIC{health}", f"U{health}", 1.0, "stiction", health] for health in healths]
     opened.route("**/plant/tiles*", lambda route: route.fulfill(json={"units": units, "loops": loops}))
     settled(opened, "/")

@@ -10,9 +10,10 @@ from app.services.auditing.audits import cancel_audit, start_audit
 from app.services.explaining import explanations
 from app.services.intake.reading import read_upload
 from app.services.intake.uploads import list_uploads
-from tests.web.conftest import Pages
+from tests.web.conftest import NARROW, Pages
 from tests.web.test_browser import settled
 
+NONE = ([0, None],)
 pytestmark = pytest.mark.browser
 
 
@@ -131,7 +132,7 @@ def test_lines_that_were_typed_into_a_mapping_stay_when_a_row_is_changed(opened:
 def test_a_long_tag_is_shortened_in_the_treemap_to_what_can_be_read(opened: Page):
     tag = "AREA_0001_REFINERY_NORTH_FLOW_CONTROLLER_0000133"
     told = {
-        "units": [["U1", 2, 2.0, 80.0]],
+        "units": [["U1", 2, 2.0, 80.0, [[2, 41.0], *NONE, *NONE, *NONE]]],
         "loops": [[tag, "U1", 1.0, "stiction", 41.0], ["FIC1", "U1", 1, "stiction", 41]],
     }
     opened.route("**/plant/tiles", lambda route: route.fulfill(json=told))
@@ -147,7 +148,8 @@ def test_a_long_tag_is_shortened_in_the_treemap_to_what_can_be_read(opened: Page
 def test_a_tag_is_shortened_between_what_is_read_as_one_letter(opened: Page):
     family, accented = "\U0001f468\u200d\U0001f469\u200d\U0001f467", "e\u0301"
     tags = [family * 20, accented * 18, f"<b>{accented * 30}"]
-    told = {"units": [["U1", 3, 3.0, 80.0]], "loops": [[tag, "U1", 1.0, "stiction", 41.0] for tag in tags]}
+    units = [["U1", 3, 3.0, 80.0, [[3, 41.0], *NONE, *NONE, *NONE]]]
+    told = {"units": units, "loops": [[tag, "U1", 1.0, "stiction", 41.0] for tag in tags]}
     opened.route("**/plant/tiles", lambda route: route.fulfill(json=told))
     opened.goto("/")
     opened.locator("#treemap").scroll_into_view_if_needed()
@@ -161,7 +163,9 @@ def test_the_treemap_shows_loops_without_a_health_in_grey(opened: Page):
         ["LIC7", "A", 1.0, "stiction", 0],
         ["X", "A", 1, "stiction", 50],
     ]
-    tiles = {"units": [["A", 5, 5.0, 50.0], ["B", 1, 1.0, None]], "loops": loops}
+    classes = [[2, 25.0], *NONE, [2, 90.0], [1, None]]
+    units = [["A", 5, 5.0, 50.0, classes], ["B", 1, 1.0, None, [*NONE, *NONE, *NONE, [1, None]]]]
+    tiles = {"units": units, "loops": loops}
     opened.route("**/plant/tiles*", lambda route: route.fulfill(json=tiles))
     settled(opened, "/")
 
@@ -172,7 +176,60 @@ def test_the_treemap_shows_loops_without_a_health_in_grey(opened: Page):
     assert fill("FIC101") == "rgb(135, 148, 163)"
     assert fill("LIC7") == "rgb(179, 38, 30)"
     assert fill("X") not in (fill("FIC101"), fill("LIC7"))
-    expect(opened.locator("#treemap .slice", has_text="2 others")).to_contain_text("less urgent, or not evaluated")
+    expect(opened.locator("#treemap .slice", has_text="2 others")).to_contain_text("health 80 or more")
+
+
+def large_plant(opened: Page) -> list[str]:
+    """Three units of 1,000 loops each; the addresses that are asked for of one of them."""
+    classes = [[400, 40.0], [200, 71.5], [330, 92.0], [70, None]]
+    units = [[f"U{k}", 1000, 1000.0, 85.0, classes] for k in range(3)]
+    loops = [[f"FIC{k}{place}", f"U{k}", 1.0, "stiction", 10.0 + place / 10] for k in range(3) for place in range(133)]
+    told, asked = {"units": units, "loops": loops}, []
+
+    def one(route: Route):
+        asked.append(route.request.url)
+        route.fulfill(
+            json={"loops": [[f"FIC1{place}", "U1", 1.0, "stiction", 10.0 + place / 10] for place in range(400)]}
+        )
+
+    opened.route("**/plant/tiles", lambda route: route.fulfill(json=told))
+    opened.route("**/plant/tiles?*", one)
+    settled(opened, "/")
+    return asked
+
+
+def test_where_loops_have_no_room_for_names_the_treemap_has_them_by_health_and_the_worst_by_name(opened: Page):
+    asked = large_plant(opened)
+    slices = opened.locator("#treemap .slice")
+    for told in ("^400 loops ?below 60", "^200 loops ?60 to 80", "^330 loops ?80 or more", "^70"):
+        expect(slices.filter(has_text=re.compile(told))).to_have_count(3)
+    for unit in "012":
+        expect(slices.filter(has_text=re.compile(f"^FIC{unit}[012](?![0-9])"))).to_have_count(3)
+    expect(slices.filter(has_text="FIC")).to_have_count(9)
+    expect(opened.locator("#treemap-sizes")).to_contain_text("number of loops")
+    assert asked == []
+
+
+def test_a_unit_of_a_large_plant_opens_and_closes_again(opened: Page):
+    asked = large_plant(opened)
+    slices = opened.locator("#treemap .slice")
+    slices.filter(has_text=re.compile("^U1")).last.click(position={"x": 8, "y": 8})
+    expect(slices.filter(has_text=re.compile(r"^FIC150(?![0-9])"))).to_be_visible()
+    expect(slices.filter(has_text="330 others")).to_contain_text("health 80 or more")
+    expect(opened.locator("#treemap-sizes")).to_contain_text("importance")
+    assert len(asked) == 1
+    assert asked[0].endswith("?unit=U1")
+    opened.locator("#treemap .pathbar", has_text="Plant").click()
+    expect(slices.filter(has_text="330 loops")).to_have_count(3)
+    expect(opened.locator("#treemap-sizes")).to_contain_text("number of loops")
+
+
+def test_on_a_telephone_the_treemap_is_high_enough_for_a_name_of_each_unit_and_has_no_scale_beside_it(opened: Page):
+    opened.set_viewport_size(NARROW)
+    large_plant(opened)
+    expect(opened.locator("#treemap .slice", has_text="FIC")).to_have_count(9)
+    plot = opened.locator("#treemap .treemaplayer").bounding_box()
+    assert plot["width"] > 280
 
 
 def test_a_run_is_watched_on_after_a_refused_stream(opened: Page, web_backend):

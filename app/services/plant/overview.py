@@ -19,6 +19,8 @@ from app.storage.set_apart import SetApart
 
 MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
+HEALTH_LIMITS = (60.0, 80.0)
+"""Below, between and from where on the health of a loop is told apart at a glance, as by the bars of the pages."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +98,22 @@ def overview(backend: Backend) -> Overview:
 
 
 def tiles(backend: Backend) -> dict[str, list[Any]]:
-    """For the treemap: units (name, loops, importance, health) and their worst loops (tag, unit, importance, verdict,
-    health), so many in all as can be drawn at once; `unit_tiles` has the others."""
+    """For the treemap: units (name, loops, importance, health, and of each class of health how many loops have it and
+    their mean) and their worst loops (tag, unit, importance, verdict, health), so many in all as can be drawn at once;
+    `unit_tiles` has the others."""
     with backend.database.read() as connection:
         units = _units(plant.counts(connection))
+        classes = {(row.unit, row.place): [row.loops, row.health] for row in plant.healths(connection, HEALTH_LIMITS)}
         each = max(LEAST_TILES, MOST_TILES // max(len(units), 1))
         loops = plant.worst_of_units(connection, each)
     return {
-        "units": [[unit.unit, unit.loops, unit.importance, unit.health] for unit in units],
+        "units": [
+            [
+                *(unit.unit, unit.loops, unit.importance, unit.health),
+                [classes.get((unit.unit, place), [0, None]) for place in range(len(HEALTH_LIMITS) + 2)],
+            ]
+            for unit in units
+        ],
         "loops": [list(row) for row in loops],
     }
 
