@@ -150,7 +150,7 @@ class Settings(BaseSettings):
         35.0,
         ge=0,
         description="A set point or a mode that was recorded before the window of an audit holds for at most so many "
-        "days.",
+        "days; an explanation of what was recorded before disputes a verdict for as long.",
     )
     chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time; 1000 at most.")
     chunk_budget_s: float = Field(

@@ -14,6 +14,7 @@ from app.services.explaining import explanations as explanations_of
 from app.services.loops import find
 from app.services.moments import ns_of
 from app.services.plant import loop_sheet, reliability
+from app.services.reports import documents
 from app.services.stating import notes
 from app.services.telling.next_steps import Ask
 from app.storage import explanations
@@ -88,6 +89,28 @@ def test_an_explanation_of_before_the_repair_contradicts_nothing_said_since(
     assert contradicted(backend) == (["A"] if counts else [])
     explained = explanations_of.newest(backend, "A")
     assert bool(loop_sheet.loop_sheet(backend, find(backend, "A"), explained)["disagrees"]) is counts
+
+
+@pytest.mark.parametrize(("days_before", "counts"), [(34, True), (36, False)])
+def test_an_explanation_of_long_before_the_verdict_is_told_and_disputes_nothing(
+    backend: Backend, ids: dict[str, int], monkeypatch: pytest.MonkeyPatch, days_before: float, counts: bool
+) -> None:
+    monkeypatch.setattr(documents, "in_words", lambda *told: None)  # the whole of an answer, which there is not
+    row = reliability.table(backend, 1, sort="loop").rows[0]
+    until = datetime.fromisoformat(row["window_start"]) - timedelta(days=days_before)
+    explain(backend, ids["A"], ("valve.stiction", 0.7), until=until)
+    assert contradicted(backend) == (["A"] if counts else [])
+    sheet = loop_sheet.loop_sheet(backend, find(backend, "A"), explanations_of.newest(backend, "A"))
+    assert bool(sheet["disagrees"]) is counts
+    assert bool(sheet["older_said"]) is not counts
+    report = documents.loop_report(backend, "A")
+    assert ("Two answers on this page disagree" in report) is counts
+    assert ("An older explanation said that the valve sticks (probability 0.70)" in report) is not counts
+
+
+def test_how_old_an_explanation_without_a_date_is_is_not_known(backend: Backend, ids: dict[str, int]) -> None:
+    explain(backend, ids["A"], ("valve.stiction", 0.7), until=datetime(1970, 1, 2, tzinfo=UTC))
+    assert contradicted(backend) == ["A"]
 
 
 def test_a_damaged_explanation_takes_no_list_with_it(backend: Backend, ids: dict[str, int]) -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.services.moments import UTC_CLOCK
 from app.services.telling.reason_wording import _DOUBTS, REASON_WORDS
 from app.services.telling.why_rely import (
     AGAINST,
@@ -14,6 +15,7 @@ from app.services.telling.why_rely import (
     contradiction,
     derivative,
     names_otherwise,
+    older_said,
     points,
 )
 
@@ -149,5 +151,14 @@ def test_where_an_explanation_names_no_valve_it_is_said_which_to_follow(likely, 
     assert names_otherwise(told("no_stiction")[0], found) is None
     older = {**found, "window_start": "2026-03-01T00:00:00Z", "window_end": "2026-03-01T01:00:00Z"}
     assert names_otherwise(told()[0], older, "2026-03-01T02:00:00Z") is None
+    later = told()[0] | {"window_start": "2026-06-01T00:00:00Z", "window_end": "2026-06-02T00:00:00Z"}
+    assert names_otherwise(later, older, None, 100.0) == said
+    assert names_otherwise(later, older, None, 35.0) is None
+    assert older_said(later, older, None, 100.0, UTC_CLOCK) is None
+    assert older_said(later, older, "2026-03-01T02:00:00Z", 35.0, UTC_CLOCK) is None, "of before the repair"
+    words = older_said(later, older, None, 35.0, UTC_CLOCK)
+    assert words.startswith(f"An older explanation named something else than the valve (probability {likely:.2f})")
+    assert "until 2026-03-01" in words
+    assert older_said(later, None, None, 35.0, UTC_CLOCK) is None
     effects[0]["alternatives"] = ["valve.deadband"]
     assert names_otherwise(told()[0], found) is None

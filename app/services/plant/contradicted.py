@@ -1,6 +1,7 @@
 """Verdicts that the newest explanation of their loop contradicts, of many loops at once."""
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
@@ -24,16 +25,17 @@ def contradicted(
     rows: Sequence[Mapping[str, Any]],
     standing: Mapping[str, Standing],
     until: datetime | None = None,
+    hold_days: float = math.inf,
 ) -> frozenset[str]:
     """The tags of those rows of the reliability table whose verdict is not what `contradiction` lets stand, by the
-    explanations that had ended until then (None: by now). standing: what stands of loops, by tag."""
+    explanations that had ended until then (None: by now). standing: what stands of loops, by tag; hold_days: as in
+    `contradiction`."""
     tags = [row["loop"] for row in rows if row["verdict"] == "no_stiction"]
     found = explanations.newest_naming(connection, tags, STICKS, until) if tags else {}
     told = {tag: _told(tag, naming) for tag, naming in found.items()}
     repaired = {tag: iso_utc(one.repaired_at) for tag, one in standing.items()}
-    return frozenset(
-        row["loop"] for row in rows if contradiction(row, told.get(row["loop"]), repaired.get(row["loop"]))
-    )
+    by_tag = ((row["loop"], row) for row in rows)
+    return frozenset(tag for tag, row in by_tag if contradiction(row, told.get(tag), repaired.get(tag), hold_days))
 
 
 def _told(tag: str, naming: Naming) -> dict[str, Any]:

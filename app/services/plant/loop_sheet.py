@@ -16,7 +16,7 @@ from app.services.stating.continuing import goes_on_as
 from app.services.stating.shelving import Shelf
 from app.services.telling.rival_wording import why_first
 from app.services.telling.size_wording import size_in_words
-from app.services.telling.why_rely import contradiction, derivative, names_otherwise, points
+from app.services.telling.why_rely import contradiction, derivative, names_otherwise, older_said, points
 from app.storage.loops import LoopRow
 
 NIGHTS = 60
@@ -47,12 +47,13 @@ def loop_sheet(
     together = shown(backend)
     mine = groups_of(together.groups, it.tag)
     shaking = shaken_by(mine, row)
-    repaired_at = row["repaired_at"]
+    disputed = (row, explained, row["repaired_at"], backend.settings.hold_days)
     return {
         "it": it,
         "row": row,
         "detail": detail,
-        "disagrees": contradiction(row, explained, repaired_at) or names_otherwise(row, explained, repaired_at),
+        "disagrees": contradiction(*disputed) or names_otherwise(*disputed),
+        "older_said": older_said(*disputed, backend.clock),
         "points": points(row, detail, shaking),
         "derivative": derivative(row, explained),
         "size": size_in_words(row, detail),

@@ -79,7 +79,7 @@ def written_of(
         standing = notes.standing(connection, [row["loop"] for row in rows], notes_until)
         repaired = [tag for tag, one in standing.items() if one.repaired_at is not None]
         failed = in_vain(connection, rows, repaired, notes_until)
-        disagree = contradicted(connection, rows, standing, notes_until)
+        disagree = contradicted(connection, rows, standing, notes_until, backend.settings.hold_days)
         return Written(standing, known.by_tag(), disagree, failed, backend.clock)
 
 

@@ -1,11 +1,11 @@
 """On which side of a repair a verdict lies: whatever is said of a repair rests on this."""
 
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from app.engine.codes import ReasonCode
-from app.services.moments import epoch_ms
+from app.services.moments import FIRST_DATED, epoch_ms
 from app.services.telling.wording import codes_of
 
 SINCE_REPAIR: ReasonCode = "since_repair"
@@ -49,3 +49,12 @@ def explained_before(explanation: Mapping[str, Any], repaired_at: str | None) ->
         return False
     start, end = (_moment(explanation.get(name)) for name in ("window_start", "window_end"))
     return side_of((start, end), datetime.fromisoformat(repaired_at)) == "before"
+
+
+def explained_long_before(explanation: Mapping[str, Any], row: Mapping[str, Any], hold_days: float) -> bool:
+    """Whether what an explanation is of ended more than `hold_days` before that begins which a row of the reliability
+    table tells of. How old a record without a date is, is not known."""
+    end, start = _moment(explanation.get("window_end")), span_of(row)[0]
+    if end is None or start is None or end < FIRST_DATED:
+        return False
+    return (start - end) / timedelta(days=1) > hold_days

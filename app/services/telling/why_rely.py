@@ -1,11 +1,13 @@
 """What a verdict rests on, point by point with a tick or a cross, and where another answer disagrees."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from app.engine.codes import CheckCode, ReasonCode
-from app.services.telling.repair_sides import explained_before
+from app.services.moments import PlantClock
+from app.services.telling.repair_sides import explained_before, explained_long_before
 from app.services.telling.stored_evidence import explained, votes
 from app.services.telling.wording import LIKELY, STICKS, cause_words, measured_probability, probability, sticks_for_sure
 
@@ -71,6 +73,10 @@ NAMES_OTHERWISE = (
     "The explanation below names something else than the valve (probability {probability}). Follow the verdict: it is "
     "to be relied on, and {why}."
 )
+OLDER_SAID = (
+    "An older explanation {what} (probability {probability}), of what was recorded until {until}, long before what the "
+    "verdict is of: follow the verdict, and explain the loop again where you doubt it."
+)
 HARDLY = "the record hardly tells that name from others"
 BESIDES = "the explanation says what a simulation lacks, which may be so besides; look at that after the valve"
 AT_THE_VALVE = (STICKS, "valve.deadband")
@@ -123,10 +129,16 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any], shaken_by: str | N
 
 
 def contradiction(
-    row: Mapping[str, Any], explanation: Mapping[str, Any] | None, repaired_at: str | None = None
+    row: Mapping[str, Any],
+    explanation: Mapping[str, Any] | None,
+    repaired_at: str | None = None,
+    hold_days: float = math.inf,
 ) -> str | None:
     """Says so where a valve that is said not to stick is what the newest explanation names. repaired_at: when the loop
-    was repaired last (ISO 8601): what was recorded before says nothing of the valve since."""
+    was repaired last (ISO 8601): what was recorded before says nothing of the valve since. hold_days: what ended longer
+    before what the verdict is of disputes it no more."""
+    if explanation is not None and explained_long_before(explanation, row, hold_days):
+        return None
     likeliest = _likeliest(explanation, repaired_at)
     if (
         row["verdict"] != "no_stiction"
@@ -139,10 +151,15 @@ def contradiction(
 
 
 def names_otherwise(
-    row: Mapping[str, Any], explanation: Mapping[str, Any] | None, repaired_at: str | None = None
+    row: Mapping[str, Any],
+    explanation: Mapping[str, Any] | None,
+    repaired_at: str | None = None,
+    hold_days: float = math.inf,
 ) -> str | None:
     """Says which to follow where a valve sticks, to be relied on, and the newest explanation names no valve.
-    repaired_at: as in `contradiction`."""
+    repaired_at, hold_days: as in `contradiction`."""
+    if explanation is not None and explained_long_before(explanation, row, hold_days):
+        return None
     likeliest = _likeliest(explanation, repaired_at)
     if not sticks_for_sure(row) or likeliest is None:
         return None
@@ -150,6 +167,25 @@ def names_otherwise(
         return None
     told = likeliest["probability"]
     return NAMES_OTHERWISE.format(probability=probability(told), why=BESIDES if told >= LIKELY else HARDLY)
+
+
+def older_said(
+    row: Mapping[str, Any],
+    explanation: Mapping[str, Any] | None,
+    repaired_at: str | None,
+    hold_days: float,
+    clock: PlantClock,
+) -> str | None:
+    """What an explanation said that is too old to dispute a verdict (`hold_days`) and would do so otherwise."""
+    if explanation is None or not explained_long_before(explanation, row, hold_days):
+        return None
+    sticks = contradiction(row, explanation, repaired_at)
+    likeliest = _likeliest(explanation, repaired_at)
+    if likeliest is None or not (sticks or names_otherwise(row, explanation, repaired_at)):
+        return None
+    what = "said that the valve sticks" if sticks else "named something else than the valve"
+    told = probability(likeliest["probability"])
+    return OLDER_SAID.format(what=what, probability=told, until=clock.day(explanation["window_end"]))
 
 
 def _likeliest(explanation: Mapping[str, Any] | None, repaired_at: str | None) -> Mapping[str, Any] | None:
