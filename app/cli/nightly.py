@@ -97,7 +97,7 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
             lend_a_hand(backend, run.id)
             run = patiently(partial(get_audit, backend, run.id), deadline - time.monotonic())
             advance(run.done + run.failed - before)
-    say(f"loopaudit: {counted(run.total, 'loop')}, {run.done} with a verdict, {run.failed} failed")
+    say(f"loopaudit: {counted(run.total, 'loop')}, {run.done:,} with a verdict, {run.failed:,} failed")
     return run
 
 

@@ -136,7 +136,7 @@ class Digest:
     def more_of(self, doing: Doing) -> str:
         """Which step is wanted is known of those that are listed alone."""
         left = self.unlisted.sticking if doing.verdict == "stiction" else self.unlisted.unanswered
-        return f"and {'at least ' if left else ''}{doing.more} more"
+        return f"and {'at least ' if left else ''}{doing.more:,} more"
 
     @property
     def changes(self) -> list[ChangeView]:
@@ -168,7 +168,7 @@ class Digest:
         told = (
             [f"newly said to stick as well: {', '.join(map(one_line, self.new_besides))}"] if self.new_besides else []
         )
-        told += [f"and {self.other_changes} more that changed otherwise"] if self.other_changes else []
+        told += [f"and {self.other_changes:,} more that changed otherwise"] if self.other_changes else []
         return "; ".join(told)
 
     def recorded(self, loop: DigestLoop) -> str:

@@ -31,12 +31,12 @@ def subject(digest: Digest) -> str:
     """One line whatever the plant is called: it becomes the head of a mail."""
     words = one_line(digest.plant)
     sticking = digest.verdicts.get("stiction", 0)
-    relied = f" ({digest.reliable} can be relied on)" if sticking else ""
+    relied = f" ({digest.reliable:,} can be relied on)" if sticking else ""
     new = [change.reliability == "reliable" for change in digest.changes if change.kind == "new"]
-    of_them = "" if digest.new_besides or all(new) else f" ({sum(new)} can be relied on)"
-    news = f", {len(digest.new)} new{of_them}" if digest.new else ""
+    of_them = "" if digest.new_besides or all(new) else f" ({sum(new):,} can be relied on)"
+    news = f", {len(digest.new):,} new{of_them}" if digest.new else ""
     day = digest.clock.date_of_run(digest.run.night, datetime.fromisoformat(digest.run.created_at))
-    return f"{words}: {sticking} {'valve sticks' if sticking == 1 else 'valves stick'}{relied}{news} ({day})"
+    return f"{words}: {sticking:,} {'valve sticks' if sticking == 1 else 'valves stick'}{relied}{news} ({day})"
 
 
 def as_text(digest: Digest) -> str:
@@ -46,10 +46,10 @@ def as_text(digest: Digest) -> str:
         f"{_counted(digest)}.",
     ]
     for name in VERDICT_RANK:
-        lines.append(f"  {digest.verdicts.get(name, 0):6d} {VERDICT_WORDS[name]}")
+        lines.append(f"  {digest.verdicts.get(name, 0):6,} {VERDICT_WORDS[name]}")
         if name == "not_auditable":
             lines += [f"         {told}" for told in _refused(digest)]
-    lines += [f"  {run.failed:6d} failed"] if run.failed else []
+    lines += [f"  {run.failed:6,} failed"] if run.failed else []
     lines += digest.arrivals
     lines += ["", "WHAT CHANGED SINCE THE RUN BEFORE", ""]
     lines += _change_lines(digest) or [_no_change(digest)]
@@ -123,7 +123,7 @@ def _refused(digest: Digest) -> list[str]:
         named = [one_line(tag) for tag in digest.refused_loops.get(cause, ())]
         more = ", ..." if count > len(named) else ""
         listed = f"{', '.join(named)}{more}" if named else "shelved"
-        told.append(f"{count} not auditable: {cause_words(cause)} ({listed})")
+        told.append(f"{count:,} not auditable: {cause_words(cause)} ({listed})")
     return told
 
 
@@ -145,9 +145,9 @@ def _old_lines(digest: Digest, place: int, loop: DigestLoop) -> list[str]:
 def _counted(digest: Digest) -> str:
     """How many loops of the run have a verdict, so that the counts below add up to it."""
     gone = digest.retired
-    retired = f"; {gone} more {'have' if gone > 1 else 'has'} been retired since" if gone else ""
+    retired = f"; {gone:,} more {'have' if gone > 1 else 'has'} been retired since" if gone else ""
     total = digest.run.total - gone
-    return f"{digest.run.done - gone} of {total} {'loop has' if total == 1 else 'loops have'} a verdict{retired}"
+    return f"{digest.run.done - gone:,} of {total:,} {'loop has' if total == 1 else 'loops have'} a verdict{retired}"
 
 
 def _listed(title: str, told: Callable[[int, Any], list[str]], found: Sequence[Any]) -> list[str]:

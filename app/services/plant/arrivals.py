@@ -121,4 +121,4 @@ def old(age: timedelta, since: str = "ago") -> str:
 
 
 def _loops(count: int) -> str:
-    return f"{count} loops got" if count > 1 else "One loop got"
+    return f"{count:,} loops got" if count > 1 else "One loop got"

@@ -73,7 +73,7 @@ def for_all(change: ChangeView, together: AsOne) -> ChangeView:
     group = together.by_tag.get(change.loop)
     if group is None:
         return change
-    more = f"{len(group.others)} more with it: " if group.others else ""
+    more = f"{len(group.others):,} more with it: " if group.others else ""
     return replace(change, because=f"{change.because}; {more}{group.words}")
 
 

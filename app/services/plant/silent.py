@@ -33,7 +33,7 @@ def silences(
     found = silent(backend, since_ns, audit_id, at)
     if not found:
         return []
-    have = f"{len(found)} loops have" if len(found) > 1 else "One loop has"
+    have = f"{len(found):,} loops have" if len(found) > 1 else "One loop has"
     named = listed(tuple(found[:NAMED]), len(found), backend.clock)
     return [f"{have} stopped, though the others went on: no newer sample than {named}."]
 

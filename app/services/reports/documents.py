@@ -182,7 +182,7 @@ def _path_of(drawn: Mapping[str, Any]) -> str:
     window = "the audited window" if drawn["window"] else "what was given to the audit"
     of = "the stretch that speaks for the record" if drawn["judged"] else window
     whole = path["shown"] == path["samples"]
-    count = f"All {path['samples']}" if whole else f"The newest {path['shown']} of the {path['samples']}"
+    count = f"All {path['samples']:,}" if whole else f"The newest {path['shown']:,} of the {path['samples']:,}"
     return f"{count} samples of {of}."
 
 

@@ -78,7 +78,7 @@ class Shelf:
     def count_words(self) -> str:
         """ "3 shelved, 1 of them listed all the same": what stands above the folded list."""
         worse = len(self.listed) - len(self.left_out)
-        return f"{len(self.listed)} shelved" + (f", {worse} of them listed all the same" if worse else "")
+        return f"{len(self.listed):,} shelved" + (f", {worse:,} of them listed all the same" if worse else "")
 
 
 def shelf(backend: Backend, audit_id: int | None = None, at: datetime | None = None) -> Shelf:

@@ -56,4 +56,4 @@ def named(names: Sequence[str], count: int | None = None) -> str:
     """ "A, B, C, D, E and 3 more". count: how many there are, where `names` are not all of them."""
     shown = [one_line(name) for name in names[:NAMED]]
     more = (len(names) if count is None else count) - len(shown)
-    return f"{', '.join(shown)}{f' and {more} more' if more > 0 else ''}"
+    return f"{', '.join(shown)}{f' and {more:,} more' if more > 0 else ''}"

@@ -20,7 +20,7 @@ def with_others(group: StoodTogether, tag: str) -> str:
 
 def of_all(group: StoodTogether) -> str:
     """What happened, of the whole group, for the one place that tells of it."""
-    return f"PV of {len(group.stands)} loops came to stand {when(group)}"
+    return f"PV of {len(group.stands):,} loops came to stand {when(group)}"
 
 
 def look(group: StoodTogether) -> str:
@@ -33,6 +33,6 @@ def when(group: StoodTogether) -> str:
     count, at_once = len(group.stands), group.in_one_scan
     if at_once == count:
         return f"in one scan{unit}"
-    of_them = f", {at_once} of the {count} in one scan" if group.at_once else ""
+    of_them = f", {at_once:,} of the {count:,} in one scan" if group.at_once else ""
     minutes = math.ceil(group.span_s / 60.0)
     return f"within {'a minute' if minutes <= 1 else f'{minutes} minutes'}{of_them}{unit}"

@@ -334,6 +334,23 @@ def test_what_a_plant_is_called_stays_text(backend: Backend, night: str) -> None
     assert not [line for line in as_text(hostile).splitlines() if line.startswith("Bcc")]
 
 
+def test_numbers_are_written_as_the_pages_write_them(backend: Backend, night: str) -> None:
+    found = digest_of(backend, night)
+    run = replace(found.run, total=14_003, done=14_001, failed=1_002)
+    verdicts = {"stiction": 3_000, "no_stiction": 10_001}
+    refused = {"data": 1_200}
+    many = replace(found, run=run, verdicts=verdicts, reliable=2_000, refused=refused, retired=1_001)
+    text, html = as_text(many), as_html(many)
+    assert "3,000 valves stick (2,000 can be relied on)" in subject(many)
+    for told in (text, html):
+        assert "13,000 of 13,002 loops have a verdict; 1,001 more have been retired since" in told
+        assert "1,200 not auditable: too little usable data" in told
+        assert "10,001" in told
+    assert "   3,000 valve sticks" in text
+    assert "   1,002 failed" in text
+    assert not re.search(r"(?<![-\d])(3000|2000|10001|1200|1002|13000)(?![-\d])", f"{subject(many)}\n{text}\n{html}")
+
+
 def test_a_run_that_goes_on_has_none(backend: Backend, add_loops: AddLoops) -> None:
     with pytest.raises(RequestError, match="no audit has ended"):
         run_to_tell(backend)
