@@ -224,6 +224,22 @@ def test_a_unit_of_a_large_plant_opens_and_closes_again(opened: Page):
     expect(opened.locator("#treemap-sizes")).to_contain_text("number of loops")
 
 
+def test_a_unit_that_was_closed_opens_again_where_all_loops_have_room(opened: Page):
+    units = [["U1", 150, 150.0, 50.0, [[150, 50.0], *NONE, *NONE, *NONE]]]
+    loops = [[f"FIC{place}", "U1", 1.0, "stiction", 50.0] for place in range(150)]
+    opened.route("**/plant/tiles", lambda route: route.fulfill(json={"units": units, "loops": loops[:100]}))
+    opened.route("**/plant/tiles?*", lambda route: route.fulfill(json={"loops": loops}))
+    settled(opened, "/")
+    others = opened.locator("#treemap .slice", has_text="50 others")
+    unit = opened.locator("#treemap .slice", has_text=re.compile("^U1"))
+    for _ in range(2):
+        expect(others).to_have_count(1)
+        unit.last.click(position={"x": 8, "y": 8})
+        expect(others).to_have_count(0)
+        opened.locator("#treemap .pathbar", has_text="Plant").click()
+    expect(others).to_have_count(1)
+
+
 def test_on_a_telephone_the_treemap_is_high_enough_for_a_name_of_each_unit_and_has_no_scale_beside_it(opened: Page):
     opened.set_viewport_size(NARROW)
     large_plant(opened)

@@ -110,7 +110,7 @@ async function drawTreemap() {
     const kind = id.slice(0, 2), name = id.slice("co".includes(id[0]) ? 3 : 2);
     if (kind === "l:") location.assign(`/loops/${encodeURIComponent(name)}`);
     else if (kind === "o:") location.assign(name ? `/table?unit=${encodeURIComponent(name)}` : "/table?no_unit=true");
-    else if (view.whole && (kind !== "u:" || complete.has(name))) return true;
+    else if (view.whole && view.level === "" && (kind !== "u:" || complete.has(name))) return true;
     else if (id === "plant" || id === view.level) go("");
     else go(`u:${name}`, name);
     return false;
