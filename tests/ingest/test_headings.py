@@ -156,6 +156,17 @@ def test_comments_between_the_rows_are_counted(read: Read, layout: str) -> None:
     assert "2 lines that begin with *, # or [ were passed over as comments" in content.summary.notes
 
 
+def test_notes_write_their_numbers_as_pages_do(read: Read) -> None:
+    stamps = [f"2026-01-01 {n // 3600:02d}:{n // 60 % 60:02d}:{n % 60:02d}" for n in range(9000)]
+    data = rows(stamps, lambda time, value: [time, value, value])
+    remarks = [["# checked", "", ""]] * 1200
+    repeated = [row for row in data[5000:6500] for _ in range(2)]
+    content = read(text(["time", "PV", "OP"], *data[:5000], *repeated, *remarks, *data[6500:]))
+    notes = "; ".join(content.summary.notes)
+    assert "1,200 lines that begin with *, # or [ were passed over as comments" in notes
+    assert "1,500 rows have the time of a row before" in notes
+
+
 def test_control_characters_in_names_are_replaced_and_told(read: Read) -> None:
     data = text(*rows(STAMPS, lambda time, value: [time, value, value]))
     content = read(f"time,FIC\a1.PV,FIC\a1.OP\n{data}")

@@ -88,3 +88,14 @@ def test_numbers_go_on_where_uploads_are_gone(backend: Backend) -> None:
     with backend.database.write() as connection:
         connection.execute(delete(uploads_table))
     assert read(backend, send(backend, changed(20, 30, by=5.0))).samples_replaced == 10
+
+
+def test_many_samples_that_are_replaced_are_counted_as_pages_count_them(backend: Backend) -> None:
+    stamps = [f"2026-03-01 {n // 3600:02d}:{n // 60 % 60:02d}:{n % 60:02d}" for n in range(1500)]
+
+    def told(by: float) -> bytes:
+        rows = [f"{stamp},{n % 7 + by:.1f},{n % 5:.1f}" for n, stamp in enumerate(stamps)]
+        return "\n".join(["time,FIC1.PV,FIC1.OP", *rows, ""]).encode()
+
+    read(backend, send(backend, told(0.0)))
+    assert read(backend, send(backend, told(1.0))).notes[-1].startswith("1,500 stored samples were replaced")

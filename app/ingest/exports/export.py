@@ -180,7 +180,8 @@ class TableExport(Export):
         except UNREADABLE as error:
             raise DataError("not_an_export", f"the file's rows cannot be read: {in_short(error)}") from error
         if not self._tally.rows_kept:
-            raise DataError("nothing_readable", f"none of {self._tally.rows_read} rows has a readable time and values")
+            rows = f"{self._tally.rows_read:,} rows"
+            raise DataError("nothing_readable", f"none of {rows} has a readable time and values")
 
     def _settled(self) -> Iterator[list[SignalBlock]]:
         """Rows are read once more where the later ones told how the earlier ones are meant."""
@@ -262,7 +263,7 @@ class TableExport(Export):
         assumed = isinstance(self._plan, WidePlan) and self._plan.times_assumed
         if not assumed or not tally.backward or tally.repeats <= SHARE_REPEATED * tally.rows_read:
             return []
-        rows = f"{tally.repeats} of {tally.rows_read} rows have the time of a row before"
+        rows = f"{tally.repeats:,} of {tally.rows_read:,} rows have the time of a row before"
         return [f"what was read as times goes back and forth, and may be a signal: {rows}"]
 
     def damage(self) -> tuple[str, ...]:

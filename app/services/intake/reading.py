@@ -195,13 +195,13 @@ def _times(summary: FileSummary) -> dict[str, str | None]:
 def _of_replaced(replaced: int) -> Iterator[str]:
     """A correction replaces what was stored, and so does a file by a clock that is wrong."""
     if replaced:
-        which = f"{replaced} stored samples were" if replaced > 1 else "One stored sample was"
+        which = f"{replaced:,} stored samples were" if replaced > 1 else "One stored sample was"
         yield f"{which} replaced by other values; where that is no correction, times or tags of the file are wrong."
 
 
 def _of_retired(tags: list[str]) -> Iterator[str]:
     if tags:
-        which = f"{len(tags)} of its loops are" if len(tags) > 1 else "One of its loops is"
+        which = f"{len(tags):,} of its loops are" if len(tags) > 1 else "One of its loops is"
         yield f"{which} retired: what came of them is stored, and not audited with the plant ({named(tags)})."
 
 
