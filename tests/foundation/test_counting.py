@@ -49,3 +49,8 @@ EXPECTED = {
 @pytest.mark.parametrize("name", list(SAID))
 def test_one_of_it_is_told_as_one(name: str) -> None:
     assert EXPECTED[name] in SAID[name]()
+
+
+def test_thousands_are_parted_as_on_the_pages() -> None:
+    assert counted(3000, "loop") == "3,000 loops"
+    assert counted_times(14000) == "14,000 times"

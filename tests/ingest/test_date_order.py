@@ -118,7 +118,7 @@ def test_both_orders_in_one_file_are_told(read: Read) -> None:
     content = read(text)
     refused = content.rejects.counts["bad_time"]
     (note,) = (note for note in content.summary.notes if "both orders" in note)
-    assert f": {refused} dates fit with them exchanged alone" in note
+    assert f": {refused:,} dates fit with them exchanged alone" in note
     assert not any("both orders" in note for note in read(night("13/03/2024", "14/03/2024", "soon")).summary.notes)
 
 

@@ -110,7 +110,7 @@ def test_assumed_times_that_run_back_and_repeat_in_later_rows_are_doubted(tmp_pa
     read = read_recordings(path)
     (assumed, doubt) = read.times_assumed
     assert "'LI7'" in assumed
-    assert doubt.startswith("what was read as times goes back and forth, and may be a signal: 749 of 1200 rows")
+    assert doubt.startswith("what was read as times goes back and forth, and may be a signal: 749 of 1,200 rows")
     assert {assumed, doubt} <= set(read.notes)
 
 
