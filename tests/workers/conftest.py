@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -66,6 +67,19 @@ class Plant:
             if time.monotonic() > until or dead:
                 pytest.fail(f"{what}: not within {seconds} s; ended: {dead}\n{self.log.read_text()[-4000:]}")
             time.sleep(0.05)
+
+
+@contextmanager
+def plant_behind(broker_url: str, folder: Path) -> Iterator[Plant]:
+    """A plant on SQLite whose processes hear a broker that may refuse: they are killed at the end."""
+    settings = Settings(data_dir=folder / "data", broker_url=broker_url)
+    environment = {"LOOPAUDIT_DATA_DIR": str(settings.data_dir), "LOOPAUDIT_BROKER_URL": broker_url}
+    migrate(settings)
+    made = Plant(Backend.open(settings), {**QUICK, **environment}, folder / "processes.log")
+    yield made
+    for process in list(made.running):
+        made.kill(process)
+    made.backend.close()
 
 
 def export(loops: int, rows: int = 150) -> bytes:

@@ -15,11 +15,9 @@ from app.queue.application import celery_application
 from app.queue.jobs import SWEEP
 from app.queue.refusals import FULL
 from app.queue.steady import Scheduler
-from app.services.backend import Backend
 from app.services.intake.uploads import get_upload
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
-from tests.workers.conftest import QUICK, Plant
+from tests.workers.conftest import Plant, plant_behind
 from tests.workers.redis_server import RedisServer
 
 
@@ -46,14 +44,8 @@ def test_a_redis_without_memory_is_no_broker(server: RedisServer, tmp_path: Path
 
 @pytest.fixture
 def plant(server: RedisServer, tmp_path: Path, warm_kernels: None) -> Iterator[Plant]:
-    settings = Settings(data_dir=tmp_path / "data", broker_url=server.url)
-    environment = {"LOOPAUDIT_DATA_DIR": str(settings.data_dir), "LOOPAUDIT_BROKER_URL": server.url}
-    migrate(settings)
-    made = Plant(Backend.open(settings), {**QUICK, **environment}, tmp_path / "processes.log")
-    yield made
-    for process in list(made.running):
-        made.kill(process)
-    made.backend.close()
+    with plant_behind(server.url, tmp_path) as made:
+        yield made
 
 
 def at_its_start(plant: Plant, server: RedisServer) -> None:

@@ -14,12 +14,10 @@ from app.queue import SWEEP, Queue, steady
 from app.queue.application import celery_application
 from app.queue.refusals import FULL, LOGIN, OTHER, READ_ONLY, BrokerRefusal, refusal_of
 from app.queue.steady import Scheduler
-from app.services.backend import Backend
 from app.services.upkeep import doctor
 from app.services.upkeep.readiness import readiness
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
-from tests.workers.conftest import QUICK, Plant
+from tests.workers.conftest import Plant, plant_behind
 from tests.workers.redis_server import RedisServer
 
 RIGHT, RIGHT_AT_RABBITMQ = "right", "guest"
@@ -61,14 +59,8 @@ def server(tmp_path: Path) -> Iterator[RedisServer]:
 
 @pytest.fixture
 def plant(server: RedisServer, tmp_path: Path, warm_kernels: None) -> Iterator[Plant]:
-    settings = Settings(data_dir=tmp_path / "data", broker_url=server.url)
-    environment = {"LOOPAUDIT_DATA_DIR": str(settings.data_dir), "LOOPAUDIT_BROKER_URL": server.url}
-    migrate(settings)
-    made = Plant(Backend.open(settings), {**QUICK, **environment}, tmp_path / "processes.log")
-    yield made
-    for process in list(made.running):
-        made.kill(process)
-    made.backend.close()
+    with plant_behind(server.url, tmp_path) as made:
+        yield made
 
 
 @pytest.fixture

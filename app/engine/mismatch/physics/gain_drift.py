@@ -2,6 +2,8 @@
 of all that flows, what the working point is worth drifts with it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Sum, grid
@@ -127,22 +129,38 @@ def steps_one_way(values: FloatArray, context: Context) -> bool:
 
 
 CODE, WHEN = "process.gain_drift", "after a time"
-STEPPED = Block(
+RAMPED = Block(
     CODE,
     "process",
     "input",
     WHEN,
     ramp_parameters,
-    step_starts,
-    apply=stepped,
+    ramp_starts,
+    apply=to_the_end,
     active=since,
+    penalty=15.0,
+    frees_gain=True,
+    affine=True,
+)
+STEPPED = replace(
+    RAMPED,
+    starts=step_starts,
+    apply=stepped,
     form="step",
     sensible=seen_before_and_after,
     abrupt=True,
     penalty=16.0,
     rough=True,
-    frees_gain=True,
-    affine=True,
+)
+WHOLE = replace(
+    RAMPED,
+    parameters=whole_parameters,
+    starts=whole_starts,
+    apply=whole_to_the_end,
+    form="whole",
+    sensible=flows_one_way,
+    strict=True,
+    penalty=20.0,
 )
 
 
@@ -151,85 +169,38 @@ def passings(points: FloatArray, _: Context) -> Sum:
 
 
 BLOCKS = (
-    Block(
-        CODE,
-        "process",
-        "input",
-        WHEN,
-        ramp_parameters,
-        ramp_starts,
-        apply=to_the_end,
-        active=since,
-        affine=True,
-        penalty=15.0,
-        frees_gain=True,
-    ),
+    RAMPED,
     STEPPED,
-    Block(
-        CODE,
-        "process",
-        "input",
-        WHEN,
-        held_parameters,
-        held_starts,
+    replace(
+        RAMPED,
+        parameters=held_parameters,
+        starts=held_starts,
         apply=held,
-        active=since,
-        affine=True,
         form="held",
         sensible=seen_before_and_after,
         penalty=17.0,
-        frees_gain=True,
     ),
-    Block(
-        CODE,
-        "process",
-        "input",
-        "within a time",
-        held_parameters,
-        passing_starts,
+    replace(
+        STEPPED,
+        condition="within a time",
+        parameters=held_parameters,
+        starts=passing_starts,
         apply=passing,
         sum_of=passings,
-        affine=True,
         active=between,
         form="passing",
         sensible=comes_and_goes,
-        abrupt=True,
         penalty=20.0,
-        rough=True,
-        frees_gain=True,
     ),
-    Block(
-        CODE,
-        "process",
-        "input",
-        WHEN,
-        whole_parameters,
-        whole_starts,
-        apply=whole_to_the_end,
-        active=since,
-        affine=True,
-        form="whole",
-        sensible=flows_one_way,
-        strict=True,
-        penalty=20.0,
-        frees_gain=True,
-    ),
-    Block(
-        CODE,
-        "process",
-        "input",
-        WHEN,
-        whole_parameters,
-        whole_step_starts,
+    WHOLE,
+    replace(
+        WHOLE,
+        starts=whole_step_starts,
         apply=whole_stepped,
-        active=since,
-        affine=True,
         form="whole-step",
         sensible=steps_one_way,
-        strict=True,
         abrupt=True,
         penalty=21.0,
         rough=True,
-        frees_gain=True,
     ),
 )
