@@ -182,8 +182,12 @@ def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ())
     separator = max(SEPARATORS, key=text.partition("\n")[0].count)
     data, emptied = _without_long_rows(text.encode(), separator)
     if emptied:
-        left = f"and {'was' if emptied == 1 else 'were'} left empty"
-        damage = (*damage, f"{counted(emptied, 'row has', 'rows have')} more fields than there are names, {left}")
+        left = counted(
+            emptied,
+            "row has more fields than there are names, and was",
+            "rows have more fields than there are names, and were",
+        )
+        damage = (*damage, f"{left} left empty")
     try:
         frame = pl.read_csv(
             io.BytesIO(data),

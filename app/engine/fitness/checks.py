@@ -94,8 +94,9 @@ def check_gaps(unbroken: Unbroken, kept: int, samples: int, later: int, config: 
         text = f"no hole is longer than {most}"
     else:
         text = (
-            f"{counted(gaps, 'hole')} longer than {most} {'splits' if gaps == 1 else 'split'} the record; of its long "
-            f"stretches the newest has {kept} of {counted(samples, 'sample')}, at least {config.min_samples} are needed"
+            f"{counted(gaps, f'hole longer than {most} splits', f'holes longer than {most} split')} the record; of its "
+            f"long stretches the newest has {kept} of {counted(samples, 'sample')}, at least {config.min_samples} are "
+            "needed"
         )
         text += f"; {_after(later, 'it')}" if later else ""
     return _finding("gaps", kept >= config.min_samples, text, gaps, None, "holes")

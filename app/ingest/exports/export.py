@@ -369,10 +369,14 @@ class TableExport(Export):
         if self._tally.backward:
             notes.append("rows were not in order of time; they were sorted")
         if count := self._tally.in_other_order:
-            fit = f"{counted(count, 'date fits', 'dates fit')} with them exchanged alone"
+            exchanged = counted(
+                count,
+                "date fits with them exchanged alone and was",
+                "dates fit with them exchanged alone and were",
+            )
             notes.append(
-                f"check this first, day and month stand in both orders: {fit} and {'was' if count == 1 else 'were'} "
-                "refused; those that fit in both orders may be months off"
+                f"check this first, day and month stand in both orders: {exchanged} refused; those that fit in both "
+                "orders may be months off"
             )
         if self._tally.lacks_half:
             notes.append("hours go to 12 and begin again: nothing tells AM from PM, and times may be wrong by 12 hours")
@@ -394,10 +398,10 @@ class TableExport(Export):
             notes.append(f"{counted(self._tally.repeats, 'row has', 'rows have')} {what}")
             notes += self._hour_came_twice()
         if self._tally.comments:
-            lines = counted(self._tally.comments, "line that begins", "lines that begin")
-            notes.append(
-                f"{lines} with *, # or [ {'was' if self._tally.comments == 1 else 'were'} passed over as comments"
+            lines = counted(
+                self._tally.comments, "line that begins with *, # or [ was", "lines that begin with *, # or [ were"
             )
+            notes.append(f"{lines} passed over as comments")
         return notes
 
     def _hour_came_twice(self) -> list[str]:

@@ -137,9 +137,7 @@ def contradiction(
     """Says so where a valve that is said not to stick is what the newest explanation names. repaired_at: when the loop
     was repaired last (ISO 8601): what was recorded before says nothing of the valve since. hold_days: what ended longer
     before what the verdict is of disputes it no more."""
-    if explanation is not None and explained_long_before(explanation, row, hold_days):
-        return None
-    likeliest = _likeliest(explanation, repaired_at)
+    likeliest = _likeliest(row, explanation, repaired_at, hold_days)
     if (
         row["verdict"] != "no_stiction"
         or likeliest is None
@@ -158,9 +156,7 @@ def names_otherwise(
 ) -> str | None:
     """Says which to follow where a valve sticks, to be relied on, and the newest explanation names no valve.
     repaired_at, hold_days: as in `contradiction`."""
-    if explanation is not None and explained_long_before(explanation, row, hold_days):
-        return None
-    likeliest = _likeliest(explanation, repaired_at)
+    likeliest = _likeliest(row, explanation, repaired_at, hold_days)
     if not sticks_for_sure(row) or likeliest is None:
         return None
     if not {likeliest["effect"], *likeliest.get("alternatives", ())}.isdisjoint(AT_THE_VALVE):
@@ -180,7 +176,7 @@ def older_said(
     if explanation is None or not explained_long_before(explanation, row, hold_days):
         return None
     sticks = contradiction(row, explanation, repaired_at)
-    likeliest = _likeliest(explanation, repaired_at)
+    likeliest = _likeliest(row, explanation, repaired_at)
     if likeliest is None or not (sticks or names_otherwise(row, explanation, repaired_at)):
         return None
     what = "said that the valve sticks" if sticks else "named something else than the valve"
@@ -188,9 +184,16 @@ def older_said(
     return OLDER_SAID.format(what=what, probability=told, until=clock.day(explanation["window_end"]))
 
 
-def _likeliest(explanation: Mapping[str, Any] | None, repaired_at: str | None) -> Mapping[str, Any] | None:
-    """Of what an explanation that is done names, unless it is of before the repair."""
-    if explanation is None or explanation["state"] != "done" or explained_before(explanation, repaired_at):
+def _likeliest(
+    row: Mapping[str, Any],
+    explanation: Mapping[str, Any] | None,
+    repaired_at: str | None,
+    hold_days: float = math.inf,
+) -> Mapping[str, Any] | None:
+    """Of what an explanation that is done names, unless it is of before the repair, or of too long ago."""
+    if explanation is None or explanation["state"] != "done":
+        return None
+    if explained_before(explanation, repaired_at) or explained_long_before(explanation, row, hold_days):
         return None
     return max(explanation["effects"], key=lambda effect: effect["probability"], default=None)
 

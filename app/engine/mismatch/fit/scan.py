@@ -116,13 +116,15 @@ def sums_of(block: Block, fit: Fit, grids: list[FloatArray]) -> list[Sum] | None
 
 def moved_by_sums(grounds: tuple[Ground, ...], sums: list[Sum]) -> list[Moved]:
     """What points that are sums move, by the inner products of their pieces alone."""
-    fit, simulated = grounds[0].fit, dict[tuple[Block, bytes], FloatArray]()
+    fit = grounds[0].fit
     context = Context(fit.record, fit.plant)
-    for block in dict.fromkeys(piece.block for told in sums for piece in told.pieces):
-        beside, steps = Beside(block, fit), steps_of(block.parameters(context))
-        for values in (piece.values for told in sums for piece in told.pieces if piece.block is block):
-            if (block, values.tobytes()) not in simulated:
-                simulated[block, values.tobytes()] = simulations(beside, values + steps)
+    pieces = {(piece.block, piece.values.tobytes()): piece for told in sums for piece in told.pieces}
+    blocks = dict.fromkeys(block for block, _ in pieces)
+    beside = {block: (Beside(block, fit), steps_of(block.parameters(context))) for block in blocks}
+    simulated = {}
+    for key, piece in pieces.items():
+        path, steps = beside[piece.block]
+        simulated[key] = simulations(path, piece.values + steps)
     found = []
     for under, told in zip(grounds, sums, strict=True):
         each = [simulated[piece.block, piece.values.tobytes()] for piece in told.pieces]

@@ -3,6 +3,7 @@
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -77,15 +78,18 @@ def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
     return (*parameters(context)[:2], moment("start", context))
 
 
+def moments(context: Context) -> FloatArray:
+    """Those, s, at which a scan lets a stem begin to stick."""
+    return context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
+
+
 def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
-    moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
-    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.5, 0.8]), moments)
+    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.5, 0.8]), moments(context))
 
 
 def fewer_sizes(context: Context, _: FloatArray) -> FloatArray:
     """One slip and six bands: beside any stem that was found they are looked for closely (`kindred`)."""
-    moments = context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
-    return grid(context.record.op_span * np.geomspace(0.05, 0.8, 6), np.array([0.5]), moments)
+    return grid(context.record.op_span * np.geomspace(0.05, 0.8, 6), np.array([0.5]), moments(context))
 
 
 def sticking_since(stem_of: Stem, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
@@ -116,28 +120,22 @@ def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
     return amid(float(values[2]), shows, context)
 
 
-SETTING_IN = tuple(
-    Block(
-        "valve.stiction",
-        "valve",
-        "valve",
-        "after OP reversals, from a time on",
-        sets_in_parameters,
-        points,
-        apply=model,
-        active=sticks_since,
-        form=form,
-        penalty=22.0,
-        rough=True,
-        finalists=2,
-        sensible=seen_on_both_sides,
-    )
-    for form, points, model in (
-        ("sets_in", sets_in_starts, sets_in),
-        ("choudhury_sets_in", fewer_sizes, choudhury_sets_in),
-    )
+SETS_IN = Block(
+    "valve.stiction",
+    "valve",
+    "valve",
+    "after OP reversals, from a time on",
+    sets_in_parameters,
+    sets_in_starts,
+    apply=sets_in,
+    active=sticks_since,
+    form="sets_in",
+    penalty=22.0,
+    rough=True,
+    finalists=2,
+    sensible=seen_on_both_sides,
 )
-SETS_IN = SETTING_IN[0]
+CHOUDHURY_SETS_IN = replace(SETS_IN, starts=fewer_sizes, apply=choudhury_sets_in, form="choudhury_sets_in")
 
 BLOCKS = (
     *(
@@ -156,5 +154,6 @@ BLOCKS = (
         )
         for form, model in (("he", he), ("choudhury", choudhury))
     ),
-    *SETTING_IN,
+    SETS_IN,
+    CHOUDHURY_SETS_IN,
 )
