@@ -8,8 +8,11 @@ rings for it again.
 
 import logging
 import time
+import warnings
 from typing import Any
 
+from celery.exceptions import CPendingDeprecationWarning
+from celery.worker import request
 from celery.worker.consumer import Consumer as CeleryConsumer
 from celery.worker.state import maybe_shutdown
 
@@ -26,6 +29,10 @@ class Consumer(CeleryConsumer):
     """Connects anew after a refusal, as after a lost connection, with a growing pause."""
 
     _pause_s, _refused_at = FIRST_PAUSE_S, 0.0
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        request.logger.addFilter(_tell_unheard)
 
     def ensure_connected(self, conn: Any) -> Any:
         """As Celery's own, which says "Cannot connect" of a login that is refused too."""
@@ -44,7 +51,9 @@ class Consumer(CeleryConsumer):
             super().on_connection_error_before_connected(exc)
 
     def on_connection_error_after_connected(self, exc: Exception) -> None:
-        super().on_connection_error_after_connected(exc)
+        with warnings.catch_warnings():  # each time, that a later Celery would end the task at hand
+            warnings.simplefilter("ignore", CPendingDeprecationWarning)
+            super().on_connection_error_after_connected(exc)
         if self._is_refusal(exc):
             self._wait_after(exc)
 
@@ -60,3 +69,11 @@ class Consumer(CeleryConsumer):
             maybe_shutdown()
             time.sleep(LOOKS_EVERY_S)
         self._refused_at = time.monotonic()
+
+
+def _tell_unheard(record: logging.LogRecord) -> bool:
+    """A task is done and its acknowledgement found no connection: critical to kombu, and told with a traceback."""
+    if str(record.msg).startswith("Couldn't ack"):
+        record.levelno, record.levelname, record.exc_info = logging.WARNING, "WARNING", None
+        record.msg = "a task is done and could not be acknowledged (%r), it is handed out again and found done: %r"
+    return True

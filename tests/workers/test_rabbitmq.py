@@ -6,8 +6,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from amqp.exceptions import PreconditionFailed
-from kombu import Connection
+from amqp.exceptions import PreconditionFailed, RecoverableConnectionError
+from celery.worker import request
+from kombu import Connection, Message
 
 from app.queue import READ_UPLOAD, SWEEP, Queue, consuming, publishing
 from app.queue.application import celery_application
@@ -85,3 +86,28 @@ def test_a_refusal_is_waited_out(
     (told,) = (record for record in caplog.records if record.levelno == logging.ERROR)
     assert told.getMessage().startswith("the broker answers and refuses; trying again in 1 s: ")
     assert told.__dict__["code"] == "broker_refused"
+
+
+def test_a_lost_connection_is_told_without_a_traceback_or_a_deprecation(
+    settings: Settings, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What is done and not acknowledged is handed out again and found done: it was logged as critical."""
+    parts = {
+        "pool": SimpleNamespace(num_processes=1, is_green=False),
+        "controller": SimpleNamespace(use_eventloop=False),
+    }
+    worker = consuming.Consumer(lambda message: None, app=celery_application(settings), **parts)
+    lost = RecoverableConnectionError("connection already closed")
+    worker.connection = None
+    worker.on_connection_error_after_connected(lost)  # of warnings each is an error here
+
+    class Channel:
+        no_ack_consumers = None
+
+        def basic_ack(self, tag: int, multiple: bool) -> None:
+            raise lost
+
+    Message(delivery_tag=10, channel=Channel()).ack_log_error(request.logger, (RecoverableConnectionError,))
+    told = caplog.records[-1]
+    assert (told.levelname, told.exc_info) == ("WARNING", None)
+    assert told.getMessage().startswith("a task is done and could not be acknowledged")
