@@ -25,7 +25,8 @@ from app.ingest.numbers.writing import MARKED, Writing
 from app.ingest.tables.frames import UNREADABLE, quotes_close
 from app.ingest.tables.line_widths import uneven_lines
 from app.ingest.tags.loops import signals_of
-from app.ingest.times.stamps import TimeForm, TimeReader, find_form
+from app.ingest.times.stamps import TimeForm, find_form
+from app.ingest.times.time_reader import TimeReader
 from app.nanoseconds import NS_PER_S
 
 SEPARATORS = ",;\t"

@@ -22,12 +22,12 @@ from sqlalchemy import (
 )
 
 from app.counting import counted_times
+from app.storage.asked_rows import SORTABLE
 from app.storage.bulk import among_many, insert_new
 from app.storage.leases import Reopened, take_back
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import UNEXPLAINED, audit_items, explanations, loops, verdicts
 from app.storage.types import clock_s, long_ago, longer_pause, now
-from app.storage.verdicts import SORTABLE
 
 NO_PAUSE: dict[str, None] = {"pause_s": None, "waits_since": None}
 WITH_A_VERDICT = ("stiction", "no_stiction", "inconclusive")

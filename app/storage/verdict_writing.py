@@ -6,9 +6,9 @@ from typing import Any
 
 from sqlalchemy import Connection, Table, bindparam, case, or_, select, update
 
+from app.storage.asked_rows import KEPT
 from app.storage.bulk import insert_for, insert_new
 from app.storage.tables import loops, newest_rows, verdict_details, verdicts
-from app.storage.verdicts import KEPT
 
 
 @dataclass(frozen=True)

@@ -3,83 +3,30 @@
 import hashlib
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
-    BigInteger,
     ColumnElement,
     Connection,
     FromClause,
     Select,
     and_,
     func,
-    or_,
     select,
 )
 
 from app.json_texts import read_json
+from app.storage.asked_rows import OF_RUN, QUICK, ROW, SORTABLE, After, RowFilter, beyond, in_order, of_filter
 from app.storage.bulk import among, among_many
 from app.storage.database import in_driver
-from app.storage.loops import IN_SERVICE, found_by, retired
-from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, of_cause, priority, unanswered
-from app.storage.notes import has_open_order
+from app.storage.loops import IN_SERVICE, retired
+from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, unanswered
 from app.storage.tables import audits, loops, newest_rows, verdicts
-from app.storage.word_order import by_words
 
-KEPT_FROM_USERS = ("loop_id", "input_start_ns", "input_end_ns", "extra_json")
-ROW = [verdicts.c[column.name] for column in verdicts.columns if column.name not in KEPT_FROM_USERS]
-SORTABLE = {column.name: column for column in ROW if column.name != "reasons_text"} | {
-    "loop": loops.c.tag,
-    "unit": loops.c.unit,
-    "type": loops.c.type,
-    "owner": loops.c.owner,
-    "importance": loops.c.importance,
-    "recorded_to": loops.c.newest_ns,
-    "priority": priority(verdicts).label("priority"),
-    **by_words(verdicts),
-}
-"""What the table can be sorted by; sentences have no order that means anything, and no cursor holds them."""
-OF_RUN = SORTABLE | {"recorded_to": verdicts.c.input_end_ns}
-"""The same of a run, which answers the same once newer samples have come."""
-OF_LOOPS = ("loop", "unit", "type", "owner", "importance", "recorded_to")
-KEPT = ("verdict", "reliability", "likely_cause", "table2_reading", "stiction_probability", "health")
-QUICK = (
-    {name: SORTABLE[name] for name in OF_LOOPS}
-    | {name: newest_rows.c[name] for name in KEPT}
-    | {"priority": priority(newest_rows).label("priority"), **by_words(newest_rows)}
-)
-"""What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
 _OF_LOOPS = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
 ROWS_OF = "SELECT loop_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
-
-
-@dataclass(frozen=True)
-class RowFilter:
-    """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
-    of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
-    open_order: whether a work order is written that no repair was stated since; tags: of these alone; no_unit: whether
-    they name no unit."""
-
-    verdict: tuple[str, ...] | None = None
-    reliability: str | None = None
-    unit: str | None = None
-    type: str | None = None
-    owner: str | None = None
-    likely_cause: str | None = None
-    table2_reading: str | None = None
-    min_probability: float | None = None
-    audit_id: int | None = None
-    search: str | None = None
-    retired: bool | None = False
-    recorded_from_ns: int | None = None
-    recorded_before_ns: int | None = None
-    left_out: tuple[int, ...] = ()
-    open_order: bool | None = None
-    tags: tuple[str, ...] | None = None
-    no_unit: bool | None = None
 
 
 class SaidRow(NamedTuple):
@@ -117,14 +64,6 @@ class SwingRow(NamedTuple):
 class ExcerptsRow(NamedTuple):
     tag: str
     excerpts_json: str
-
-
-@dataclass(frozen=True)
-class After:
-    """The last row of a page: its sort value and its tag."""
-
-    value: Any
-    tag: str
 
 
 class InputRow(NamedTuple):
@@ -191,14 +130,14 @@ def table(
     columns, key_table = (QUICK, newest_rows) if quick else (_of_verdicts(wanted), verdicts)
     # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
     keys = select(key_table.c.loop_id, key_table.c.audit_id, columns[sort].label("sorted_by"))
-    keys = keys.where(*_conditions(wanted, columns))
+    keys = keys.where(*of_filter(wanted, columns))
     keys = keys.select_from(NEWEST_ROWS if quick else _rows_of(wanted))
     if after is not None:
-        keys = keys.where(_beyond(columns[sort], descending, after))
-    page = keys.order_by(*_order(columns[sort], descending)).limit(limit).subquery()
+        keys = keys.where(beyond(columns[sort], descending, after))
+    page = keys.order_by(*in_order(columns[sort], descending)).limit(limit).subquery()
     mine = and_(page.c.loop_id == verdicts.c.loop_id, page.c.audit_id == verdicts.c.audit_id)
     query = _select().add_columns(page.c.sorted_by).select_from(_with_run(page.join(_OF_LOOPS, mine)))
-    query = query.order_by(*_order(page.c.sorted_by, descending))
+    query = query.order_by(*in_order(page.c.sorted_by, descending))
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
@@ -210,7 +149,7 @@ def count(connection: Connection, wanted: RowFilter) -> int:
     """How many rows `table` has in all."""
     quick = wanted.audit_id is None
     query = select(func.count()).select_from(NEWEST_ROWS if quick else _rows_of(wanted))
-    return connection.scalar(query.where(*_conditions(wanted, QUICK if quick else SORTABLE))) or 0
+    return connection.scalar(query.where(*of_filter(wanted, QUICK if quick else SORTABLE))) or 0
 
 
 def count_beyond(connection: Connection, sort: str, descending: bool, wanted: RowFilter, after: After) -> int:
@@ -224,27 +163,6 @@ def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilte
     query = _without_texts(sort, descending, wanted, None).offset(place).limit(1)
     row = connection.execute(query).one_or_none()
     return None if row is None else After(SentRow._make(row).value, row.tag)
-
-
-def _order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
-    """By value, unknown ones last, then by tag."""
-    return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag
-
-
-def comparable(sort: str, value: Any) -> bool:
-    """Whether the table can be sorted by this name, and a row of it could have this value there."""
-    column = SORTABLE.get(sort)
-    if column is None or value is None:
-        return column is not None
-    kind = column.type.python_type
-    if isinstance(value, int):
-        return kind is float or (kind is int and abs(value) <= _largest(column))
-    return isinstance(value, kind)
-
-
-def _largest(column: ColumnElement[Any]) -> int:
-    """The largest number that a column of whole numbers can be compared with on PostgreSQL."""
-    return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
 
 
 def sent_rows(
@@ -271,11 +189,11 @@ def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After 
     source = _rows_of(wanted) if of_run else NEWEST_ROWS
     if sort not in known:
         source = source.join(verdicts, is_newest(verdicts))
-    column, conditions = known.get(sort, SORTABLE[sort]), _conditions(wanted, known)
+    column, conditions = known.get(sort, SORTABLE[sort]), of_filter(wanted, known)
     if after is not None:
-        conditions.append(_beyond(column, descending, after))
+        conditions.append(beyond(column, descending, after))
     query = select(loops.c.id, keys.c.audit_id, loops.c.tag, loops.c.unit, column).select_from(source)
-    return query.where(*conditions).order_by(*_order(column, descending))
+    return query.where(*conditions).order_by(*in_order(column, descending))
 
 
 def of_keys(connection: Connection, keys: Sequence[tuple[int, int]]) -> dict[tuple[int, int], dict[str, Any]]:
@@ -434,53 +352,6 @@ def _select() -> Select[Any]:
 def _with_run(said: FromClause, *, outer: bool = False) -> FromClause:
     """Verdicts with the runs that they are of."""
     return said.join(audits, audits.c.id == verdicts.c.audit_id, isouter=outer)
-
-
-def _conditions(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[ColumnElement[bool]]:
-    conditions: list[ColumnElement[bool]] = []
-    if wanted.retired is not None:
-        conditions.append(loops.c.retired if wanted.retired else IN_SERVICE)
-    if wanted.verdict is not None:
-        conditions.append(columns["verdict"].in_(wanted.verdict))
-    for name in ("reliability", "unit", "type", "owner", "table2_reading"):
-        value = getattr(wanted, name)
-        if value is not None:
-            conditions.append(columns[name] == value)
-    if wanted.likely_cause is not None:
-        conditions.append(of_cause(columns, wanted.likely_cause))
-    if wanted.min_probability is not None:
-        conditions.append(columns["stiction_probability"] >= wanted.min_probability)
-    return [*conditions, *_by_newest_sample(wanted), *_of_loops(wanted)]
-
-
-def _of_loops(wanted: RowFilter) -> list[ColumnElement[bool]]:
-    conditions: list[ColumnElement[bool]] = []
-    if wanted.left_out:
-        conditions.append(loops.c.id.not_in(wanted.left_out))
-    if wanted.no_unit is not None:
-        conditions.append(loops.c.unit.is_(None) if wanted.no_unit else loops.c.unit.is_not(None))
-    if wanted.open_order is not None:
-        conditions.append(has_open_order() if wanted.open_order else ~has_open_order())
-    if wanted.tags is not None:
-        conditions.append(loops.c.tag.in_(wanted.tags))
-    if wanted.search:
-        conditions.append(found_by(wanted.search))
-    return conditions
-
-
-def _by_newest_sample(wanted: RowFilter) -> list[ColumnElement[bool]]:
-    """Of a run the newest that it was given, so that it answers the same once newer ones have come."""
-    end = loops.c.newest_ns if wanted.audit_id is None else verdicts.c.input_end_ns
-    since, before = wanted.recorded_from_ns, wanted.recorded_before_ns
-    return [*([] if since is None else [end >= since]), *([] if before is None else [end < before])]
-
-
-def _beyond(column: ColumnElement[Any], descending: bool, after: After) -> ColumnElement[bool]:
-    """Rows after `after` in the order of `table`: by value, unknown ones last, then by tag."""
-    if after.value is None:
-        return and_(column.is_(None), loops.c.tag > after.tag)
-    further = column < after.value if descending else column > after.value
-    return or_(further, and_(column == after.value, loops.c.tag > after.tag), column.is_(None))
 
 
 def _dict(row: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from app.engine.fitness import checks
 from app.engine.mismatch.compare.aligning import beyond
 from app.engine.mismatch.compare.even_grid import faults_of_the_clock
 from app.ingest import TagMapping
-from app.ingest.exports.export import mapping_notes
+from app.ingest.exports.notes import mapping_notes
 from app.services.damage import damage_in_words
 from app.services.moments import PlantClock
 

@@ -6,7 +6,8 @@ import pytest
 
 from app.ingest import IngestOptions
 from app.ingest.model import NO_TIME
-from app.ingest.times.stamps import TimeForm, TimeReader
+from app.ingest.times.stamps import TimeForm
+from app.ingest.times.time_reader import TimeReader
 
 from .conftest import Read
 

@@ -13,7 +13,8 @@ from app.ingest.model import NO_TIME
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.frames import NUMBERED, Dialect, FrameReader
 from app.ingest.times import stamps
-from app.ingest.times.stamps import TimeForm, TimeReader
+from app.ingest.times.stamps import TimeForm
+from app.ingest.times.time_reader import TimeReader
 from tests.ingest.conftest import Read
 
 MINUTE = 60 * 10**9

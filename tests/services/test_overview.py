@@ -10,8 +10,8 @@ from app.services.plant import overview as plant
 from app.services.plant.loop_verdicts import loop_health, newest_failure
 from app.services.stating.shelving import shelf
 from app.storage import items, loops
+from app.storage.asked_rows import RowFilter
 from app.storage.items import Failure
-from app.storage.verdicts import RowFilter
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
 
 

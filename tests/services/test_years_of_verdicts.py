@@ -20,9 +20,9 @@ from app.services.plant.plant_sheet import plant_sheet
 from app.services.reports.documents import plant_report
 from app.services.upkeep.metrics import metrics
 from app.storage import Database
+from app.storage.asked_rows import RowFilter
 from app.storage.tables import audits, verdicts
 from app.storage.unanswered import unanswered_before
-from app.storage.verdicts import RowFilter
 from tests.services.audited_plant import AddLoops, audited
 
 SOME, MANY = 30, 300

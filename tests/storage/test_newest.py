@@ -8,13 +8,13 @@ import pytest
 from sqlalchemy import insert, update
 
 from app.storage import Database, digests, judged, loops, plant, shelvings, verdict_writing, verdicts
+from app.storage.asked_rows import RowFilter
 from app.storage.details import pack_detail
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
 from app.storage.tables import verdicts as verdicts_table
 from app.storage.types import now
 from app.storage.verdict_writing import NewVerdict
-from app.storage.verdicts import RowFilter
 
 RUN = {
     "trigger": "request",

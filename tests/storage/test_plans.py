@@ -31,10 +31,10 @@ from app.storage import (
     verdicts,
 )
 from app.storage import plant as plants
+from app.storage.asked_rows import RowFilter
 from app.storage.audits import LoopFilter
 from app.storage.details import detail_of
 from app.storage.samples import Samples, pack
-from app.storage.verdicts import RowFilter
 from tests.conftest import own_postgres
 
 NIGHTS = 20

@@ -11,9 +11,9 @@ from app.main import create_app
 from app.services.cursors import LONGEST
 from app.services.telling.asked_wording import asked_words
 from app.services.telling.wording import CAUSE_WORDS, VERDICT_WORDS
+from app.storage.asked_rows import RowFilter
 from app.storage.tables import loops as stored_loops
 from app.storage.tables import newest_rows, verdicts
-from app.storage.verdicts import RowFilter
 from app.storage.word_order import BY_CAUSE_WORDS, BY_VERDICT_WORDS
 from app.web import pages
 from app.web.columns import COLUMNS

@@ -17,7 +17,8 @@ from app.ingest.columns.plans import Fraction, LongPlan, Plan, TimedColumns, Wid
 from app.ingest.columns.time_names import unit_of_times
 from app.ingest.files.head import Head
 from app.ingest.model import NO_TIME, FloatArray, IngestOptions, TimeArray
-from app.ingest.times.stamps import TimeForm, TimeReader, to_numbers
+from app.ingest.times.stamps import TimeForm
+from app.ingest.times.time_reader import TimeReader, to_numbers
 from app.nanoseconds import NS_PER_S
 
 _NS_PER_MS, _NS_PER_US = 1_000_000, 1_000

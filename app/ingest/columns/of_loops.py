@@ -13,7 +13,8 @@ from app.ingest.columns.of_words import lie_among, states_among, take_turns, tim
 from app.ingest.columns.plain_names import plain
 from app.ingest.files.head import Head, is_number
 from app.ingest.model import NO_TIME, IngestOptions
-from app.ingest.times.stamps import TimeForm, TimeReader
+from app.ingest.times.stamps import TimeForm
+from app.ingest.times.time_reader import TimeReader
 
 LOOP_NAMES = frozenset(("loop", "loopname", "loopid", "looptag"))
 _OF_TAGS = TAG_NAMES | {"controller", "controllername", "block", "blockname"}

@@ -18,7 +18,7 @@ from app.ingest.numbers.units import as_number
 from app.ingest.tags.modes import UNKNOWN_MODE, automatic_flags
 from app.ingest.tags.quality import holds_quality_words
 from app.ingest.times.half_clock import HOUR_NS
-from app.ingest.times.stamps import TimeReader
+from app.ingest.times.time_reader import TimeReader
 
 _ALL = 0.98  # of the rows, at least
 _NUMBERED = re.compile("[A-Za-z][0-9]+")  # M1 and M2 are machines, though M is manual

@@ -16,7 +16,8 @@ from app.ingest.rejecting import RejectLog
 from app.ingest.tables.spreading import SPREAD_NOTE, come_in_threes, shown_resolution, stamps_are_cut
 from app.ingest.tags.grouping import place
 from app.ingest.tags.loops import Grouping
-from app.ingest.times.stamps import TimeForm, TimeReader, as_formatted, parse_text
+from app.ingest.times.stamps import TimeForm, as_formatted, parse_text
+from app.ingest.times.time_reader import TimeReader
 
 
 def prepared(plan: Plan, grouping: Grouping, head: Head, options: IngestOptions, log: RejectLog) -> Plan:

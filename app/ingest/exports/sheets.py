@@ -9,7 +9,8 @@ from typing import TypeVar
 
 from app.errors import DataError
 from app.ingest.align import stretches
-from app.ingest.exports.export import Export, TableExport, mapping_notes
+from app.ingest.exports.export import Export, TableExport
+from app.ingest.exports.notes import mapping_notes
 from app.ingest.exports.workbooks import ReadSheets
 from app.ingest.model import FileSummary, IngestOptions, LoopSamples, LoopTags, Reject, Rejects, SignalBlock
 from app.ingest.tags.grouping import TagMapping

@@ -24,7 +24,8 @@ from app.ingest.columns.time_columns import NO_ROWS, first_row_of_times
 from app.ingest.files.head import PREAMBLE_ROWS, Head
 from app.ingest.model import NO_TIME, IngestOptions
 from app.ingest.times.counted_times import EPOCH_ROUNDING_NS, OURS_FROM_S, OURS_TO_S
-from app.ingest.times.stamps import TimeForm, TimeReader, find_form
+from app.ingest.times.stamps import TimeForm, find_form
+from app.ingest.times.time_reader import TimeReader
 from app.nanoseconds import NS_PER_S
 
 _X = "X_Value"

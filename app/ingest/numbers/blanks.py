@@ -6,7 +6,7 @@ from collections.abc import Callable
 import polars as pl
 
 from app.ingest.numbers.marks import BESIDE_DECIMALS, NEGLIGIBLE, PARTED_FROM, largest
-from app.ingest.times.stamps import to_numbers
+from app.ingest.times.time_reader import to_numbers
 
 _GROUPS = r"^[ \"]*[+-]?([1-9]\d{0,2})(?: \d{3})+"
 _BEHIND = r"(?:[ \"]*|\s*[^\d\s.,eE+\-\"].*)$"

@@ -10,7 +10,7 @@ import polars as pl
 
 from app.ingest.model import FloatArray
 from app.ingest.telling import tags_by
-from app.ingest.times.stamps import to_numbers
+from app.ingest.times.time_reader import to_numbers
 
 # As they stand but for case and blanks. No single letters: behind a value they may be a mark of its quality.
 _SPELLED = """

@@ -12,7 +12,7 @@ from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
 from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
-from app.ingest.times.stamps import to_numbers
+from app.ingest.times.time_reader import to_numbers
 
 _MINUS = "[\N{MINUS SIGN}\N{EN DASH}]"  # as programs write it in the north of Europe, and what they make of it
 _BLANK = "[\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]"

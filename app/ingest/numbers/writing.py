@@ -23,7 +23,7 @@ from app.ingest.numbers.marks import (
 )
 from app.ingest.numbers.units import UnitsOfTags, are_units
 from app.ingest.telling import tags_by
-from app.ingest.times.stamps import to_numbers
+from app.ingest.times.time_reader import to_numbers
 
 SENTINELS = (-9999.0, -99.125)
 MARKED = "[.,]"

@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from app.errors import DataError
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import LongPlan, name_of
@@ -23,20 +22,17 @@ from app.ingest.tables.beside_values import BesideValues
 from app.ingest.tables.cells import Cells
 from app.ingest.tables.frames import NUMBERED, RowReader, Rows
 from app.ingest.tables.kinds_seen import KindsSeen
+from app.ingest.tables.numbered_tags import NumberedTags
 from app.ingest.tables.parting import BlocksByTag
 from app.ingest.tables.pieces import Gathered, as_piece, in_whole_instants, joined
 from app.ingest.tables.scanning import Scan, Scanner
-from app.ingest.tables.spilling import VALUES_A_ROW, NumberOfLoop, Spill
+from app.ingest.tables.spilling import VALUES_A_ROW, Spill
 from app.ingest.tables.tally import Tally
-from app.ingest.tags.grouping import Place
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.tags.quality import Quality
-from app.ingest.tags.settling import family
 from app.ingest.times.half_clock import HalfClock
-from app.ingest.times.stamps import TimeReader
-
-NOWHERE = Place("", "", "OTHER")  # of tags whose rows are refused
+from app.ingest.times.time_reader import TimeReader
 
 
 class LongTable:
@@ -58,16 +54,8 @@ class LongTable:
         # polars forgets the codes of a type of which no series is left: between two chunks that it parsed, others may
         # have been scanned.
         self._held = tuple(pl.Series([], dtype=of) for of in (self._tag_type, self._quality_type))
-        self._places: list[Place] = []
-        self._blocks = BlocksByTag(self._places, self._time, log, tally)
-        self._loops: list[int] = []  # by code
-        self._number_of_loop = NumberOfLoop()
-        self._modes = np.zeros(0, dtype=bool)
-        self._known = np.zeros(0, dtype=bool)  # by polars' code, which depends on which chunk was parsed first
-        self._number = np.zeros(0, dtype=np.uint32)  # by polars' code: tags in the order in which they came
-        self._usable = np.zeros(0, dtype=bool)
-        self._number_of: dict[str, int] = {}
-        self._new_tags: list[str] = []  # that the scanner has not learnt
+        self._tags = NumberedTags(grouping, options)
+        self._blocks = BlocksByTag(self._tags.places, self._time, log, tally)
         self._tags_before = 0  # the chunk that is read
         self._unsized: list[Gathered] = []  # of which `_largest` does not tell yet
         self._largest = np.zeros(0)  # by number of the tag, of the values that were read before
@@ -108,11 +96,11 @@ class LongTable:
                     spill = spill or Spill(self._options.spill_folder, most_values)
                     self._size()
                     whole, rest = in_whole_instants(joined(batch))
-                    spill.add(as_piece(whole), self._loop_of_code())
+                    spill.add(as_piece(whole), self._tags.loops())
                     batch = [rest]
                 self._tally.writing.end_chunk()
             self._tally.check_settled(self.kinds(), self._beside.is_settled)
-            self._settle_places()
+            self._tags.settle()
             self._tally.units = self._units()
             self._tally.in_other_order = self._time.in_other_order
             self._tally.without_date = self._dates.carried
@@ -122,7 +110,7 @@ class LongTable:
                 yield list(self._blocks.parted(last))
                 return
             for piece in last:
-                spill.add(piece, self._loop_of_code())
+                spill.add(piece, self._tags.loops())
             for part in spill.parts():
                 yield list(self._blocks.parted(part))
         finally:
@@ -144,20 +132,14 @@ class LongTable:
 
     def kinds(self) -> dict[str, int]:
         """Of the fields of tags whose marks were in doubt, as far as they were seen."""
-        return self._kinds.of({tag: self._number_of[tag] for tag in self._tally.writing.marks.met()})
-
-    def _too_many_tags(self) -> DataError:
-        return DataError("too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts")
+        return self._kinds.of({tag: self._tags.number(tag) for tag in self._tally.writing.marks.met()})
 
     def _cells(self, rows: Rows, reader: RowReader) -> Iterator[Cells]:
         yield Cells(rows, reader, rows.frame[name_of(self._plan.tag)], self._plan.value)
 
     def _units(self) -> dict[str, str]:
         """By tag, in the order in which they came."""
-        known = np.flatnonzero(self._known)
-        in_order = known[np.argsort(self._number[known])]
-        places = [(code, self._places[self._number[code]]) for code in in_order.tolist()]
-        return {at.tag: unit for code, at in places if (unit := self._beside.unit_of(code))}
+        return {at.tag: unit for code, at in self._tags.by_code() if (unit := self._beside.unit_of(code))}
 
     def _scanning(self, reader: RowReader) -> Scanner | None:
         beside = (self._plan.unit, self._plan.fraction, self._plan.state)
@@ -165,7 +147,7 @@ class LongTable:
 
     def _size(self) -> None:
         """Takes in how large the values of each tag are."""
-        more = len(self._places) - len(self._largest)
+        more = len(self._tags) - len(self._largest)
         self._largest = np.append(self._largest, np.zeros(more))
         for gathered in self._unsized:
             np.maximum.at(self._largest, gathered.codes, np.abs(np.nan_to_num(gathered.values)))
@@ -173,25 +155,15 @@ class LongTable:
 
     def _largest_before(self, tag: str) -> float | None:
         """Of the values of a tag that was there before the chunk that is read; None for others."""
-        number = self._number_of[tag]
+        number = self._tags.number(tag)
         if number >= self._tags_before:
             return None
         if self._unsized:
             self._size()
         return float(self._largest[number])
 
-    def _settle_places(self) -> None:
-        """When all tags have come: a later one may have taken the signal of one that came before."""
-        self._grouping.settle()
-        self._places[:] = [at if at is NOWHERE else self._grouping.place(at.tag) for at in self._places]
-
-    def _loop_of_code(self) -> NDArray[np.uint32]:
-        for place in self._places[len(self._loops) :]:
-            self._loops.append(self._number_of_loop.of(family(place.loop)))
-        return np.array(self._loops, dtype=np.uint32)
-
     def _gather(self, rows: Rows, reader: RowReader) -> Gathered:
-        self._tags_before = len(self._places)
+        self._tags_before = len(self._tags)
         if rows.scan is None:
             return self._of_frame(rows, reader)
         before = self._time.clock.before
@@ -217,32 +189,30 @@ class LongTable:
         if not self._tells_nothing(scan, codes, number_of_code):
             return None
         time_ns, values = np.repeat(each_ns, scan.times.lengths), scan.values
-        if self._modes.any():
-            modes = np.flatnonzero(self._modes[codes] & ~np.isnan(values))
+        if self._tags.modes.any():
+            modes = np.flatnonzero(self._tags.modes[codes] & ~np.isnan(values))
             if not self._tally.modes.may_be_understood(values[modes]):
                 return None
             self._take_modes(rows, values, codes, modes)
         lines = np.arange(rows.first, rows.first + len(codes), dtype=np.uint32)
         gathered = Gathered(codes, time_ns, values, lines)
-        if not self._usable.all():
+        if not self._tags.usable.all():
             kept = self._without_long_names(rows, codes, np.ones(len(codes), dtype=bool))
             gathered = gathered.at(np.flatnonzero(kept))
         self._tally.rows_kept += len(gathered)
         return gathered
 
     def _numbers_of_codes(self, scan: Scan) -> NDArray[np.uint32]:
-        before = len(self._places)
-        numbers = [self._number_of_tag(tag) for tag in scan.new]
-        if len(self._places) > before:
-            self._note_places()
+        numbers = [self._tags.numbered(tag) for tag in scan.new]
+        self._learn_tags()
         return np.append(np.arange(scan.known, dtype=np.uint32), np.array(numbers, dtype=np.uint32))
 
     def _tells_nothing(self, scan: Scan, codes: NDArray[np.uint32], number_of_code: NDArray[np.uint32]) -> bool:
         """Whether the values of each tag are those that they are without what they tell of marks."""
-        kinds = np.zeros(len(self._places), dtype=np.uint8)
+        kinds = np.zeros(len(self._tags), dtype=np.uint8)
         kinds[number_of_code] = scan.kinds
         self._kinds.see(kinds, len(kinds))
-        doubtful = (kinds & IN_DOUBT != 0) & self._usable & ~self._modes
+        doubtful = (kinds & IN_DOUBT != 0) & self._tags.usable & ~self._tags.modes
         if not doubtful.any():
             return True
         self._tally.writing.learn_from(int(np.bitwise_or.reduce(kinds[doubtful])))
@@ -254,11 +224,11 @@ class LongTable:
 
     def _are_decimals(self, codes: NDArray[np.uint32]) -> bool:
         """Whether the marks of the tags of rows, in the order in which they come, stand before decimals."""
-        first = np.full(len(self._places), -1)
+        first = np.full(len(self._tags), -1)
         first[codes[::-1]] = np.arange(len(codes))[::-1]
         numbers = np.flatnonzero(first >= 0)
         in_order = numbers[np.argsort(first[numbers])]
-        return all(self._tally.writing.are_decimals(self._places[number].tag) for number in in_order)
+        return all(self._tally.writing.are_decimals(self._tags.places[number].tag) for number in in_order)
 
     def _of_frame(self, rows: Rows, reader: RowReader) -> Gathered:
         texts, time_ns = self._timed(rows, reader)
@@ -291,43 +261,14 @@ class LongTable:
         return Gathered(codes, time_ns, values, (at + cells.rows.first).astype(np.uint32))
 
     def _numbered(self, cells: Cells, timed: NDArray[np.bool_]) -> NDArray[np.uint32]:
-        """The number of each row's tag; 0 where there is none. New tags are placed where rows have a time: others are
-        comments, or have something else where tags stand."""
-        codes, tags = cells.codes(), cells.tags
-        more = int(codes.max(initial=0)) + 1 - len(self._known)
-        if more > 0:
-            self._known = np.append(self._known, np.zeros(more, dtype=bool))
-            self._number = np.append(self._number, np.zeros(more, dtype=np.uint32))
-        if not self._known.all():
-            new = np.flatnonzero(~self._known[codes] & tags.is_not_null().to_numpy())
-            new = new[timed[new]]
-            _, first = np.unique(codes[new], return_index=True)
-            for row in new[np.sort(first)]:
-                self._place(int(codes[row]), tags[int(row)])
-            if len(new):
-                self._note_places()
-        return self._number[codes]
+        numbers = self._tags.of_codes(cells.codes(), cells.tags, timed)
+        self._learn_tags()
+        return numbers
 
-    def _note_places(self) -> None:
-        self._usable = np.array([place is not NOWHERE for place in self._places], dtype=bool)
-        self._modes = np.array([place.signal == "MODE" for place in self._places], dtype=bool)
-        if self._scanner is not None:
-            self._scanner.learn(self._new_tags)
-        self._new_tags = []
-
-    def _place(self, code: int, tag: str) -> None:
-        self._known[code], self._number[code] = True, self._number_of_tag(tag)
-
-    def _number_of_tag(self, tag: str) -> int:
-        number = self._number_of.get(tag)
-        if number is not None:
-            return number
-        if self._grouping.tags >= self._options.max_signals:
-            raise self._too_many_tags()
-        number = self._number_of[tag] = len(self._places)
-        self._new_tags.append(tag)
-        self._places.append(self._grouping.place(tag) if len(tag) <= self._options.max_name else NOWHERE)
-        return number
+    def _learn_tags(self) -> None:
+        new = self._tags.taken_in()
+        if new and self._scanner is not None:
+            self._scanner.learn(new)
 
     def _read_times(self, texts: pl.Series) -> TimeArray:
         """Rows of one instant follow each other in most files: each run of one text is read once."""
@@ -363,7 +304,7 @@ class LongTable:
         self._log.add_many("no_tag", rows.lines(bare), ("a row without a tag" for _ in bare))
 
     def _without_long_names(self, rows: Rows, codes: NDArray[np.uint32], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        known = self._usable
+        known = self._tags.usable
         if known.all():
             return kept
         at = np.flatnonzero(kept & ~known[codes])
@@ -395,13 +336,13 @@ class LongTable:
         return values
 
     def _are_modes(self, codes: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        return self._modes[codes] if self._modes.any() else np.zeros(len(codes), dtype=bool)
+        return self._tags.modes[codes] if self._tags.modes.any() else np.zeros(len(codes), dtype=bool)
 
     def _by_tag(self, codes: NDArray[np.uint32], at: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[np.int64]]]:
         """The rows of `at` tag by tag."""
         order = at[np.argsort(codes[at], kind="stable")]
         for rows in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if len(order) else ():
-            yield self._places[codes[rows[0]]].tag, rows
+            yield self._tags.places[codes[rows[0]]].tag, rows
 
     def _read_numbers_of_modes(
         self, cells: Cells, values: FloatArray, codes: NDArray[np.uint32], at: NDArray[np.int64]
@@ -420,7 +361,7 @@ class LongTable:
     ) -> bool:
         """Whether marks are in doubt, and not for sure those that they were taken for."""
         kinds = cells.kinds()
-        self._kinds.see(None if cells.rows.kinds is None else np.array([kinds], np.uint8), len(self._places))
+        self._kinds.see(None if cells.rows.kinds is None else np.array([kinds], np.uint8), len(self._tags))
         if not kinds & IN_DOUBT:
             return False
         if of_numbers.all():

@@ -52,10 +52,10 @@ class LoopRowsTable(LongTable):
     def _cells(self, rows: Rows, reader: RowReader) -> Iterator[Cells]:
         loops = self._loops_of(rows)
         for number, column in enumerate(self._columns):
-            tags = self._tags(rows.frame, loops, column)
+            tags = self._named(rows.frame, loops, column)
             yield Cells(rows, reader, tags, column.index, telling=number == 0)
 
-    def _tags(self, frame: pl.DataFrame, loops: pl.Series, column: ValueColumn) -> pl.Series:
+    def _named(self, frame: pl.DataFrame, loops: pl.Series, column: ValueColumn) -> pl.Series:
         word = pl.lit(column.tag) if self._plan.word is None else frame[name_of(self._plan.word)].str.strip_chars()
         tags = pl.when(loops.str.len_bytes() > 0).then(loops + "." + word)
         return pl.select(tags.cast(self._tag_type)).to_series(0)

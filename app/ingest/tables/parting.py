@@ -14,7 +14,7 @@ from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import Place
 from app.ingest.times.doubled_hour import hours_apart
 from app.ingest.times.order import in_order, last_of_repeats, runs_back
-from app.ingest.times.stamps import TimeReader, from_utc
+from app.ingest.times.time_reader import TimeReader, from_utc
 
 MOST_CODES = 1 << 16
 

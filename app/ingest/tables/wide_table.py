@@ -10,30 +10,27 @@ from numpy.typing import NDArray
 
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
-from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
-from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
+from app.ingest.columns.plans import TimedColumns, WidePlan, name_of
+from app.ingest.model import NO_TIME, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.evidence import Evidence
-from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.numbers.values import same_tag
 from app.ingest.rejecting import RejectLog
-from app.ingest.tables.blank_cells import BLANK, are_blank, without_blanks
-from app.ingest.tables.frames import Numbers, RowReader, Rows
+from app.ingest.tables.blank_cells import are_blank, without_blanks
+from app.ingest.tables.frames import RowReader, Rows
 from app.ingest.tables.further_names import FurtherNames
 from app.ingest.tables.kinds_seen import KindsSeen
-from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid, joined_grid
 from app.ingest.tables.spilling import NumberOfLoop, Spill
 from app.ingest.tables.spreading import Spreader
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wide_chunk import Chunk, WholeStamps
-from app.ingest.tables.wordy_columns import WordyColumns
+from app.ingest.tables.wide_values import WideValues
 from app.ingest.tags.grouping import AUDITED
 from app.ingest.tags.loops import Grouping
-from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
 from app.ingest.times.order import are_shuffled, in_order, last_of_repeats, runs_back, without_stutter
-from app.ingest.times.stamps import TimeReader, to_numbers
+from app.ingest.times.time_reader import TimeReader
 
 
 class WideTable:
@@ -45,22 +42,19 @@ class WideTable:
         self._plan, self._grouping, self._options, self._log, self._tally = plan, grouping, options, log, tally
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._dates = [DatesOnce(group.time) for group in plan.groups]
-        self._quality = tally.quality = tally.quality if tally.again else Quality(options.drop_uncertain)
+        if not tally.again:
+            tally.quality = Quality(options.drop_uncertain)
         self._holding: list[Spreader | WholeStamps] = []  # back what goes on in the next chunk, by group
         self._forth = np.zeros((len(plan.groups), 2), dtype=np.int64)  # by group, steps of time forth and back
         self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
-        self._wordy = WordyColumns([place.tag for place in self._places.values() if place.signal == "OTHER"], log)
-        self._odd_fields = OddFields(tally.writing, self._wordy, self._largest)
+        self._values = WideValues(self._places, log, tally)
         self._group_of = {value.index: number for number, group in enumerate(plan.groups) for value in group.values}
         self._kinds = KindsSeen()
         self._first_columns = {group.values[0].index for group in plan.groups if group.values}
-        self._modes = frozenset(index for index, place in self._places.items() if place.signal == "MODE")
         number_of_loop = NumberOfLoop()
         self._loop_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint32)
-        self._lowest = np.full(len(self._loop_of_column), np.inf)  # by column, of values that are no codes
-        self._highest = -self._lowest
         for index, place in self._places.items():
             self._loop_of_column[index] = number_of_loop.of(place.loop)
 
@@ -70,7 +64,7 @@ class WideTable:
         for group in self._plan.groups:
             types.update(dict.fromkeys(_columns_of_times(group), pl.String()))
             for value in group.values:
-                types[value.index] = pl.String() if self._is_mode(value) else pl.Float64()
+                types[value.index] = pl.String() if self._values.is_mode(value) else pl.Float64()
                 if value.off_line is not None:
                     types[value.off_line] = pl.Float64()
                 if value.quality is not None:
@@ -82,12 +76,7 @@ class WideTable:
         passes = list(self._passes(reader))
         for number, groups in enumerate(passes):
             yield from self._one_pass(reader, groups, first=number == 0, alone=len(passes) == 1)
-        self._tally.wordy += [*self._wordy.settle(), *self._empty()]
-
-    def _empty(self) -> list[str]:
-        """The tags of PV and OP that had no value in any row."""
-        each = self._places.items()
-        return [at.tag for index, at in each if at.signal in AUDITED and self._highest[index] < self._lowest[index]]
+        self._tally.wordy += self._values.wordy()
 
     def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
         """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
@@ -124,7 +113,7 @@ class WideTable:
             value.index: value.tag
             for group in self._plan.groups
             for value in group.values
-            if value.tag in wanted and not self._is_mode(value)
+            if value.tag in wanted and not self._values.is_mode(value)
         }
 
     def _one_pass(
@@ -183,13 +172,6 @@ class WideTable:
             if rest is not None:
                 yield number, rest
 
-    def _largest(self, column: int) -> float:
-        """How large the values of a column are at most that were read so far; 0 where there is none."""
-        return float(max(-self._lowest[column], self._highest[column], 0.0))
-
-    def _is_mode(self, value: ValueColumn) -> bool:
-        return value.index in self._modes
-
     def _short_rows(self, rows: Rows, reader: RowReader) -> NDArray[np.int64]:
         """Rows cut short lost the place of their fields: none of them is kept."""
         short = reader.short_rows(rows, rows.may_be_short())
@@ -218,7 +200,7 @@ class WideTable:
         kept &= ~self._below_others(rows, reader, texts, time_ns != NO_TIME, first)
         if not np.any(kept):
             return None
-        matrix = self._matrix(rows, group, reader, kept)
+        matrix = self._values.of_chunk(rows, group, reader, kept)
         at = np.flatnonzero(kept)
         if len(at) < len(time_ns):
             time_ns, matrix = time_ns[at], matrix[at]
@@ -262,111 +244,6 @@ class WideTable:
         at = np.flatnonzero(bad)
         words = (f"{texts[int(row)]!r} is no time that can be read" for row in at)
         self._log.add_many("bad_time", rows.lines(at), words)
-
-    def _matrix(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
-        """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
-        modes = [position for position, value in enumerate(group.values) if self._is_mode(value)] if self._modes else []
-        if not modes:
-            numbers = rows.numbers([value.index for value in group.values])
-        else:
-            numbers = self._with_modes(rows, group, modes, kept)
-            self._refuse_modes(rows, group, numbers.values, modes, kept)
-        plain = {position: value for position, value in enumerate(group.values) if not self._is_mode(value)}
-        self._odd_fields.read(ChunkColumns(rows, plain, numbers, kept, reader))
-        self._refuse_odd_numbers(rows, group, numbers, kept)
-        self._refuse_quality(rows, group, numbers.values, reader, kept)
-        return numbers.values
-
-    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int], kept: NDArray[np.bool_]) -> Numbers:
-        """Columns of modes among the columns of numbers, in the rows that are kept."""
-        plain = [position for position, value in enumerate(group.values) if not self._is_mode(value)]
-        shape = (rows.frame.height, len(group.values))
-        values, missing = np.empty(shape, order="F"), np.zeros(shape, dtype=bool, order="F")
-        if plain:
-            found = rows.numbers([group.values[position].index for position in plain])
-            values[:, plain], missing[:, plain] = found.values, found.missing
-        for position in modes:
-            flags = self._modes_of(rows, group.values[position], np.flatnonzero(kept))
-            values[:, position] = BLANK
-            values[kept, position] = np.where(np.isnan(flags), BLANK, flags)
-        return Numbers(values, missing)
-
-    def _modes_of(self, rows: Rows, value: ValueColumn, at: NDArray[np.int64]) -> FloatArray:
-        return self._tally.modes.of_texts(_texts(rows, value)[at], self._places[value.index].tag, at + rows.first)
-
-    def _refuse_modes(
-        self,
-        rows: Rows,
-        group: TimedColumns,
-        matrix: FloatArray,
-        modes: list[int],
-        kept: NDArray[np.bool_],
-    ) -> None:
-        for position in modes:
-            value, of_mode = group.values[position], matrix[:, position]
-            texts = _texts(rows, value)
-            no_data = np.flatnonzero(~np.isfinite(of_mode) & kept)
-            no_data = no_data[stand_for_no_data(texts[no_data])]
-            unknown = np.flatnonzero((of_mode == UNKNOWN_MODE) & kept)
-            for code, at in {"unknown_mode": unknown, "not_a_number": no_data}.items():
-                self._log.add_many(code, rows.lines(at), (str(texts[int(row)]) for row in at), value.tag)
-
-    def _refuse_odd_numbers(self, rows: Rows, group: TimedColumns, numbers: Numbers, kept: NDArray[np.bool_]) -> None:
-        matrix = numbers.values
-        unfinished = np.flatnonzero(~np.isfinite(matrix).all(axis=0))
-        for position in unfinished:
-            value = group.values[position]
-            if self._is_mode(value):
-                continue
-            at = np.flatnonzero(kept & ~numbers.missing[:, position] & ~np.isfinite(matrix[:, position]))
-            if len(at):
-                self._log.add_many("not_finite", rows.lines(at), (f"{matrix[row, position]}" for row in at), value.tag)
-                matrix[at, position] = np.nan
-        self._refuse_codes(rows, group, matrix)
-
-    def _refuse_codes(self, rows: Rows, group: TimedColumns, matrix: FloatArray) -> None:
-        """Codes for no data, that stand apart from what their column has in these rows and had before."""
-        lowest, highest = np.fmin.reduce(matrix, axis=0), np.fmax.reduce(matrix, axis=0)
-        columns = [value.index for value in group.values]
-        lines = np.arange(rows.first, rows.first + len(matrix))
-        for position in np.flatnonzero(ends_are_codes(lowest, highest)):
-            value = group.values[position]
-            if self._is_mode(value):
-                continue
-            span = Span(self._lowest[value.index], self._highest[value.index])
-            alone = self._places[value.index].signal == "PV"
-            matrix[:, position] = self._tally.no_data.refused(
-                matrix[:, position], lines, value.tag, self._log, span, alone
-            )
-            known = matrix[np.isfinite(matrix[:, position]), position]
-            lowest[position], highest[position] = known.min(initial=np.inf), known.max(initial=-np.inf)
-        self._lowest[columns] = np.fmin(self._lowest[columns], lowest)
-        self._highest[columns] = np.fmax(self._highest[columns], highest)
-
-    def _refuse_quality(
-        self, rows: Rows, group: TimedColumns, matrix: FloatArray, reader: RowReader, kept: NDArray[np.bool_]
-    ) -> None:
-        judged = [
-            (i, value)
-            for i, value in enumerate(group.values)
-            if value.off_line is not None or value.quality is not None
-        ]
-        for column in dict.fromkeys(value.quality for _, value in judged):
-            if column is not None:
-                self._quality.learn(rows.frame[name_of(column)])
-        for position, value in judged:
-            bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
-            if value.off_line is not None:
-                bad = np.nan_to_num(_flags(rows, value.off_line, reader)) != 0
-                code = "off_line"
-            if value.quality is not None:
-                texts = rows.frame[name_of(value.quality)]
-                bad, code = self._quality.bad(texts), "bad_quality"
-                words = "quality is not good"
-            at = np.flatnonzero(bad & kept & np.isfinite(matrix[:, position]))
-            if len(at):
-                self._log.add_many(code, rows.lines(at), (words for _ in at), value.tag)
-                matrix[at, position] = np.nan
 
     def _see_steps(self, number: int, time_ns: TimeArray) -> bool:
         """Whether a group's rows come newest first: those of a single stamp do as the ones before."""
@@ -416,7 +293,7 @@ class WideTable:
         for grid in grids:
             by_columns.setdefault(int(grid.codes[0]), []).append(grid)
         for own in by_columns.values():
-            whole = self._without_late_codes(self._whole(own))
+            whole = self._values.without_late_codes(self._whole(own))
             given, with_blanks = (
                 np.any(cells, axis=1) for cells in (np.isfinite(whole.values), are_blank(whole.values))
             )
@@ -451,34 +328,6 @@ class WideTable:
         self._tally.values_kept -= int(np.count_nonzero(np.isfinite(matrix)) - np.count_nonzero(np.isfinite(once)))
         last = lines[np.append(time_ns[1:] != time_ns[:-1], True)]
         return Grid(grids[0].codes, once_ns, np.ascontiguousarray(once.T), last, grids[0].places)
-
-    def _without_late_codes(self, whole: Grid) -> Grid:
-        """Without codes for no data that were all that their chunks had, and stand apart from what came in others."""
-        ends = np.flatnonzero(ends_are_codes(self._lowest[whole.codes], self._highest[whole.codes]))
-        places = {row: self._places[int(whole.codes[row])] for row in ends.tolist()}
-        places = {row: place for row, place in places.items() if place.signal != "MODE"}
-        if not places:
-            return whole
-        values = whole.values.copy()
-        for row, place in places.items():
-            alone = place.signal == "PV"
-            values[row] = self._tally.no_data.refused(values[row], whole.lines, place.tag, self._log, alone=alone)
-        refused = np.isfinite(whole.values) & ~np.isfinite(values)
-        self._tally.values_kept -= int(np.count_nonzero(refused))
-        return replace(whole, values=values)
-
-
-def _flags(rows: Rows, column: int, reader: RowReader) -> FloatArray:
-    """(n,) numbers, NaN where none stands."""
-    flags = rows.numbers([column])
-    if not flags.missing.any():
-        return flags.values[:, 0]
-    return np.where(flags.missing[:, 0], to_numbers(reader.texts(rows, [column]).to_series(0)), flags.values[:, 0])
-
-
-def _texts(rows: Rows, value: ValueColumn) -> pl.Series:
-    """A column as text; a table may hold times where modes are expected."""
-    return rows.frame[name_of(value.index)].cast(pl.String)
 
 
 def _columns(groups: Iterable[TimedColumns]) -> list[int]:

@@ -15,7 +15,7 @@ from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
 from app.ingest.rejecting import RejectLog
 from app.ingest.remembering import remembered
-from app.ingest.times.stamps import to_numbers
+from app.ingest.times.time_reader import to_numbers
 
 Lines = NDArray[np.integer]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.ingest.model import TimeArray
-from app.ingest.times.stamps import from_utc
+from app.ingest.times.time_reader import from_utc
 from app.nanoseconds import NS_PER_S
 
 HOUR_NS = 3600 * NS_PER_S

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.ingest.model import TimeArray
-from app.ingest.times.stamps import from_utc
+from app.ingest.times.time_reader import from_utc
 from app.nanoseconds import NS_PER_S
 
 _AROUND_S = 3600  # beside the hour, for what its rows go on from

@@ -17,7 +17,8 @@ from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.services.stating.shelving import Shelf, shelf
 from app.storage import verdicts
-from app.storage.verdicts import SORTABLE, After, RowFilter, SentRow, Settled, ToldRow
+from app.storage.asked_rows import SORTABLE, After, RowFilter, comparable
+from app.storage.verdicts import SentRow, Settled, ToldRow
 
 MOST_ROWS = 20_000
 PART_ROWS = 500
@@ -330,7 +331,7 @@ def _place_of(cursor: str | None) -> tuple[str, After] | None:
         return None
     sort, value, tag = values
     name = sort.removeprefix("-")
-    if not verdicts.comparable(THE_SAME.get(name, name), value):
+    if not comparable(THE_SAME.get(name, name), value):
         raise refused(cursor)
     return sort, After(value, tag)
 

@@ -10,7 +10,7 @@ from app.services.backend import Backend
 from app.services.plant.reliability import table
 from app.services.stating.shelving import Shelf
 from app.services.telling.size_wording import equal_digits
-from app.storage.verdicts import RowFilter
+from app.storage.asked_rows import RowFilter
 
 MOST = 1000
 

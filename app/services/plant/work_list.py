@@ -21,7 +21,7 @@ from app.services.telling.naming import named
 from app.services.telling.next_steps import Step
 from app.services.telling.reasons import SINCE
 from app.services.telling.wording import VERDICT_WORDS, brief, codes_of, looked_at_today
-from app.storage.verdicts import RowFilter
+from app.storage.asked_rows import RowFilter
 
 MOST, MOST_TODAY = 10, 5
 LOOKED_AT = 200

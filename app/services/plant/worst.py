@@ -22,7 +22,7 @@ from app.services.plant.reliability import table
 from app.services.plant.stood_together import ALONE, AsOne, as_one
 from app.services.stating.shelving import Shelf, shelf
 from app.storage import plant, verdicts
-from app.storage.verdicts import RowFilter
+from app.storage.asked_rows import RowFilter
 
 Listed = TypeVar("Listed")
 

@@ -31,7 +31,7 @@ from app.services.stating import notes
 from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.asked_wording import asked_words
 from app.services.telling.wording import measured_probability
-from app.storage.verdicts import RowFilter
+from app.storage.asked_rows import RowFilter
 
 NOTES = 20
 NOT_AUDITED = "no loop of the plant has been audited yet"

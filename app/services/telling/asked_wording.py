@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS, cause_words
-from app.storage.verdicts import RowFilter
+from app.storage.asked_rows import RowFilter
 
 WHEN_JUDGED = {**RELIABILITY_BRIEF, "reliable": "reliable when judged"}
 """By which rows are filtered: those of old records, and from before a repair, are among them, and say so."""
