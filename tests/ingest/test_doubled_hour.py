@@ -56,3 +56,25 @@ def test_where_both_passes_are_known_already(read: Read) -> None:
     twice = HOUR_NS * np.array([0, 1, 2, 3, 3, 4, 5])
     assert hours_apart(AT[9] + twice, "Europe/Berlin").tolist() == (AT[9] + twice).tolist()
     assert hours_apart(AT[9] + twice, "UTC").tolist() == (AT[9] + twice).tolist()
+
+
+CAME_TWICE = "an hour of rows came twice: if it is the one that a clock shows twice in autumn"
+
+
+def notes_of_the_hour(read: Read, text: str, zone: str) -> list[str]:
+    content = read(text, options=IngestOptions(time_zone=zone))
+    return [note for note in content.summary.notes if note.startswith(CAME_TWICE)]
+
+
+@pytest.mark.parametrize("layout", [wide, by_time, by_tag])
+@pytest.mark.parametrize("zone", ["UTC", "Asia/Tokyo"])
+def test_where_no_zone_is_named_the_hour_is_told(read: Read, layout: Layout, zone: str) -> None:
+    assert len(notes_of_the_hour(read, layout(ROWS), zone)) == 1
+    assert not notes_of_the_hour(read, layout(ROWS), "Europe/Berlin")
+
+
+@pytest.mark.parametrize("layout", [wide, by_time, by_tag])
+def test_a_row_that_comes_twice_at_noon_is_no_such_hour(read: Read, layout: Layout) -> None:
+    once = [(i, stamp) for i, stamp in ROWS if i != 13]
+    noon = next(at for at, (_, stamp) in enumerate(once) if "25 12:00" in stamp)
+    assert not notes_of_the_hour(read, layout([*once[:noon], (99, once[noon][1]), *once[noon:]]), "UTC")

@@ -11,13 +11,15 @@ from app.ingest.times.stamps import TimeForm
 @dataclass(frozen=True)
 class ValueColumn:
     """A column of values of one tag; `off_line` and `quality` are columns that say whether its values can be used.
-    unit: as a row of units tells it; empty where none does."""
+    may_judge: one that says so if further rows show qualities there. unit: as a row of units tells it; empty where none
+    does."""
 
     index: int
     tag: str
     off_line: int | None = None
     quality: int | None = None
     unit: str = ""
+    may_judge: int | None = None
 
 
 @dataclass(frozen=True)

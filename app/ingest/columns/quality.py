@@ -1,19 +1,19 @@
 """Which column of a wide table says how good which values are: by its name, or by where it stands."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
-from app.ingest.columns.plans import ValueColumn
+from app.ingest.columns.plans import Plan, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.tags.grouping import spelled_out
-from app.ingest.tags.quality import tell_quality_for_sure, tells_quality
+from app.ingest.tags.quality import may_be_quality, tell_quality_for_sure, tells_quality
 
 _WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isvalid|qstatus|qualitaet|qualite|calidad"
 _ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
 _SHORT_ENDING = re.compile(r"(.+?)[_. \-#:/](q|qc|qual|qlty|st|sts|stat)", re.IGNORECASE)
 """Of what may be anything else, too: what stands in the columns tells."""
-_MOST_QUALITIES = 8
+MOST_QUALITIES = 8
 _VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
 
 
@@ -27,7 +27,7 @@ def with_quality(
     """Values beside what judges them. `FIC101.PV_Quality`, `FIC101.PV Status` and `X.Quality` with `X.Value` name it;
     a column called Quality or Status alone, if it holds qualities, judges the columns left of it up to the one before,
     or all where nothing is left of it."""
-    judged = _by_name(head, names, first_row, values)
+    judged, late = _by_name(head, names, first_row, values)
     used = set(judged.values())
     general = [
         index
@@ -36,25 +36,61 @@ def with_quality(
     ]
     rest = [value for value in values if value.index not in used]
     return tuple(
-        replace(value, quality=judged.get(value.index, _right_of(value.index, general, rest))) for value in rest
+        replace(
+            value,
+            quality=judged.get(value.index, _right_of(value.index, general, rest)),
+            may_judge=late.get(value.index),
+        )
+        for value in rest
     )
+
+
+def judged_by(plan: Plan, judging: Collection[int]) -> Plan:
+    """The plan with those of the columns that may judge values as ones that do."""
+    if not judging or not isinstance(plan, WidePlan):
+        return plan
+
+    def judged(value: ValueColumn) -> ValueColumn:
+        return replace(value, quality=value.may_judge, may_judge=None) if value.may_judge in judging else value
+
+    groups = (
+        replace(group, values=tuple(judged(value) for value in group.values if value.index not in judging))
+        for group in plan.groups
+    )
+    return replace(plan, groups=tuple(groups))
+
+
+def may_be_qualities(fields: list[str]) -> bool:
+    """Whether fields are none, or so few different words and numbers as a quality has: others may yet tell."""
+    return len(set(fields)) <= MOST_QUALITIES and all(map(may_be_quality, set(fields)))
 
 
 def _are_qualities(fields: list[str]) -> bool:
     """Whether a column holds them for sure, and so few different ones as a tag has."""
-    return len(set(fields)) <= _MOST_QUALITIES and tell_quality_for_sure(fields)
+    return len(set(fields)) <= MOST_QUALITIES and tell_quality_for_sure(fields)
 
 
-def _by_name(head: Head, names: tuple[str, ...], first_row: int, values: tuple[ValueColumn, ...]) -> dict[int, int]:
+def _by_name(
+    head: Head, names: tuple[str, ...], first_row: int, values: tuple[ValueColumn, ...]
+) -> tuple[dict[int, int], dict[int, int]]:
+    """By column of values, the one that judges it, and the one that may if further rows show qualities there."""
     judging: dict[str, int] = {}
+    late: dict[str, int] = {}
     for index, name in enumerate(names):
         found = _ENDING.fullmatch(spelled_out(name)) or _SHORT_ENDING.fullmatch(name)
-        if found and (found.re is _ENDING or _are_qualities(head.column(index, first_row))):
+        if found is None:
+            continue
+        fields = head.column(index, first_row)
+        if found.re is _ENDING or _are_qualities(fields):
             judging.setdefault(found[1].casefold(), index)
-    if not judging:
-        return {}
+        elif may_be_qualities(fields):
+            late.setdefault(found[1].casefold(), index)
+    return _judged(values, judging), _judged(values, late)
+
+
+def _judged(values: tuple[ValueColumn, ...], judging: Mapping[str, int]) -> dict[int, int]:
     judged: dict[int, int] = {}
-    for value in values:
+    for value in values if judging else ():
         without_value = _VALUE.fullmatch(value.tag)
         for name in (value.tag, without_value[1] if without_value else value.tag):
             at = judging.get(spelled_out(name).casefold(), value.index)

@@ -12,6 +12,7 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.align import stretches
 from app.ingest.columns.plans import Plan, WidePlan
+from app.ingest.columns.quality import judged_by
 from app.ingest.exports.mixing import refuse_mixed
 from app.ingest.exports.notes import NotesOfRows, mapping_notes
 from app.ingest.exports.preparing import prepared
@@ -136,7 +137,9 @@ class TableExport(Export):
         self._tally = tally
         self._log = RejectLog(self._options.max_rejects)
         self._grouping = Grouping(head.stem, self._mapping)
-        self._plan: Plan = prepared(self._source.plan, self._grouping, head, self._options, self._log)
+        self._plan: Plan = prepared(
+            judged_by(self._source.plan, tally.judging), self._grouping, head, self._options, self._log
+        )
 
     def _writing(self) -> Writing:
         head = self._source.head
@@ -192,7 +195,8 @@ class TableExport(Export):
             table.tell(self._reader(table, RejectLog(0)), evidence)
             writing.learn_once(evidence)
         writing.units = UnitsOfTags(read.units.of_most())
-        return Tally(writing=writing, quality=self._tally.quality.settled(), again=True)
+        late = table.late_qualities() if isinstance(table, WideTable) else frozenset()
+        return Tally(writing=writing, quality=self._tally.quality.settled(), again=True, judging=late)
 
     def _refuse_mixed(self) -> None:
         lines = self._tally.contradictions.lines_to_ask()

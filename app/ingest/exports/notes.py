@@ -14,6 +14,7 @@ from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import TagMapping
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.settling import told
+from app.ingest.times.doubled_hour import are_put_back
 from app.ingest.times.read_once import puts_clocks_back
 from app.ingest.times.wall_clock import may_come_twice
 from app.nanoseconds import NS_PER_S
@@ -135,7 +136,8 @@ class NotesOfRows:
         """Where a clock may have been put back in a zone that nobody named: in that one none is."""
         form, tally, zone = self.plan.form, self.tally, self.options.time_zone
         first, last = tally.first_time_ns, tally.last_time_ns
-        local = form.kind in ("text", "serial") and not form.zone_in_file and tally.backward
+        twice = tally.backward or are_put_back(tally.repeated_ns, zone)
+        local = form.kind in ("text", "serial") and not form.zone_in_file and twice
         if not local or first is None or last is None or puts_clocks_back(zone, first, last):
             return []
         if not may_come_twice(first, last, tally.rows_read, tally.repeats):

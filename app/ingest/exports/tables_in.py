@@ -53,6 +53,10 @@ class TableReader:
     def most_columns(self) -> int | None:
         return MOST_COLUMNS if self._table.apart else None
 
+    def of_text(self, columns: Sequence[int]) -> frozenset[int]:
+        kinds = self._table.part(0, 1, columns).dtypes
+        return frozenset(index for index, kind in zip(columns, kinds, strict=True) if kind == pl.String)
+
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
         """All rows from the given one (counted from 0, names included) on."""
         wanted = sorted(self._types if columns is None else self._types.keys() & set(columns))

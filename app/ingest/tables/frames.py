@@ -178,6 +178,10 @@ class RowReader(Protocol):
         """How many columns `rows` should be asked for at once, where it can give some without the others."""
         ...
 
+    def of_text(self, columns: Sequence[int]) -> frozenset[int]:
+        """Those of the columns that are text in the file."""
+        ...
+
     def scanning(self, plan: LongPlan) -> Scanner | None:
         """Has plain rows read by a scanner from now on; None where they are not text."""
         ...
@@ -217,6 +221,9 @@ class FrameReader:
         self._scanner: Scanner | None = None
         self._compiled = False  # what is compiled pays, from the first large chunk on
         self._told_to = 0  # the last line whose fault was told: rows may be read once more
+
+    def of_text(self, columns: Sequence[int]) -> frozenset[int]:
+        return frozenset(columns)
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
         self._scanner = Scanner(plan, self._dialect.delimiter, self._dialect.decimal_mark, self._dialect.marks_doubtful)

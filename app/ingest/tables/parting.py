@@ -116,7 +116,7 @@ class BlocksByTag:
         if place.signal != "MODE":
             self._tally.contradictions.look(time_ns, values[:, None], lines)
         once_ns, matrix = last_of_repeats(time_ns, values[:, None], lines, [place.tag], self._log)
-        self._tally.repeats += len(time_ns) - len(once_ns)
+        self._tally.saw_repeats(time_ns)
         self._tally.turns.saw(once_ns, self._zone, of_tag=True)
         return self._signal(place, once_ns, matrix[:, 0])
 

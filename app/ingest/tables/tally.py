@@ -11,6 +11,8 @@ from app.ingest.tags.modes import ModesMet
 from app.ingest.tags.quality import Quality
 from app.ingest.times.read_once import TurnsMet
 
+MOST_REPEATED = 100  # times that came twice, which are held
+
 
 class UnsettledError(Exception):
     """Rows were read otherwise than all of them together tell; none of them was given away yet."""
@@ -24,6 +26,8 @@ class Tally:
     comment, `repeats` those whose time their tags had already; `wordy` are columns of words
     that are no signals; `units` those of tags, by a column of units; `lacks_half`: hours go to 12 and begin again, and
     nothing tells AM from PM; `without_date` counts rows with a clock alone, which have the date of one above;
+    `judging`: columns that all rows tell to be qualities, though the first ones do not;
+    `repeated_ns`: some of the times that came twice;
     `in_other_order` counts dates that fit with day and month exchanged alone; `again`: what all rows tell is known from
     an earlier reading."""
 
@@ -35,6 +39,7 @@ class Tally:
     spread: bool = False
     comments: int = 0
     repeats: int = 0
+    repeated_ns: set[int] = field(default_factory=set)
     wordy: list[str] = field(default_factory=list)
     units: dict[str, str] = field(default_factory=dict)
     lacks_half: bool = False
@@ -50,6 +55,7 @@ class Tally:
     turns: TurnsMet = field(default_factory=TurnsMet)
 
     again: bool = False
+    judging: frozenset[int] = frozenset()
 
     def check_settled(self, kinds: Mapping[str, int], beside: bool = True) -> None:
         """When all rows were read. Raises UnsettledError where they would be read otherwise now. kinds: of the fields
@@ -59,6 +65,12 @@ class Tally:
         if not self.again and not (beside and numbers and self.quality.is_settled):
             raise UnsettledError
         self.writing.settle()
+
+    def saw_repeats(self, time_ns: TimeArray) -> None:
+        """`time_ns` is in order; of some rows or of those of a tag."""
+        repeated = time_ns[1:][time_ns[1:] == time_ns[:-1]]
+        self.repeats += len(repeated)
+        self.repeated_ns.update(repeated[: MOST_REPEATED - len(self.repeated_ns)].tolist())
 
     def saw_times(self, time_ns: TimeArray) -> None:
         """`time_ns` is in order, and not empty."""

@@ -22,7 +22,7 @@ from app.ingest.tables.kinds_seen import KindsSeen
 from app.ingest.tables.pieces import Grid, joined_grid
 from app.ingest.tables.spilling import NumberOfLoop, Spill
 from app.ingest.tables.spreading import Spreader
-from app.ingest.tables.tally import Tally
+from app.ingest.tables.tally import Tally, UnsettledError
 from app.ingest.tables.wide_chunk import Chunk, WholeStamps
 from app.ingest.tables.wide_values import WideValues
 from app.ingest.tags.grouping import AUDITED
@@ -49,7 +49,8 @@ class WideTable:
         self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
-        self._values = WideValues(self._places, log, tally)
+        judging = {v.may_judge for group in plan.groups for v in group.values if v.may_judge is not None}
+        self._values = WideValues(self._places, () if tally.again else judging, log, tally)
         self._group_of = {value.index: number for number, group in enumerate(plan.groups) for value in group.values}
         self._kinds = KindsSeen()
         self._first_columns = {group.values[0].index for group in plan.groups if group.values}
@@ -74,6 +75,8 @@ class WideTable:
     def batches(self, reader: RowReader) -> Iterator[list[SignalBlock]]:
         """Blocks, with all that the file holds of a loop in one batch."""
         passes = list(self._passes(reader))
+        if len(passes) > 1 and not self._tally.again:
+            self._look_ahead(reader, passes)
         for number, groups in enumerate(passes):
             yield from self._one_pass(reader, groups, first=number == 0, alone=len(passes) == 1)
         self._tally.wordy += self._values.wordy()
@@ -93,6 +96,30 @@ class WideTable:
                 replace(group, values=tuple(v for v in group.values if self._places[v.index].loop in own))
                 for group in self._plan.groups
             ]
+
+    def _look_ahead(self, reader: RowReader, passes: list[list[TimedColumns]]) -> None:
+        """Of several passes the first ones give blocks away before the others are read: columns that may be read
+        otherwise once all rows are known are read ahead. Raises UnsettledError where there are any."""
+        doubtful = [list(self._in_doubt(reader, groups)) for groups in passes]
+        doubtful = [groups for groups in doubtful if any(group.values for group in groups)]
+        for groups in doubtful:
+            for _ in self._chunks(reader, groups, first=False):
+                pass
+        if doubtful:
+            self._values.late_qualities.teach(self._tally.quality)
+            raise UnsettledError
+
+    def _in_doubt(self, reader: RowReader, groups: list[TimedColumns]) -> Iterator[TimedColumns]:
+        """The groups with the columns of text, of values that are judged, and of what may judge others."""
+        judging = {v.may_judge for group in self._plan.groups for v in group.values}
+        for group in groups:
+            texts = reader.of_text([value.index for value in group.values])
+            asked = (v for v in group.values if v.index in texts or v.quality is not None or v.index in judging)
+            yield replace(group, values=tuple(asked))
+
+    def late_qualities(self) -> frozenset[int]:
+        """Columns that all rows tell to be qualities, though the first ones do not."""
+        return self._values.late_qualities.found()
 
     def tell(self, reader: RowReader, evidence: Evidence) -> None:
         """What all rows tell of how the numbers of its tags are written."""
@@ -130,7 +157,8 @@ class WideTable:
                     spill = spill or Spill(self._options.spill_folder, self._options.buffered_values)
                     self._put_aside(spill, held)
             if alone:
-                self._tally.check_settled(self.kinds())
+                self._values.late_qualities.teach(self._tally.quality)
+                self._tally.check_settled(self.kinds(), not self.late_qualities())
             self._tally.modes.settle(self._log)
             if spill is None:
                 yield list(self._blocks(chain.from_iterable(held)))
@@ -274,7 +302,7 @@ class WideTable:
         self._tally.contradictions.rows += len(steady)
         self._tally.contradictions.look(steady, matrix, lines, audited)
         once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
-        self._tally.repeats += len(steady) - len(once_ns)
+        self._tally.saw_repeats(steady)
         self._tally.saw_times(once_ns)
         self._tally.turns.saw(once_ns, zone)
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
@@ -324,7 +352,7 @@ class WideTable:
         tags = [self._places[column].tag for column in columns]
         once_ns, once = last_of_repeats(time_ns, matrix, lines, tags, self._log)
         if columns[0] in self._first_columns:
-            self._tally.repeats += len(time_ns) - len(once_ns)
+            self._tally.saw_repeats(time_ns)
         self._tally.values_kept -= int(np.count_nonzero(np.isfinite(matrix)) - np.count_nonzero(np.isfinite(once)))
         last = lines[np.append(time_ns[1:] != time_ns[:-1], True)]
         return Grid(grids[0].codes, once_ns, np.ascontiguousarray(once.T), last, grids[0].places)

@@ -1,6 +1,6 @@
 """The values of a wide table: what of its cells are numbers, modes, codes for no data, or refused by their quality."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from app.ingest.numbers.no_data import Span, ends_are_codes
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import BLANK
 from app.ingest.tables.frames import Numbers, RowReader, Rows
+from app.ingest.tables.late_qualities import LateQualities
 from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid
 from app.ingest.tables.tally import Tally
@@ -23,10 +24,11 @@ from app.ingest.times.time_reader import to_numbers
 
 
 class WideValues:
-    """`places`: of the tags of columns of values."""
+    """`places`: of the tags of columns of values; judging: columns of them that may yet say how good others are."""
 
-    def __init__(self, places: Mapping[int, Place], log: RejectLog, tally: Tally) -> None:
+    def __init__(self, places: Mapping[int, Place], judging: Collection[int], log: RejectLog, tally: Tally) -> None:
         self._places, self._log, self._tally = places, log, tally
+        self.late_qualities = LateQualities(judging)
         self._wordy = WordyColumns([place.tag for place in places.values() if place.signal == "OTHER"], log)
         self._odd_fields = OddFields(tally.writing, self._wordy, self._largest)
         self._modes = frozenset(index for index, place in places.items() if place.signal == "MODE")
@@ -45,7 +47,9 @@ class WideValues:
             numbers = self._with_modes(rows, group, modes, kept)
             self._refuse_modes(rows, group, numbers.values, modes, kept)
         plain = {position: value for position, value in enumerate(group.values) if not self.is_mode(value)}
-        self._odd_fields.read(ChunkColumns(rows, plain, numbers, kept, reader))
+        chunk = ChunkColumns(rows, plain, numbers, kept, reader)
+        self._odd_fields.read(chunk)
+        self.late_qualities.see(chunk)
         self._refuse_odd_numbers(rows, group, numbers, kept)
         self._refuse_quality(rows, group, numbers.values, reader, kept)
         return numbers.values

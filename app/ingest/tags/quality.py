@@ -212,6 +212,12 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
     return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
 
 
+def may_be_quality(field: str) -> bool:
+    """Whether a field is a word of qualities or a number that OPC has for one."""
+    number = _number(field)
+    return _is_of_opc(number) if number is not None else tell_quality_for_sure([field])
+
+
 def _is_of_opc(number: float) -> bool:
     """Good, uncertain or bad, with why, and at which limit."""
     return number == int(number) and 0 <= number < _BEHIND_OPC and int(number) & 0xC0 != 0x80

@@ -1,5 +1,8 @@
 """Hourly samples over the hour that comes twice in autumn: two rows of one stamp, which no step back tells apart."""
 
+from collections.abc import Collection
+from datetime import UTC, datetime
+
 import numpy as np
 
 from app.ingest.model import TimeArray
@@ -7,6 +10,26 @@ from app.ingest.times.time_reader import from_utc
 from app.nanoseconds import NS_PER_S
 
 HOUR_NS = 3600 * NS_PER_S
+_LAST_HOUR = 3  # of the night, in which clocks are put back
+
+
+_MONTHS = (3, 4, 9, 10, 11)
+_LATE_SATURDAY, _SUNDAY = 5, 6
+
+
+def are_put_back(times_ns: Collection[int], zone: str) -> bool:
+    """Whether times (ns since 1970 UTC) that came twice, one after the other, are hours at which clocks are put back
+    somewhere: in the night to a Sunday in spring or autumn, whatever the zone of these is."""
+    local = from_utc(np.array(sorted(times_ns), dtype=np.int64), zone)
+    return bool(times_ns) and all(map(_is_of_a_turn, local.tolist()))
+
+
+def _is_of_a_turn(local_ns: int) -> bool:
+    at = datetime.fromtimestamp(local_ns // NS_PER_S, UTC)
+    in_the_night = at.hour <= _LAST_HOUR if at.weekday() == _SUNDAY else at.hour == 23
+    return (
+        local_ns % HOUR_NS == 0 and at.month in _MONTHS and at.weekday() in (_LATE_SATURDAY, _SUNDAY) and in_the_night
+    )
 
 
 def hours_apart(time_ns: TimeArray, zone: str) -> TimeArray:

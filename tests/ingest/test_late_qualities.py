@@ -1,0 +1,127 @@
+"""Columns such as `FIC1.PV_ST` that hold qualities below the first rows alone, and quality numbers that later rows tell
+in tables that are read some columns at a time."""
+
+from io import BytesIO
+
+import numpy as np
+import polars as pl
+import pytest
+
+from app.ingest import IngestOptions
+from app.ingest.exports import tables_in
+
+from .conftest import Content, Read
+
+ROWS, FIRST = 1200, 500
+STAMPS = [f"2026-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(ROWS)]
+BAD = list(range(FIRST, ROWS, 10))
+
+
+def wide(first: str, good: str, bad: str, ending: str = "_ST") -> str:
+    """Nothing but `first` stands in the first rows; below them every tenth value is bad."""
+    status = [first if i < FIRST else bad if i % 10 == 0 else good for i in range(ROWS)]
+    rows = (f"{stamp},{50 + i % 7}.5,{status[i]},{40 + i % 5}.5\n" for i, stamp in enumerate(STAMPS))
+    return f"Time,FIC1.PV,FIC1.PV{ending},FIC1.OP\n" + "".join(rows)
+
+
+def refused(content: Content) -> list[int]:
+    return np.flatnonzero(np.isnan(content.loops["FIC1"].pv)).tolist()
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 4000])
+@pytest.mark.parametrize("ending", ["_ST", ".Q", " Stat"])
+@pytest.mark.parametrize(
+    ("first", "good", "bad"),
+    [
+        ("", "Good", "Bad"),
+        ("", "", "I/O Timeout"),
+        ("", "Good", "No Data"),
+        ("", "192", "0"),
+        ("0", "Good", "Bad"),
+        ("", "G", "B"),
+    ],
+)
+def test_qualities_that_come_late_judge_all_values(
+    read: Read, ending: str, first: str, good: str, bad: str, chunk_bytes: int
+) -> None:
+    content = read(wide(first, good, bad, ending), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert refused(content) == BAD
+    assert dict(content.rejects.counts) == {"bad_quality": len(BAD)}
+    assert set(content.loops) == {"FIC1"}
+    assert not content.loops["FIC1"].others
+
+
+@pytest.mark.parametrize(
+    ("first", "good", "bad"), [("", "Running", "Stopped"), ("0", "0", "1"), ("", "2", "3"), ("", "Running", "Fault")]
+)
+def test_states_and_counts_judge_nothing(read: Read, first: str, good: str, bad: str) -> None:
+    content = read(wide(first, good, bad))
+    assert refused(content) == []
+    assert "bad_quality" not in content.rejects.counts
+
+
+def test_what_moves_judges_nothing(read: Read) -> None:
+    rows = (f"{stamp},50.{i % 7},{i / 10 if i > FIRST else ''},40.5\n" for i, stamp in enumerate(STAMPS))
+    content = read("Time,FIC1.PV,FIC1.PV_Q,FIC1.OP\n" + "".join(rows))
+    assert refused(content) == []
+    assert np.nanmax(content.loops["FIC1.PV_Q"].others["FIC1.PV_Q"]) == (ROWS - 1) / 10
+
+
+def parquet(columns: dict[str, list[object]]) -> bytes:
+    stream = BytesIO()
+    pl.DataFrame(columns).write_parquet(stream)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("most_columns", [1000, 2])
+@pytest.mark.parametrize("kind", ["numbers", "texts"])
+def test_quality_numbers_of_a_table_in_several_passes_are_judged_by_all_rows(
+    read: Read, monkeypatch: pytest.MonkeyPatch, most_columns: int, kind: str
+) -> None:
+    """0 is the only number of the first chunk; 192 tells that it is a bad one."""
+    monkeypatch.setattr(tables_in, "MOST_COLUMNS", most_columns)
+    monkeypatch.setattr(tables_in, "CELLS_A_CHUNK", 1)  # the least rows a chunk has are 1,000
+    quality = [0] * 1000 + [192] * 200
+    columns: dict[str, list[object]] = {"Time": list(STAMPS)}
+    for loop in ("FIC1", "FIC2", "FIC3"):
+        columns |= {f"{loop}.PV": [50.5 + i % 7 for i in range(ROWS)], f"{loop}.OP": [40.5] * ROWS}
+        columns[f"{loop}.PV_Quality"] = quality if kind == "numbers" else [str(one) for one in quality]
+    content = read(parquet(columns), name="export.parquet")
+    assert set(content.loops) == {"FIC1", "FIC2", "FIC3"}
+    for loop in content.loops.values():
+        assert np.flatnonzero(np.isnan(loop.pv)).tolist() == list(range(1000))
+    assert content.rejects.counts == {"bad_quality": 3000}
+    assert content.summary.rows_read == content.summary.rows_kept == ROWS
+
+
+@pytest.mark.parametrize("most_columns", [1000, 2])
+def test_marks_of_a_table_in_several_passes_are_read_as_all_rows_tell(
+    read: Read, monkeypatch: pytest.MonkeyPatch, most_columns: int
+) -> None:
+    """What may be decimals in the first chunk of the first columns has thousands, as the last ones tell below."""
+    monkeypatch.setattr(tables_in, "MOST_COLUMNS", most_columns)
+    monkeypatch.setattr(tables_in, "CELLS_A_CHUNK", 1)
+    columns: dict[str, list[object]] = {"Time": list(STAMPS)}
+    for loop in ("FIC1", "FIC2"):
+        columns[f"{loop}.PV"] = [f"1,{100 + i % 800}" for i in range(ROWS)]
+        columns[f"{loop}.OP"] = ["40"] * ROWS
+    columns["FIC3.PV"] = ["7"] * 1100 + [f"1,234,{567 + i % 3}" for i in range(100)]
+    columns["FIC3.OP"] = ["40"] * ROWS
+    content = read(parquet(columns), name="export.parquet")
+    for loop in ("FIC1", "FIC2"):
+        np.testing.assert_allclose(content.loops[loop].pv, [1100 + i % 800 for i in range(ROWS)])
+
+
+@pytest.mark.parametrize("most_columns", [1000, 2])
+def test_late_qualities_of_a_table_in_several_passes(
+    read: Read, monkeypatch: pytest.MonkeyPatch, most_columns: int
+) -> None:
+    monkeypatch.setattr(tables_in, "MOST_COLUMNS", most_columns)
+    status = ["" if i < FIRST else "Bad" if i % 10 == 0 else "Good" for i in range(ROWS)]
+    columns: dict[str, list[object]] = {"Time": list(STAMPS)}
+    for loop in ("FIC1", "FIC2"):
+        columns |= {f"{loop}.PV": [50.5 + i % 7 for i in range(ROWS)], f"{loop}.OP": [40.5] * ROWS}
+        columns[f"{loop}.PV_ST"] = list(status)
+    content = read(parquet(columns), name="export.parquet")
+    assert refused(content) == BAD
+    assert content.rejects.counts == {"bad_quality": 2 * len(BAD)}
