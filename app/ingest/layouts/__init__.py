@@ -11,6 +11,7 @@ from app.errors import DataError
 from app.ingest.columns.dates_alone import refuse_dates_alone
 from app.ingest.columns.fractions import with_fraction
 from app.ingest.columns.further_down import tells_more
+from app.ingest.columns.further_groups import refuse_further_groups
 from app.ingest.columns.headings import heading_notes, units_in
 from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES
@@ -76,6 +77,7 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
     plan = with_fraction(with_ends(plan, head), head, options)
     if isinstance(plan, LongPlan):
         plan = with_flags(with_unit_column(with_state_column(plan, head), head), head)
+        refuse_further_groups(plan, head)
         plan = with_columns_left(plan, head)
     notes = (*_notes_of_further_times(plan), *plan.notes, *heading_notes(head, plan.heading))
     return replace(_with_units(plan, head), notes=notes)
