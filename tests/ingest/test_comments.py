@@ -37,3 +37,14 @@ def test_a_tag_that_looked_like_a_comment_keeps_its_rows_when_the_first_parts_ar
     assert sorted(found.loops) == ["FIC2", "[PLC1]FIC1"]
     assert [samples.samples for _, samples in sorted(found.loops.items())] == [305, 300]
     assert found.loops["[PLC1]FIC1"].pv.tolist() == list(range(300))
+
+
+@pytest.mark.parametrize("names", ["Time,FIC1.PV,FIC1.OP", "Time,Tag,Value"])
+def test_times_that_a_spreadsheet_could_not_show_are_refused_and_no_comments(read: Read, names: str) -> None:
+    stamps = [f"2026-03-01 00:{k // 60:02d}:{k % 60:02d}" if k % 9 else "#########" for k in range(1, 600)]
+    rows = (
+        f"{at},FIC1.PV,5{k % 7}.1" if "Tag" in names else f"{at},5{k % 7}.1,4{k % 5}.1" for k, at in enumerate(stamps)
+    )
+    content = read("\n".join((names, *rows, "")))
+    assert content.loops["FIC1"].samples == 599 - 66
+    assert content.rejects.counts["bad_time"] == 66

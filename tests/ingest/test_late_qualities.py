@@ -125,3 +125,42 @@ def test_late_qualities_of_a_table_in_several_passes(
     content = read(parquet(columns), name="export.parquet")
     assert refused(content) == BAD
     assert content.rejects.counts == {"bad_quality": 2 * len(BAD)}
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("Q", "192", "0"),
+        ("Q", "Good", "Bad"),
+        ("ST", "G", "B"),
+        ("FIC1.PV Conf", "100", "0"),
+        ("FIC1.PV.CONF", "100.0", "50"),
+    ],
+)
+def test_short_names_of_qualities_beside_a_value(read: Read, name: str, good: str, bad: str) -> None:
+    rows = (f"{stamp},{50 + i % 7}.5,{good if i % 10 else bad},40.5\n" for i, stamp in enumerate(STAMPS))
+    content = read(f"Time,FIC1.PV,{name},FIC1.OP\n" + "".join(rows))
+    assert refused(content) == list(range(0, ROWS, 10))
+    assert set(content.loops) == {"FIC1"}
+
+
+@pytest.mark.parametrize(("name", "values"), [("FIC1.PV.CONF", ("3", "4")), ("Q", ("3.5", "4.5"))])
+def test_short_names_of_something_else(read: Read, name: str, values: tuple[str, str]) -> None:
+    rows = (f"{stamp},{50 + i % 7}.5,{values[i % 2]},40.5\n" for i, stamp in enumerate(STAMPS))
+    content = read(f"Time,FIC1.PV,{name},FIC1.OP\n" + "".join(rows))
+    assert refused(content) == []
+
+
+@pytest.mark.parametrize(("values", "told"), [(("0", "2"), True), (("Running", "Stopped"), False), (("0", "0"), False)])
+def test_what_may_be_qualities_and_judges_nothing_is_told(read: Read, values: tuple[str, str], told: bool) -> None:
+    rows = (f"{stamp},{50 + i % 7}.5,{values[i % 9 == 0]},40.5\n" for i, stamp in enumerate(STAMPS))
+    content = read("Time,FIC1.PV,FIC1.PV_ST,FIC1.OP\n" + "".join(rows))
+    assert refused(content) == []
+    notes = [note for note in content.summary.notes if note.startswith("columns are called as qualities of values")]
+    assert len(notes) == told
+    assert all(note.endswith("refused by them: FIC1.PV_ST") for note in notes)
+
+
+def test_a_column_of_qualities_alone_is_what_the_file_has(read: Read) -> None:
+    content = read("Time,Q\n" + "".join(f"{stamp},192\n" for stamp in STAMPS))
+    assert np.nanmax(content.loops["Q"].others["Q"]) == 192

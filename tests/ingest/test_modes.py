@@ -261,3 +261,10 @@ def test_switches_of_automatic_and_of_manual(read: Read, word: str, texts: tuple
 def test_a_current_is_no_mode(read: Read, tag: str) -> None:
     rows = "".join(f"2024-01-31 06:00:{k:02d},{k},{k + 40},{k % 9 + 4}\n" for k in range(60))
     assert read(f"Time,FIC101.PV,FIC101.OP,{tag}\n{rows}").loops["FIC101"].automatic is None
+
+
+def test_the_switch_of_a_controller_of_pcs_7_is_its_mode(read: Read) -> None:
+    rows = (f"2026-03-01 00:00:{k:02d},5{k % 7}.5,4{k % 5}.5,{k // 30}" for k in range(60))
+    names = "Time,FIC1/PID.PV_IN,FIC1/PID.LMN,FIC1/PID.QMAN_AUT"
+    loop = read("\n".join((names, *rows, ""))).loops["FIC1/PID"]
+    assert loop.automatic.tolist() == [0.0] * 30 + [1.0] * 30

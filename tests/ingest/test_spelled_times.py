@@ -300,3 +300,27 @@ def test_a_day_with_a_comma_before_a_value_with_one(read: Read, day: str) -> Non
     content = read("Time;FIC1.PV\n" + "\n".join(rows))
     assert content.loops["FIC1"].pv is not None
     assert content.loops["FIC1"].pv[:2].tolist() == [400.5, 401.5]
+
+
+@pytest.mark.parametrize(
+    "form", ["{day} {clock} {half}", "{day} {clock}{half}", "{day} {half} {clock}", "{day} {half}{clock}"]
+)
+@pytest.mark.parametrize("halves", ["上午 下午", "오전 오후"])
+def test_halves_of_the_day_in_chinese_and_korean(read: Read, form: str, halves: str) -> None:
+    at = [9 * 60 + k for k in range(300)]
+    stamps = (
+        form.format(day="2024/3/13", clock=f"{(m // 60 - 1) % 12 + 1}:{m % 60:02d}:00", half=halves.split()[m >= 720])
+        for m in at
+    )
+    content = read(
+        "Time,FIC1.PV,FIC1.OP\n" + "".join(f"{stamp},5{k % 7}.5,4{k % 5}.5\n" for k, stamp in enumerate(stamps))
+    )
+    start = np.datetime64("2024-03-13T09:00", "ns").astype(np.int64)
+    assert content.loops["FIC1"].time_ns.tolist() == [start + k * 60 * 10**9 for k in range(300)]
+
+
+def test_halves_of_the_day_in_greek(read: Read) -> None:
+    rows = (f"13/03/2024 {k // 60 + 1:02d}:{k % 60:02d}:00 μμ,5{k % 7}.5,4{k % 5}.5\n" for k in range(300))
+    content = read("Time,FIC1.PV,FIC1.OP\n" + "".join(rows))
+    assert content.loops["FIC1"].time_ns[0] == np.datetime64("2024-03-13T13:00", "ns").astype(np.int64)
+    assert content.loops["FIC1"].samples == 300

@@ -369,3 +369,12 @@ def test_one_odd_number_of_many_tells_nothing_where_commas_part_fields(read: Rea
     content = same_content(read, wide([*texts[:700], f'"{odd}"', *texts[701:]], ["40"], ",", count=1000), SIZES)
     assert np.delete(content.loops["FIC1"].pv, 700).tolist() == np.delete(good, 700).tolist()
     assert content.rejects.total <= 1
+
+
+@pytest.mark.parametrize(("day", "pv"), [("01.03.2026", 50.1), ("2026-03-01", 50_100.0), ("03/01/2026", 50_100.0)])
+def test_dates_with_points_tell_decimal_commas_where_commas_part_fields(read: Read, day: str, pv: float) -> None:
+    """Nobody who writes 13.03.2026 parts thousands by commas."""
+    rows = (f'"{day} 00:{k:02d}:00","50,{100 + k}","40,{200 + k}"' for k in range(60))
+    content = read("\n".join(("Time,FIC1.PV,FIC1.OP", *rows, "")))
+    assert content.loops["FIC1"].pv[0] == pv
+    assert DOUBT + f"read as {'decimals' if pv < 100 else 'thousands'}: FIC1.PV, FIC1.OP" in content.summary.notes

@@ -11,9 +11,14 @@ from app.ingest.tags.quality import may_be_quality, tell_quality_for_sure, tells
 
 _WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isvalid|qstatus|qualitaet|qualite|calidad"
 _ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
-_SHORT_ENDING = re.compile(r"(.+?)[_. \-#:/](q|qc|qual|qlty|st|sts|stat)", re.IGNORECASE)
+_SHORT = "q|qc|qual|qlty|st|sts|stat"
+_SHORT_ENDING = re.compile(rf"(.+?)[_. \-#:/]({_SHORT})", re.IGNORECASE)
+_SHORT_NAME = re.compile(_SHORT, re.IGNORECASE)
 """Of what may be anything else, too: what stands in the columns tells."""
+_PERCENT = re.compile(r"\d{1,3}(\.0*)?")
 MOST_QUALITIES = 8
+_CONFIDENCE = re.compile(r"(.+?)[_. \-#:/](conf)", re.IGNORECASE)
+"""Of PHD, in percent."""
 _VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
 
 
@@ -30,11 +35,9 @@ def with_quality(
     judged, late = _by_name(head, names, first_row, values)
     used = set(judged.values())
     general = [
-        index
-        for index, name in enumerate(names)
-        if name and is_general(name) and tells_quality(head.column(index, first_row))
+        index for index, name in enumerate(names) if _is_general(name, head.column(index, first_row), is_general)
     ]
-    rest = [value for value in values if value.index not in used]
+    rest = [value for value in values if value.index not in used.union(general)] or [*values]
     return tuple(
         replace(
             value,
@@ -43,6 +46,13 @@ def with_quality(
         )
         for value in rest
     )
+
+
+def _is_general(name: str, fields: list[str], is_general: Callable[[str], bool]) -> bool:
+    """Whether a column that names no value holds qualities: under a short name for sure."""
+    if name and is_general(name):
+        return tells_quality(fields)
+    return _SHORT_NAME.fullmatch(name) is not None and _are_qualities(fields)
 
 
 def judged_by(plan: Plan, judging: Collection[int]) -> Plan:
@@ -70,6 +80,16 @@ def _are_qualities(fields: list[str]) -> bool:
     return len(set(fields)) <= MOST_QUALITIES and tell_quality_for_sure(fields)
 
 
+def _are_confidences(fields: list[str]) -> bool:
+    """Whether a column holds percentages, most of them 100."""
+    numbers = [float(field) if _PERCENT.fullmatch(field) else -1.0 for field in fields]
+    return all(0 <= number <= 100 for number in numbers) and 2 * numbers.count(100.0) > len(numbers)
+
+
+def _fullmatch(name: str) -> Callable[[re.Pattern[str]], re.Match[str] | None]:
+    return lambda form: form.fullmatch(spelled_out(name) if form is _ENDING else name)
+
+
 def _by_name(
     head: Head, names: tuple[str, ...], first_row: int, values: tuple[ValueColumn, ...]
 ) -> tuple[dict[int, int], dict[int, int]]:
@@ -77,13 +97,13 @@ def _by_name(
     judging: dict[str, int] = {}
     late: dict[str, int] = {}
     for index, name in enumerate(names):
-        found = _ENDING.fullmatch(spelled_out(name)) or _SHORT_ENDING.fullmatch(name)
+        found = next(filter(None, map(_fullmatch(name), (_ENDING, _SHORT_ENDING, _CONFIDENCE))), None)
         if found is None:
             continue
         fields = head.column(index, first_row)
-        if found.re is _ENDING or _are_qualities(fields):
+        if found.re is _ENDING or (_are_confidences if found.re is _CONFIDENCE else _are_qualities)(fields):
             judging.setdefault(found[1].casefold(), index)
-        elif may_be_qualities(fields):
+        elif found.re is _SHORT_ENDING and may_be_qualities(fields):
             late.setdefault(found[1].casefold(), index)
     return _judged(values, judging), _judged(values, late)
 

@@ -35,6 +35,9 @@ from app.ingest.telling import without_controls
 from app.ingest.times.stamps import TimeForm
 from app.nanoseconds import NS_PER_S
 
+OF_DECIMAL_COMMAS = "%d.%m."
+"""Dates with points between day and month: where they are written so, no comma parts thousands."""
+
 
 class Source(Protocol):
     """A table whose layout is known. `notes`: what was odd about it; `damage`: what of it was lost on its way here."""
@@ -143,7 +146,8 @@ class TableExport(Export):
 
     def _writing(self) -> Writing:
         head = self._source.head
-        return Writing(head.thousands_mark, marks=DoubtfulMarks("thousands" if head.delimiter == "," else "decimals"))
+        commas = head.delimiter == "," and not self._source.plan.form.format.startswith(OF_DECIMAL_COMMAS)
+        return Writing(head.thousands_mark, marks=DoubtfulMarks("thousands" if commas else "decimals"))
 
     @property
     def share_taken(self) -> float:

@@ -47,6 +47,12 @@ class NotesOfRows:
         if self.tally.wordy:
             shown = ", ".join(tag[:80] for tag in self.tally.wordy[:5]) + (", ..." if len(self.tally.wordy) > 5 else "")
             notes.append(f"columns that hold no number were left out: {shown}")
+        if self.tally.unknown_qualities:
+            shown = ", ".join(tag[:80] for tag in self.tally.unknown_qualities[:5])
+            notes.append(
+                "columns are called as qualities of values are, and nothing tells which of their numbers are good; no "
+                f"value was refused by them: {shown}"
+            )
         notes += self.tally.no_data.notes()
         notes += self.tally.modes.notes()
         notes += self.tally.quality.notes()

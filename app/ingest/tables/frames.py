@@ -28,6 +28,7 @@ LEAST_BYTES = 4 << 20  # of a chunk; for less it takes longer to load what is co
 BLOCK_COLUMNS = 200  # from so many on, numbers are read side by side: a column costs more than its numbers
 MOST_FIRST = 8  # columns of text within so many first ones are parted by themselves in such a table
 MANY_LINES = 1 << 14  # from so many on, all delimiters are looked for at once
+TOO_NARROW = "^#{3,}$"  # what spreadsheets show of a time that is wider than its column, and no comment
 FIELD, BETWEEN_FIELDS = "v", "\x1f"
 NO_ROW = (b"", b"*", b"#", b"[")  # how a line begins that holds nothing or a comment
 NUMBERED = pl.Categorical()  # text that repeats: a number a text, by themselves in each chunk

@@ -35,6 +35,10 @@ class LateQualities:
         """The columns that hold qualities, by all rows so far."""
         return frozenset(column for column, seen in self._seen.items() if _tell(seen))
 
+    def unknown(self) -> frozenset[int]:
+        """The columns of which different numbers may be qualities, and nothing tells which of them are good."""
+        return frozenset(column for column, seen in self._seen.items() if len(seen) > 1 and not _tell(seen))
+
     def teach(self, quality: Quality) -> None:
         """What stands in the columns that were found, and how often."""
         for column in self.found():

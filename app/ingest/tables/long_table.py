@@ -20,7 +20,7 @@ from app.ingest.numbers.writing import MARKED
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.beside_values import BesideValues
 from app.ingest.tables.cells import Cells
-from app.ingest.tables.frames import NUMBERED, RowReader, Rows
+from app.ingest.tables.frames import NUMBERED, TOO_NARROW, RowReader, Rows
 from app.ingest.tables.kinds_seen import KindsSeen
 from app.ingest.tables.numbered_tags import NumberedTags
 from app.ingest.tables.parting import BlocksByTag
@@ -293,7 +293,8 @@ class LongTable:
         rows, tags = cells.rows, cells.tags
         short = cells.reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
-        comments = _begin_with("*#", texts) | _begin_with("*#[", tags)
+        narrow = texts.cast(pl.String).str.contains(TOO_NARROW).fill_null(False).to_numpy()
+        comments = (_begin_with("*#", texts) & ~narrow) | _begin_with("*#[", tags)
         self._tally.comments += int(np.count_nonzero(comments & ~kept))
         passed = comments | _hold_nothing(texts, tags, rows.frame[name_of(cells.column)])
         at = np.setdiff1d(np.flatnonzero(~kept & ~passed), short, assume_unique=True)

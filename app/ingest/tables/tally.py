@@ -27,6 +27,7 @@ class Tally:
     that are no signals; `units` those of tags, by a column of units; `lacks_half`: hours go to 12 and begin again, and
     nothing tells AM from PM; `without_date` counts rows with a clock alone, which have the date of one above;
     `judging`: columns that all rows tell to be qualities, though the first ones do not;
+    `unknown_qualities`: columns that are called as qualities of a value, of whose numbers nothing tells which are good;
     `repeated_ns`: some of the times that came twice;
     `in_other_order` counts dates that fit with day and month exchanged alone; `again`: what all rows tell is known from
     an earlier reading."""
@@ -41,6 +42,7 @@ class Tally:
     repeats: int = 0
     repeated_ns: set[int] = field(default_factory=set)
     wordy: list[str] = field(default_factory=list)
+    unknown_qualities: list[str] = field(default_factory=list)
     units: dict[str, str] = field(default_factory=dict)
     lacks_half: bool = False
     in_other_order: int = 0

@@ -16,7 +16,7 @@ from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.values import same_tag
 from app.ingest.rejecting import RejectLog
 from app.ingest.tables.blank_cells import are_blank, without_blanks
-from app.ingest.tables.frames import RowReader, Rows
+from app.ingest.tables.frames import TOO_NARROW, RowReader, Rows
 from app.ingest.tables.further_names import FurtherNames
 from app.ingest.tables.kinds_seen import KindsSeen
 from app.ingest.tables.pieces import Grid, joined_grid
@@ -50,7 +50,7 @@ class WideTable:
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
         judging = {v.may_judge for group in plan.groups for v in group.values if v.may_judge is not None}
-        self._values = WideValues(self._places, () if tally.again else judging, log, tally)
+        self._values = WideValues(self._places, judging, log, tally)
         self._group_of = {value.index: number for number, group in enumerate(plan.groups) for value in group.values}
         self._kinds = KindsSeen()
         self._first_columns = {group.values[0].index for group in plan.groups if group.values}
@@ -80,6 +80,7 @@ class WideTable:
         for number, groups in enumerate(passes):
             yield from self._one_pass(reader, groups, first=number == 0, alone=len(passes) == 1)
         self._tally.wordy += self._values.wordy()
+        self._tally.unknown_qualities = [self._places[at].tag for at in sorted(self._values.late_qualities.unknown())]
 
     def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
         """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
@@ -265,7 +266,7 @@ class WideTable:
         if len(without):
             bad[without] = rows.hold_something(without, [value.index for value in group.values])
         bad[short] = False
-        comments = texts.str.contains("^[*#]").to_numpy()
+        comments = (texts.str.contains("^[*#]") & ~texts.str.contains(TOO_NARROW)).to_numpy()
         bad &= ~comments
         if group.time == self._plan.groups[0].time:
             self._tally.comments += int(np.count_nonzero(comments))

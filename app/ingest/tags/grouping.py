@@ -64,7 +64,7 @@ _OF_SYSTEMS: Mapping[str, Signal] = MappingProxyType(
         **dict.fromkeys(("PV_OUT", "PV_IN", "VAL_PV"), "PV"),
         **dict.fromkeys(("LMN", "VAL_CVOUT", "MV_OUT"), "OP"),
         **dict.fromkeys(("VAL_SP", "SP_OUT", "SP_IN"), "SP"),
-        **dict.fromkeys(("AUTACT", "STS_AUTO"), "MODE"),
+        **dict.fromkeys(("AUTACT", "STS_AUTO", "QMAN_AUT"), "MODE"),
     }
 )
 """Names of blocks in PCS 7 (with `#Value` behind them) and PlantPAx that their endings alone would misread."""
