@@ -43,3 +43,17 @@ def test_further_tags_of_a_row_are_refused_by_name(read: Read, names: str, row: 
 def test_what_else_stands_beside_a_value_is_passed_over(read: Read, names: str, row: str) -> None:
     content = read(table(names, row))
     assert content.loops["FIC1"].samples == len(STAMPS)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "{t},FIC1.PV,{pv},FT101 PV,0.5",
+        "{t},FIC1.PV,{pv},FIC1.SP,80.5",
+        "FIC1.PV,{t},{pv},Good,PV,1.5",
+    ],
+)
+def test_what_does_not_move_is_no_further_value(read: Read, row: str) -> None:
+    content = read(table("", row))
+    assert content.loops["FIC1"].samples == len(STAMPS)
+    assert "were not read" in " ".join(content.summary.notes)

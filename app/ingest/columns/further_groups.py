@@ -43,12 +43,12 @@ def _named(plan: LongPlan, head: Head, left: list[int]) -> Iterator[tuple[int, i
 
 
 def _without_names(head: Head, left: list[int]) -> Iterator[tuple[int, int]]:
-    """Columns of signals with one of numbers behind, or behind their times, that have fractions: no codes."""
+    """Columns of signals with one of numbers behind, or behind their times, that move and have fractions: no codes."""
     for place, tag in enumerate(left):
         if not mostly_signals(head.column(tag, 0)):
             continue
         for value in left[place + 1 : place + 1 + _MOST_BETWEEN]:
             numbers = numbers_of(head, value, 0)
             known = numbers[np.isfinite(numbers)]
-            if 2 * len(known) > len(numbers) and np.any(known % 1):
+            if 2 * len(known) > len(numbers) and np.any(known % 1) and np.ptp(known):
                 yield tag, value
