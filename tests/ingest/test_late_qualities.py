@@ -1,6 +1,7 @@
 """Columns such as `FIC1.PV_ST` that hold qualities below the first rows alone, and quality numbers that later rows tell
 in tables that are read some columns at a time."""
 
+from collections.abc import Callable, Sequence
 from io import BytesIO
 
 import numpy as np
@@ -164,3 +165,71 @@ def test_what_may_be_qualities_and_judges_nothing_is_told(read: Read, values: tu
 def test_a_column_of_qualities_alone_is_what_the_file_has(read: Read) -> None:
     content = read("Time,Q\n" + "".join(f"{stamp},192\n" for stamp in STAMPS))
     assert np.nanmax(content.loops["Q"].others["Q"]) == 192
+
+
+def beside(names: str, field: Callable[[int], str], more: str = "") -> str:
+    """A column beside values that are all good."""
+    rows = (f"{stamp},{50 + i % 7}.5,{field(i)},40.5\n" for i, stamp in enumerate(STAMPS))
+    return f"Time,{names}\n" + "".join(rows) + more
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 4000])
+@pytest.mark.parametrize("word", ["Bad", "I/O Timeout", "No Data"])
+@pytest.mark.parametrize("first", [50, 0])
+def test_words_of_faults_among_numbers_do_not_make_them_qualities(
+    read: Read, word: str, first: int, chunk_bytes: int
+) -> None:
+    text = beside("FIC1.PV,FIC1.PV_ST,FIC1.OP", lambda i: word if i == 900 else str(first + i // 400))
+    content = read(text, options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert refused(content) == []
+    assert dict(content.rejects.counts) == {"not_a_number": 1}
+    assert np.nanmax(content.loops["FIC1.PV_ST"].others["FIC1.PV_ST"]) == first + 2
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 4000])
+def test_faults_and_numbers_before_the_first_good_value(read: Read, chunk_bytes: int) -> None:
+    def field(i: int) -> str:
+        return "0" if i < FIRST else "No Data" if i < 900 else "Good"
+
+    content = read(beside("FIC1.PV,FIC1.PV_ST,FIC1.OP", field), options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert refused(content)[-1] == 899
+
+
+def test_numbers_below_first_rows_that_are_all_bad_judge_nothing(read: Read) -> None:
+    content = read(beside("FIC1.PV,FIC1.PV_ST,FIC1.OP", lambda i: "Bad" if i < 900 else f"{i}.5"))
+    assert refused(content) == []
+
+
+@pytest.mark.parametrize("more", ["Total,3456.5,Summary,77.5\n", "Time,FIC1.PV,FIC1.PV_ST,FIC1.OP\n"])
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 4000])
+def test_rows_without_a_time_tell_nothing_of_late_qualities(read: Read, more: str, chunk_bytes: int) -> None:
+    content = read(wide("", "Good", "Bad") + more, options=IngestOptions(chunk_bytes=chunk_bytes))
+    assert refused(content) == BAD
+
+
+@pytest.mark.parametrize("values", [range(192, 198), (192, 196), (200, 204)])
+def test_whole_numbers_that_opc_has_no_quality_for_are_values(read: Read, values: Sequence[int]) -> None:
+    content = read(beside("FIC1.PV,Q,FIC1.OP", lambda i: str(values[i % len(values)])))
+    assert np.nanmax(content.loops["Q"].others["Q"]) == max(values)
+
+
+@pytest.mark.parametrize(("drop_uncertain", "bad"), [(False, [0, -1, 50]), (True, [0, -1, 50, 70, 99])])
+def test_confidences_are_percentages(read: Read, drop_uncertain: bool, bad: list[int]) -> None:
+    odd = dict(enumerate((0, -1, 50, 70, 99), 700))
+    text = beside("FIC1.PV,FIC1.PV Conf,FIC1.OP", lambda i: str(odd.get(i, 100)))
+    content = read(text, options=IngestOptions(drop_uncertain=drop_uncertain))
+    assert refused(content) == [i for i, confidence in odd.items() if confidence in bad]
+
+
+def test_confidences_tell_nothing_of_quality_numbers(read: Read) -> None:
+    rows = (f"{stamp},50.5,100,51.5,{3 if i % 10 == 0 else 0}\n" for i, stamp in enumerate(STAMPS))
+    content = read("Time,FIC1.PV,FIC1.PV Conf,FIC2.PV,FIC2.PV_Quality\n" + "".join(rows))
+    assert refused(content) == []
+    assert dict(content.rejects.counts) == {"bad_quality": ROWS // 10}
+
+
+def test_what_follows_its_value_is_no_confidence(read: Read) -> None:
+    """The confirmed position of a valve."""
+    rows = (f"{stamp},{100 * (i % 3 > 0)},{100 * (i % 3 > 0)}\n" for i, stamp in enumerate(STAMPS))
+    content = read("Time,XV1.OP,XV1.OP.Conf\n" + "".join(rows))
+    assert not content.rejects.counts

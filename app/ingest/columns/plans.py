@@ -11,8 +11,8 @@ from app.ingest.times.stamps import TimeForm
 @dataclass(frozen=True)
 class ValueColumn:
     """A column of values of one tag; `off_line` and `quality` are columns that say whether its values can be used.
-    may_judge: one that says so if further rows show qualities there. unit: as a row of units tells it; empty where none
-    does."""
+    may_judge: one that says so if further rows show qualities there; in_percent: the quality is a confidence. unit: as
+    a row of units tells it; empty where none does."""
 
     index: int
     tag: str
@@ -20,6 +20,7 @@ class ValueColumn:
     quality: int | None = None
     unit: str = ""
     may_judge: int | None = None
+    in_percent: bool = False
 
 
 @dataclass(frozen=True)

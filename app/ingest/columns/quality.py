@@ -7,7 +7,7 @@ from dataclasses import replace
 from app.ingest.columns.plans import Plan, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.tags.grouping import spelled_out
-from app.ingest.tags.quality import may_be_quality, tell_quality_for_sure, tells_quality
+from app.ingest.tags.quality import holds_good, may_be_quality, tell_quality_for_sure, tells_quality
 
 _WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isvalid|qstatus|qualitaet|qualite|calidad"
 _ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
@@ -19,6 +19,7 @@ _PERCENT = re.compile(r"\d{1,3}(\.0*)?")
 MOST_QUALITIES = 8
 _CONFIDENCE = re.compile(r"(.+?)[_. \-#:/](conf)", re.IGNORECASE)
 """Of PHD, in percent."""
+_CALLED_CONFIDENCE = re.compile(r"conf(idence)?$", re.IGNORECASE)
 _VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
 
 
@@ -32,20 +33,21 @@ def with_quality(
     """Values beside what judges them. `FIC101.PV_Quality`, `FIC101.PV Status` and `X.Quality` with `X.Value` name it;
     a column called Quality or Status alone, if it holds qualities, judges the columns left of it up to the one before,
     or all where nothing is left of it."""
+
+    def column(at: int) -> list[str]:
+        return head.column(at, first_row)
+
     judged, late = _by_name(head, names, first_row, values)
     used = set(judged.values())
-    general = [
-        index for index, name in enumerate(names) if _is_general(name, head.column(index, first_row), is_general)
-    ]
+    general = [index for index, name in enumerate(names) if _is_general(name, column(index), is_general)]
     rest = [value for value in values if value.index not in used.union(general)] or [*values]
-    return tuple(
-        replace(
-            value,
-            quality=judged.get(value.index, _right_of(value.index, general, rest)),
-            may_judge=late.get(value.index),
-        )
-        for value in rest
-    )
+
+    def with_its_own(value: ValueColumn) -> ValueColumn:
+        at = judged.get(value.index, _right_of(value.index, general, rest))
+        in_percent = at is not None and _CALLED_CONFIDENCE.search(names[at]) and _are_confidences(column(at))
+        return replace(value, quality=at, may_judge=late.get(value.index), in_percent=bool(in_percent))
+
+    return tuple(map(with_its_own, rest))
 
 
 def _is_general(name: str, fields: list[str], is_general: Callable[[str], bool]) -> bool:
@@ -76,14 +78,21 @@ def may_be_qualities(fields: list[str]) -> bool:
 
 
 def _are_qualities(fields: list[str]) -> bool:
-    """Whether a column holds them for sure, and so few different ones as a tag has."""
-    return len(set(fields)) <= MOST_QUALITIES and tell_quality_for_sure(fields)
+    """Whether a column holds them for sure, and so few different ones as a tag has. Bad alone may stand for values."""
+    return len(set(fields)) <= MOST_QUALITIES and tell_quality_for_sure(fields) and holds_good(fields)
 
 
 def _are_confidences(fields: list[str]) -> bool:
     """Whether a column holds percentages, most of them 100."""
     numbers = [float(field) if _PERCENT.fullmatch(field) else -1.0 for field in fields]
     return all(0 <= number <= 100 for number in numbers) and 2 * numbers.count(100.0) > len(numbers)
+
+
+def _follows(head: Head, first_row: int, index: int, other: int) -> bool:
+    """Whether a column has the other one's fields in most rows, and these move: a confirmed position has."""
+    rows = [row for row in head.rows[first_row:] if len(row) > max(index, other)]
+    same = sum(row[index] == row[other] for row in rows)
+    return index != other and 2 * same > len(rows) and len({row[other] for row in rows}) > 1
 
 
 def _fullmatch(name: str) -> Callable[[re.Pattern[str]], re.Match[str] | None]:
@@ -96,12 +105,19 @@ def _by_name(
     """By column of values, the one that judges it, and the one that may if further rows show qualities there."""
     judging: dict[str, int] = {}
     late: dict[str, int] = {}
+    by_tag = {value.tag.casefold(): value.index for value in values}
     for index, name in enumerate(names):
         found = next(filter(None, map(_fullmatch(name), (_ENDING, _SHORT_ENDING, _CONFIDENCE))), None)
         if found is None:
             continue
         fields = head.column(index, first_row)
-        if found.re is _ENDING or (_are_confidences if found.re is _CONFIDENCE else _are_qualities)(fields):
+        if found.re is _CONFIDENCE:
+            judges = _are_confidences(fields) and not _follows(
+                head, first_row, index, by_tag.get(found[1].casefold(), index)
+            )
+        else:
+            judges = found.re is _ENDING or _are_qualities(fields)
+        if judges:
             judging.setdefault(found[1].casefold(), index)
         elif found.re is _SHORT_ENDING and may_be_qualities(fields):
             late.setdefault(found[1].casefold(), index)

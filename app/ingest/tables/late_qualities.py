@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable
 import numpy as np
 import polars as pl
 
-from app.ingest.columns.quality import MOST_QUALITIES, may_be_qualities
+from app.ingest.columns.quality import MOST_QUALITIES
 from app.ingest.tables.odd_fields import ChunkColumns
 from app.ingest.tags.fault_words import tell_faults
-from app.ingest.tags.quality import Quality, tell_quality_for_sure
+from app.ingest.tags.quality import Quality, holds_good, is_number, may_be_quality
 
 _ENOUGH = MOST_QUALITIES + 2  # one of them may be the empty one
 
@@ -28,7 +28,7 @@ class LateQualities:
             seen = self._seen.get(value.index)
             if seen is not None:
                 seen.update(_fields(chunk, position))
-                if not may_be_qualities([*seen]) and not _tell(seen):
+                if not _may_tell(seen):
                     del self._seen[value.index]
 
     def found(self) -> frozenset[int]:
@@ -47,23 +47,29 @@ class LateQualities:
 
 
 def _fields(chunk: ChunkColumns, position: int) -> dict[str, int]:
-    """The different ones with how often they stand, no more of them than tell that they are too many."""
+    """The different ones of rows that count with how often they stand, no more of them than tell that they are too
+    many."""
     if position in chunk.texts:
-        counts = chunk.texts[position].str.strip_chars(' "').drop_nulls().value_counts(sort=True).head(_ENOUGH)
+        texts = chunk.texts[position].filter(pl.Series(chunk.kept))
+        counts = texts.str.strip_chars(' "').drop_nulls().value_counts(sort=True).head(_ENOUGH)
         return {text: times for text, times in counts.iter_rows() if text}
-    values = chunk.numbers.values[:, position]
+    values = chunk.numbers.values[chunk.kept, position]
     numbers, times = np.unique(values[np.isfinite(values)], return_counts=True)
     return {f"{number:g}": count for number, count in zip(numbers[:_ENOUGH], times.tolist(), strict=False)}
 
 
-def _tell(seen: Collection[str]) -> bool:
-    """Whether a word among the fields is one of qualities, and the others are words of faults or numbers that may be
-    qualities."""
+def _may_tell(seen: Collection[str]) -> bool:
+    """Whether fields are none but qualities, words of faults and numbers that may be qualities: further rows tell."""
     if len(seen) > MOST_QUALITIES:
         return False
-    if tell_quality_for_sure([*seen]):
-        return True
-    others = [text for text in seen if not tell_quality_for_sure([text])]
-    words = pl.Series([text for text in others if not may_be_qualities([text])], dtype=pl.String)
-    numbers_alone = len(others) == len(seen) and not len(words)
-    return not numbers_alone and bool(tell_faults(words).all())
+    words = pl.Series([text for text in seen if not may_be_quality(text)], dtype=pl.String)
+    return bool(tell_faults(words).all())
+
+
+def _tell(seen: Collection[str]) -> bool:
+    """Whether they are qualities: words alone, or numbers and one that says that a value is good. Words of faults stand
+    in the place of any number."""
+    if not seen or not _may_tell(seen):
+        return False
+    numbers = any(map(is_number, seen))
+    return holds_good(seen) if numbers else True

@@ -18,6 +18,7 @@ from app.ingest.tables.odd_fields import ChunkColumns, OddFields
 from app.ingest.tables.pieces import Grid
 from app.ingest.tables.tally import Tally
 from app.ingest.tables.wordy_columns import WordyColumns
+from app.ingest.tags.confidences import of_confidences
 from app.ingest.tags.grouping import AUDITED, Place
 from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.times.time_reader import to_numbers
@@ -132,16 +133,17 @@ class WideValues:
             for i, value in enumerate(group.values)
             if value.off_line is not None or value.quality is not None
         ]
-        for column in dict.fromkeys(value.quality for _, value in judged):
-            if column is not None:
-                self._tally.quality.learn(rows.frame[name_of(column)])
+        qualities = {value.quality: _qualities(rows, value) for _, value in judged}
+        for texts in qualities.values():
+            if texts is not None:
+                self._tally.quality.learn(texts)
         for position, value in judged:
             bad, code, words = np.zeros(len(matrix), dtype=bool), "", "off-line flag set"
             if value.off_line is not None:
                 bad = np.nan_to_num(_flags(rows, value.off_line, reader)) != 0
                 code = "off_line"
-            if value.quality is not None:
-                texts = rows.frame[name_of(value.quality)]
+            texts = qualities[value.quality]
+            if texts is not None:
                 bad, code = self._tally.quality.bad(texts), "bad_quality"
                 words = "quality is not good"
             at = np.flatnonzero(bad & kept & np.isfinite(matrix[:, position]))
@@ -180,6 +182,14 @@ def _flags(rows: Rows, column: int, reader: RowReader) -> FloatArray:
     if not flags.missing.any():
         return flags.values[:, 0]
     return np.where(flags.missing[:, 0], to_numbers(reader.texts(rows, [column]).to_series(0)), flags.values[:, 0])
+
+
+def _qualities(rows: Rows, value: ValueColumn) -> pl.Series | None:
+    """What says how good the values of a column are."""
+    if value.quality is None:
+        return None
+    texts = rows.frame[name_of(value.quality)]
+    return of_confidences(texts.cast(pl.String)) if value.in_percent else texts
 
 
 def _texts(rows: Rows, value: ValueColumn) -> pl.Series:

@@ -3,7 +3,7 @@ two highest of 32 bits tell, 0 good), codes of which one is good."""
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 import polars as pl
@@ -212,6 +212,20 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
     return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
 
 
+def holds_good(fields: Iterable[str]) -> bool:
+    """Whether a word or an OPC number among the fields says that a value is good."""
+    words = set(map(_word, fields))
+    return any(
+        word in _SHORT_GOOD or word.startswith("good") or _number(word) in (OPC_GOOD, OPC_LOCAL_OVERRIDE)
+        for word in words
+    )
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a number as qualities are."""
+    return _number(field) is not None
+
+
 def may_be_quality(field: str) -> bool:
     """Whether a field is a word of qualities or a number that OPC has for one."""
     number = _number(field)
@@ -219,8 +233,10 @@ def may_be_quality(field: str) -> bool:
 
 
 def _is_of_opc(number: float) -> bool:
-    """Good, uncertain or bad, with why, and at which limit."""
-    return number == int(number) and 0 <= number < _BEHIND_OPC and int(number) & 0xC0 != 0x80
+    """Good, uncertain or bad, with why, and at which limit. Good ones are two, plain and overridden."""
+    if number != int(number) or not 0 <= number < _BEHIND_OPC or int(number) & 0xC0 == 0x80:
+        return False
+    return number < OPC_GOOD or float(int(number) & ~3) in (OPC_GOOD, OPC_LOCAL_OVERRIDE)
 
 
 def _is_good_of_opc(number: float) -> bool:
