@@ -48,3 +48,14 @@ def test_times_that_a_spreadsheet_could_not_show_are_refused_and_no_comments(rea
     content = read("\n".join((names, *rows, "")))
     assert content.loops["FIC1"].samples == 599 - 66
     assert content.rejects.counts["bad_time"] == 66
+
+
+@pytest.mark.parametrize("names", ["Time,FIC1.PV,FIC1.OP", "Time,Tag,Value"])
+@pytest.mark.parametrize("empty", ["", ",,"])
+def test_lines_drawn_of_signs_are_comments(read: Read, names: str, empty: str) -> None:
+    rows = [f"2026-03-01 00:{k // 60:02d}:{k % 60:02d},{'FIC1.PV' if 'Tag' in names else 50},{k}" for k in range(600)]
+    drawn = [f"##########{empty}", f"# checked{empty}", f"##########{empty}"]
+    content = read("\n".join((names, *rows[:500], *drawn, *rows[500:], "")))
+    assert content.rejects.total == 0
+    assert content.loops["FIC1"].samples == 600
+    assert "3 lines that begin with *, # or [ were passed over as comments" in content.summary.notes

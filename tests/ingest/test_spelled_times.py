@@ -305,7 +305,7 @@ def test_a_day_with_a_comma_before_a_value_with_one(read: Read, day: str) -> Non
 @pytest.mark.parametrize(
     "form", ["{day} {clock} {half}", "{day} {clock}{half}", "{day} {half} {clock}", "{day} {half}{clock}"]
 )
-@pytest.mark.parametrize("halves", ["上午 下午", "오전 오후"])
+@pytest.mark.parametrize("halves", ["上午 下午", "오전 오후", "午前 午後"])
 def test_halves_of_the_day_in_chinese_and_korean(read: Read, form: str, halves: str) -> None:
     at = [9 * 60 + k for k in range(300)]
     stamps = (
@@ -319,8 +319,9 @@ def test_halves_of_the_day_in_chinese_and_korean(read: Read, form: str, halves: 
     assert content.loops["FIC1"].time_ns.tolist() == [start + k * 60 * 10**9 for k in range(300)]
 
 
-def test_halves_of_the_day_in_greek(read: Read) -> None:
-    rows = (f"13/03/2024 {k // 60 + 1:02d}:{k % 60:02d}:00 μμ,5{k % 7}.5,4{k % 5}.5\n" for k in range(300))
+@pytest.mark.parametrize("half", ["μμ", "ΜΜ", "μ.μ.", "Μ.Μ."])
+def test_halves_of_the_day_in_greek(read: Read, half: str) -> None:
+    rows = (f"13/03/2024 {k // 60 + 1:02d}:{k % 60:02d}:00 {half},5{k % 7}.5,4{k % 5}.5\n" for k in range(300))
     content = read("Time,FIC1.PV,FIC1.OP\n" + "".join(rows))
     assert content.loops["FIC1"].time_ns[0] == np.datetime64("2024-03-13T13:00", "ns").astype(np.int64)
     assert content.loops["FIC1"].samples == 300

@@ -293,10 +293,12 @@ class LongTable:
         rows, tags = cells.rows, cells.tags
         short = cells.reader.short_rows(rows, np.flatnonzero(~kept))
         self._log.add_many("ragged_row", rows.lines(short), (f"fewer than {self._plan.width} fields" for _ in short))
+        values = rows.frame[name_of(cells.column)]
         narrow = texts.cast(pl.String).str.contains(TOO_NARROW).fill_null(False).to_numpy()
+        narrow &= (tags.is_not_null() | values.is_not_null()).to_numpy()
         comments = (_begin_with("*#", texts) & ~narrow) | _begin_with("*#[", tags)
         self._tally.comments += int(np.count_nonzero(comments & ~kept))
-        passed = comments | _hold_nothing(texts, tags, rows.frame[name_of(cells.column)])
+        passed = comments | _hold_nothing(texts, tags, values)
         at = np.setdiff1d(np.flatnonzero(~kept & ~passed), short, assume_unique=True)
         late = at[~timed[at]]
         words = (f"{texts[int(row)] or ''!r} is no time that can be read" for row in late)

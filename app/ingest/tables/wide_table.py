@@ -262,11 +262,12 @@ class WideTable:
         texts = texts.cast(pl.String).fill_null("")
         told = (texts.str.strip_chars().str.len_bytes() > 0).to_numpy()
         bad = ~kept & told
-        without = np.flatnonzero(~kept & ~told)
-        if len(without):
-            bad[without] = rows.hold_something(without, [value.index for value in group.values])
+        narrow = texts.str.contains(TOO_NARROW).to_numpy()
+        asked = np.flatnonzero(~kept & (~told | narrow))
+        if len(asked):
+            bad[asked] = rows.hold_something(asked, [value.index for value in group.values])
+        comments = texts.str.contains("^[*#]").to_numpy() & ~(narrow & bad)
         bad[short] = False
-        comments = (texts.str.contains("^[*#]") & ~texts.str.contains(TOO_NARROW)).to_numpy()
         bad &= ~comments
         if group.time == self._plan.groups[0].time:
             self._tally.comments += int(np.count_nonzero(comments))
