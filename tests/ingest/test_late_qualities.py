@@ -1,8 +1,9 @@
 """Columns such as `FIC1.PV_ST` that hold qualities below the first rows alone, and quality numbers that later rows tell
 in tables that are read some columns at a time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import BytesIO
+from weakref import ReferenceType, ref
 
 import numpy as np
 import polars as pl
@@ -10,6 +11,10 @@ import pytest
 
 from app.ingest import IngestOptions
 from app.ingest.exports import tables_in
+from app.ingest.model import FloatArray, SignalBlock
+from app.ingest.tables.pieces import Grid
+from app.ingest.tables.wide_chunk import Chunk
+from app.ingest.tables.wide_table import WideTable
 
 from .conftest import Content, Read
 
@@ -233,3 +238,25 @@ def test_what_follows_its_value_is_no_confidence(read: Read) -> None:
     rows = (f"{stamp},{100 * (i % 3 > 0)},{100 * (i % 3 > 0)}\n" for i, stamp in enumerate(STAMPS))
     content = read("Time,XV1.OP,XV1.OP.Conf\n" + "".join(rows))
     assert not content.rejects.counts
+
+
+def test_what_was_read_first_is_let_go_before_rows_are_read_once_more(
+    read: Read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[tuple[int, ReferenceType[FloatArray]]] = []
+    read_grid, give = WideTable._grid, WideTable._blocks
+
+    def grid(table: WideTable, chunk: Chunk, number: int) -> Grid:
+        found = read_grid(table, chunk, number)
+        made.append((id(table), ref(found.values)))
+        return found
+
+    def blocks(table: WideTable, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
+        assert len({reader for reader, _ in made}) == 2
+        assert {reader for reader, values in made if values() is not None} == {id(table)}
+        return give(table, grids)
+
+    monkeypatch.setattr(WideTable, "_grid", grid)
+    monkeypatch.setattr(WideTable, "_blocks", blocks)
+    content = read(wide("", "Good", "Bad"), options=IngestOptions(chunk_bytes=4000))
+    assert refused(content) == BAD

@@ -179,14 +179,17 @@ class TableExport(Export):
             raise DataError("nothing_readable", f"none of {rows} has a readable time and values")
 
     def _settled(self) -> Iterator[list[SignalBlock]]:
-        """Rows are read once more where the later ones told how the earlier ones are meant."""
+        """Rows are read once more where the later ones told how the earlier ones are meant. What was held of them is
+        let go before: the error has it."""
         table = self._table(self._plan)
         try:
             yield from table.batches(self._reader(table, self._log))
+            return
         except UnsettledError:
-            self._begin(self._known(table))
-            table = self._table(self._plan)
-            yield from table.batches(self._reader(table, self._log))
+            pass
+        self._begin(self._known(table))
+        table = self._table(self._plan)
+        yield from table.batches(self._reader(table, self._log))
 
     def _reader(self, table: WideTable | LongTable, log: RejectLog) -> RowReader:
         return self._source.reader(self._plan.width, table.types(), log)
