@@ -27,8 +27,9 @@ class LateQualities:
         for position, value in chunk.columns.items():
             seen = self._seen.get(value.index)
             if seen is not None:
+                known = len(seen)
                 seen.update(_fields(chunk, position))
-                if not _may_tell(seen):
+                if len(seen) > known and not _may_tell(seen):
                     del self._seen[value.index]
 
     def found(self) -> frozenset[int]:
@@ -53,8 +54,11 @@ def _fields(chunk: ChunkColumns, position: int) -> dict[str, int]:
         texts = chunk.texts[position].filter(pl.Series(chunk.kept))
         counts = texts.str.strip_chars(' "').drop_nulls().value_counts(sort=True).head(_ENOUGH)
         return {text: times for text, times in counts.iter_rows() if text}
-    values = chunk.numbers.values[chunk.kept, position]
-    numbers, times = np.unique(values[np.isfinite(values)], return_counts=True)
+    values = chunk.numbers.values[:, position]
+    values = values[chunk.kept & np.isfinite(values)]
+    if len(values) and values.min() == values.max():
+        return {f"{values[0]:g}": len(values)}
+    numbers, times = np.unique(values, return_counts=True)
     return {f"{number:g}": count for number, count in zip(numbers[:_ENOUGH], times.tolist(), strict=False)}
 
 
@@ -62,8 +66,8 @@ def _may_tell(seen: Collection[str]) -> bool:
     """Whether fields are none but qualities, words of faults and numbers that may be qualities: further rows tell."""
     if len(seen) > MOST_QUALITIES:
         return False
-    words = pl.Series([text for text in seen if not may_be_quality(text)], dtype=pl.String)
-    return bool(tell_faults(words).all())
+    words = [text for text in seen if not may_be_quality(text)]
+    return not words or bool(tell_faults(pl.Series(words, dtype=pl.String)).all())
 
 
 def _tell(seen: Collection[str]) -> bool:
