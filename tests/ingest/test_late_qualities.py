@@ -260,3 +260,31 @@ def test_what_was_read_first_is_let_go_before_rows_are_read_once_more(
     monkeypatch.setattr(WideTable, "_blocks", blocks)
     content = read(wide("", "Good", "Bad"), options=IngestOptions(chunk_bytes=4000))
     assert refused(content) == BAD
+
+
+@pytest.mark.parametrize("chunk_bytes", [16 << 20, 4000])
+@pytest.mark.parametrize("ending", ["_ST", "_Quality"])
+@pytest.mark.parametrize("odd", ["1e400", "nan", "-inf"])
+@pytest.mark.parametrize("at", [1, 900])
+def test_numbers_without_a_size_are_no_qualities(read: Read, at: int, odd: str, ending: str, chunk_bytes: int) -> None:
+    def field(i: int) -> str:
+        return odd if i == at else "0x00" if i % 100 == 50 else "192"
+
+    text = beside(f"FIC1.PV,FIC1.PV{ending},FIC1.OP", field)
+    content = read(text, options=IngestOptions(chunk_bytes=chunk_bytes))
+    as_quality = ending == "_Quality" or at == 900
+    assert (at in refused(content)) == (as_quality and odd != "nan")
+    assert (50 in refused(content)) == as_quality
+    assert content.loops["FIC1"].samples == ROWS
+
+
+@pytest.mark.parametrize("odd", ["1e400", "nan", "inf"])
+def test_numbers_without_a_size_that_come_late(read: Read, odd: str) -> None:
+    content = read(beside("FIC1.PV,FIC1.PV_ST,FIC1.OP", lambda i: "" if i < FIRST else odd if i > 900 else "0x00"))
+    assert refused(content) == []
+
+
+def test_a_quality_that_is_not_there_refuses_nothing_in_rows_of_tags(read: Read) -> None:
+    rows = (f"{stamp},FIC1.PV,50.5,{'nan' if i % 10 else 192}\n" for i, stamp in enumerate(STAMPS))
+    content = read("Time,Tag,Value,Quality\n" + "".join(rows))
+    assert refused(content) == []

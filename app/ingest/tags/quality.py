@@ -4,6 +4,7 @@ two highest of 32 bits tell, 0 good), codes of which one is good."""
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
+from math import isfinite
 
 import numpy as np
 import polars as pl
@@ -41,6 +42,7 @@ _BAD_OF_IGNITION = frozenset((300, 301, 310, 311, 312, 330, 340, 403, 404, 405, 
 """Of which the lowest byte tells nothing: 410 is a disabled tag, 500 a stale value. They are others where no good one
 of OPC's stands: 500 may be the good one of another system."""
 UA_UNCERTAIN, UA_BAD, UA_END = 2.0**30, 2.0**31, 2.0**32
+_EMPTY = ("", "nan")
 _MAY_BE_GOOD = (1.0, 0.0, -1.0)
 _SHOWN = 3
 _MOST_TEXTS = 1 << 16  # are held: a quality has few
@@ -141,7 +143,7 @@ class Quality:
 
     def is_bad(self, text: str) -> bool:
         word = _word(text)
-        if not word:
+        if word in _EMPTY:
             return False
         if self._good_if_set is not None and word in _SET | _NOT_SET:
             return (word in _SET) != self._good_if_set
@@ -234,7 +236,7 @@ def may_be_quality(field: str) -> bool:
 
 def _is_of_opc(number: float) -> bool:
     """Good, uncertain or bad, with why, and at which limit. Good ones are two, plain and overridden."""
-    if number != int(number) or not 0 <= number < _BEHIND_OPC or int(number) & 0xC0 == 0x80:
+    if not 0 <= number < _BEHIND_OPC or number != int(number) or int(number) & 0xC0 == 0x80:
         return False
     return number < OPC_GOOD or float(int(number) & ~3) in (OPC_GOOD, OPC_LOCAL_OVERRIDE)
 
@@ -269,11 +271,13 @@ def _word(text: str) -> str:
 
 
 def _number(text: str) -> float | None:
-    """Those of OPC UA as they are without a sign."""
+    """Those of OPC UA as they are without a sign; one without a size is none."""
     word = _word(text)
     try:
         number = float(int(word, 16)) if word.startswith("0x") else float(word)
     except (ValueError, OverflowError):
+        return None
+    if not isfinite(number):
         return None
     return number + UA_END if number <= -UA_UNCERTAIN else number
 
