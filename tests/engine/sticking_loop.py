@@ -10,8 +10,16 @@ Steps = tuple[tuple[float, float], ...]
 
 
 def loop(
-    seed: int, S: float, J: float, load: Steps = STARTED, noise: float = 0.1, Kc: float = 1.0, samples: int = SAMPLES
+    seed: int,
+    S: float,
+    J: float,
+    load: Steps = STARTED,
+    noise: float = 0.1,
+    Kc: float = 1.0,
+    samples: int = SAMPLES,
+    scans: int = 1,
 ) -> SimulatedLoop:
+    """scans: of the controller a sample."""
     spec = LoopSpec(
         plant=first_order(1.0, 20.0, 2.0),
         controller=Pid(Kc, 20.0, 0.0),
@@ -21,6 +29,7 @@ def loop(
         pv_start=50.0,
         op_start=50.0,
         op_limits=(0.0, 100.0),
+        step_s=TS / scans,
     )
     return simulate_loop(spec, samples * TS, TS, seed)
 

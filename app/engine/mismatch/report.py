@@ -11,6 +11,7 @@ from app.engine.mismatch.compete.worth import hidden_gain
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.levels import decimals_of
 from app.engine.mismatch.fit.windows import active_mask, whole, windows_along
+from app.engine.mismatch.judge.between_samples import between_samples_too
 from app.engine.mismatch.judge.intervals import BETWEEN_SAMPLES, deviations, interval, interval_tried
 from app.engine.mismatch.judge.result import NOWHERE, Effect, Estimate, ExplainedModel, Location, PartModel
 from app.engine.mismatch.judge.stem_sizes import size_of_stiction
@@ -24,6 +25,7 @@ CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
+OF_ONE_STEM = ("valve.stiction/he", "valve.stiction/choudhury", "valve.deadband")  # the same all along the record
 MOMENTS = ("start", "end", "lasting")
 LIMIT = "limit"
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
@@ -139,6 +141,8 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
         # Half of a band, or of the share of it that a growing one began with.
         reach = 1.0 if said[-1].unit == "OP" else 0.5 * float(np.prod([estimate.value for estimate in said[:-1]]))
         said[-1] = scaled(said[-1], float(found.record.op[0]), reach, "OP")
+    if part.block.name in OF_ONE_STEM:
+        said[0] = between_samples_too(said[0], found.record.as_sampled)
     return tuple(said)
 
 

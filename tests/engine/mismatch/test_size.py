@@ -1,10 +1,15 @@
 """What explain states of the size of stiction holds the truth, and a recorded valve position is no cause."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from app.engine.mismatch import Comparison, Explanation, explain
+from app.engine.mismatch.compare.comparison import record_of
 from app.engine.mismatch.compare.read_back import best_stem, without_read_backs
+from app.engine.mismatch.judge.between_samples import between_samples_too, every_scan_recorded
+from app.engine.mismatch.judge.result import Estimate
 from app.engine.mismatch.loop.plant import lag
 from app.engine.recording import FloatArray
 from tests.engine.sticking_loop import SAMPLES, TS, compared, loop
@@ -26,6 +31,37 @@ def test_the_intervals_of_a_limit_cycle_hold_its_valve(seed: int) -> None:
     assert size["J"].low <= J <= size["J"].high
     assert 0.0 < size["S"].high - size["S"].low < S
     assert all(p.low <= p.value <= p.high for p in size.values())
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_scans_between_the_samples_widen_the_interval_of_a_size(seed: int) -> None:
+    """With five scans a sample the stem slips at OP that no sample shows; what explains the samples best is another
+    size, and free runs are sure of it.
+    """
+    said = explain(compared(loop(seed, S, J, samples=600, scans=5)))
+    size = said.effects[0].parameters[0]
+    assert codes(said) == ["valve.stiction"]
+    assert size.low <= S <= size.high
+    assert size.high - size.low < S
+
+
+def test_a_record_of_every_scan_is_known_by_the_controllers_law() -> None:
+    whole, fifth = (record_of(compared(loop(2, S, J, scans=scans))) for scans in (1, 5))
+    assert every_scan_recorded(whole)
+    assert not every_scan_recorded(fifth)
+    rounded = replace(whole, op=np.round(whole.op, 2))
+    assert not every_scan_recorded(rounded)
+
+
+def test_an_interval_of_a_size_stays_where_every_scan_is_recorded_or_no_cycle_shows() -> None:
+    told = Estimate("S", S, S - 0.1, S + 0.1, "OP")
+    whole = record_of(compared(loop(2, S, J)))
+    assert between_samples_too(told, whole) == told
+    still = replace(whole, op=np.full(whole.samples, 50.0))
+    assert between_samples_too(told, still) == told
+    once = np.arange(whole.samples) > whole.samples // 2
+    moved = replace(whole, op=50.0 + once, pv=np.where(once, 51.0, 50.0))
+    assert between_samples_too(told, moved) == told
 
 
 def test_a_recorded_stem_is_the_valve_and_no_cause() -> None:
