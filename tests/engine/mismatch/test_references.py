@@ -9,16 +9,17 @@ import pytest
 
 from app.engine.mismatch import Comparison, LinearSimulation, explain, simulate_again
 from app.engine.mismatch.fit.closed_loop import first_stretch
-from app.engine.mismatch.fit.fitting import Fit, finish, fit_linear
+from app.engine.mismatch.fit.fitting import Fit, finish, fit, fit_linear
 from app.engine.mismatch.fit.noise import NoiseModel
 from app.engine.mismatch.fit.task import Given, make_task, start_at
-from app.engine.mismatch.judge.validation import lasting
+from app.engine.mismatch.judge.validation import lasting, validate
 from app.engine.mismatch.location import quick_location
 from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import Experiment, alike, experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics import named
+from app.engine.mismatch.physics.gain_drift import as_it_ended
 from app.engine.mismatch.physics.terms import made_of
 from app.engine.mismatch.report import export
 from app.engine.recording import FloatArray
@@ -135,6 +136,35 @@ def test_what_set_in_is_there_all_along_in_another_record(
     assert part.block.name == since
     assert part.values.tolist() == known
     assert len(known) == len(part.block.parameters(Context(record, LAG)))
+
+
+DRIFTED = (
+    ("process.gain_drift", (300.0, 0.6)),
+    ("process.gain_drift/step", (300.0, 0.6)),
+    ("process.gain_drift/held", (300.0, 900.0, 0.6)),
+    ("process.gain_drift/whole", (300.0, 0.6, 4.0)),
+    ("process.gain_drift/whole-step", (300.0, 0.6, 4.0)),
+)
+
+
+@pytest.mark.parametrize(("name", "values"), DRIFTED)
+def test_a_gain_that_drifted_is_as_it_ended_in_another_record(name: str, values: tuple[float, ...]) -> None:
+    """The drift went on to the end of the first record, and the second one follows it."""
+    whole = driven(LAG, 2400)
+    block, drifted = of_name(whole, name), np.array(values)
+    simulated = fitted(replace(whole, reference_s=1200.0 * TS), LAG, block, drifted).simulated
+    pv = whole.pv_mid + simulated + 0.01 * np.random.default_rng(0).standard_normal(2400)
+    first, second = (experiment(TS, whole.op[part], pv[part]) for part in (slice(1200), slice(1200, None)))
+    task = make_task(first, Given(LAG), (block,))
+    final = fit(task, start_at(task, LAG, drifted))
+    told = validate(fit_linear(first, Given(LAG)), final, (), second, None)
+    assert told.explained.rmse < 0.1 * told.refitted.rmse
+
+
+def test_a_gain_that_came_and_went_is_as_it_was() -> None:
+    record = driven(LAG, 1200)
+    passing = Part(of_name(record, "process.gain_drift/passing"), np.array([300.0, 700.0, 0.6]))
+    assert lasting((as_it_ended(passing, Context(record, LAG)),)) == ()
 
 
 @pytest.mark.parametrize("follows", [False, True])

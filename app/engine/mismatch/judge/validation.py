@@ -15,7 +15,7 @@ from app.engine.mismatch.loop.block import Block, Context, Part
 from app.engine.mismatch.loop.chain import simulate
 from app.engine.mismatch.loop.experiment import FIRST_SAMPLES, LARGEST, Experiment, alike, experiment, may_be_gain
 from app.engine.mismatch.loop.plant import Plant
-from app.engine.mismatch.physics import fixed, named, terms
+from app.engine.mismatch.physics import fixed, gain_drift, named, terms
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
@@ -40,6 +40,7 @@ OF_ONE_RECORD = (
     "sensor.dropout",
     "process.gain_drift",
 )
+LASTS = (gain_drift.LASTED.name,)
 
 
 def validate(
@@ -50,7 +51,7 @@ def validate(
 
     sensors: the parts that PV showed by itself. given: the given simulation as a model at the level of the first
     record, or its trace (N,) over the second one, or None. What belongs to moments of the first record (a step, a stuck
-    stretch) is left out; what set in then is there all along.
+    stretch) is left out; what set in then is there all along, a gain that drifted with its last.
     Raises DataError("nothing_known") where nothing is compared beyond the start, DataError("signal_missing").
     """
     record = alike(base.record, second)
@@ -58,7 +59,9 @@ def validate(
     if not (record.usable & ~begun).any():
         raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
     refitted = started(record, begun, base.plant, transferred(record, base.parts))
-    explained = started(record, begun, final.plant, transferred(record, lasting((*final.parts, *sensors))))
+    told = Context(base.record, base.plant)
+    parts = lasting((*(gain_drift.as_it_ended(part, told) for part in final.parts), *sensors))
+    explained = started(record, begun, final.plant, transferred(record, parts))
     if isinstance(given, Plant):
         given = started(record, begun, given, ()) + record.pv_mid
     return Improvement(
@@ -80,7 +83,7 @@ def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]
 
 def lasting(parts: tuple[Part, ...]) -> tuple[Part, ...]:
     """The parts that a second record has as well, as they are there."""
-    kept = (terms.untimed(part) for part in parts if part.block.code not in OF_ONE_RECORD)
+    kept = (terms.untimed(part) for part in parts if part.block.name in LASTS or part.block.code not in OF_ONE_RECORD)
     return tuple(there_since(part) for part in kept if part is not None)
 
 

@@ -91,8 +91,9 @@ PATTERNS = (
 
 
 def by_name(record: Experiment) -> dict[str, Block]:
-    """Every block, those found by a pattern and of every measured signal included, by its name."""
-    return {block.name: block for block in (*fixed(), *coupling.blocks(record), *PATTERNS)}
+    """Every block, those found by a pattern, of every measured signal and of what was before included, by its name."""
+    every = (*fixed(), *coupling.blocks(record), *PATTERNS, gain_drift.LASTED)
+    return {block.name: block for block in every}
 
 
 def named(record: Experiment, names: Iterable[str]) -> dict[str, Block]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.engine.mismatch.loop.block import Block, Context, Parameter, Sum, grid
+from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum, grid, no_scan
 from app.engine.mismatch.physics.moments import between, jumps_at, moment, ramp, since
 from app.engine.recording import FloatArray
 
@@ -204,3 +204,29 @@ BLOCKS = (
         rough=True,
     ),
 )
+
+
+def lasted_parameters(context: Context) -> tuple[Parameter, ...]:
+    """offset: what the change makes of where the loop stood when it was measured, and of the working point's worth."""
+    span = context.record.op_span
+    return (change(context), Parameter("offset", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
+
+
+def lasted(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+    return signal + values[0] * signal + values[1]
+
+
+LASTED = Block(CODE, "process", "input", WHEN, lasted_parameters, no_scan, apply=lasted, form="lasted", affine=True)
+"""A gain that has drifted before the record begins: in none that it is looked for, because a linear refit has it."""
+ENDS = {"": (1, 2), "step": (1, 2), "held": (2, 3), "whole": (1, 3), "whole-step": (1, 3)}
+"""Which of the values of a form are its change, and what moves the working point with it."""
+
+
+def as_it_ended(part: Part, context: Context) -> Part:
+    """A drift of the context's record as it is in a later one; any other part, and a gain that came and went, as it is."""
+    if part.block.code != CODE or part.block.form not in ENDS:
+        return part
+    first, end = ENDS[part.block.form]
+    size, *shift = part.values[first:end].tolist()
+    offset = sum(shift) - size * reference(context)
+    return Part(LASTED, np.array([size, offset]))
