@@ -127,12 +127,24 @@ def recorded_nights(case: Case) -> list[Recording]:
     return [_from_its_start(recording.part(slice(int(end) - size, int(end)))) for end in ends]
 
 
+def size_of(case: Case) -> float:
+    """S of its valve, per cent of OP's span."""
+    return _size(case, _draws(case))
+
+
+def _draws(case: Case) -> np.random.Generator:
+    return np.random.default_rng([case.seed, 0 if case.S is None else round(10 * case.S[1])])
+
+
+def _size(case: Case, rng: np.random.Generator) -> float:
+    return HEALTHY_S if case.S is None else float(rng.uniform(*case.S))
+
+
 def _recorded(case: Case) -> Recording:
-    pace, S = case.pace, case.S
-    rng = np.random.default_rng([case.seed, 0 if S is None else round(10 * S[1])])
+    pace, rng = case.pace, _draws(case)
     length_s = (NIGHTS - 1 + pace.days) * DAY_S
-    size = HEALTHY_S if S is None else float(rng.uniform(*S))
-    jump = HEALTHY_J if S is None else size * float(rng.uniform(0.3, 1.0))
+    size = _size(case, rng)
+    jump = HEALTHY_J if case.S is None else size * float(rng.uniform(0.3, 1.0))
     plant, controller = case.process(pace, rng)
     noise_sd = float(rng.uniform(0.05, 0.2))
     spec = LoopSpec(

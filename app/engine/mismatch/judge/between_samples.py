@@ -40,4 +40,7 @@ def between_samples_too(size: Estimate, record: Experiment) -> Estimate:
     if not np.ptp(record.op) > 0.0 or every_scan_recorded(record):
         return size
     told = by_prediction(record)
-    return size if told is None else replace(size, low=min(size.low, told.low), high=max(size.high, told.high))
+    if told is None:
+        return size
+    most = max(size.high, min(told.high, record.op_range))  # behind a wider band no reversal moves the stem
+    return replace(size, low=min(size.low, told.low), high=most)
