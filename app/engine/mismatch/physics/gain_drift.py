@@ -223,7 +223,7 @@ ENDS = {"": (1, 2), "step": (1, 2), "held": (2, 3), "whole": (1, 3), "whole-step
 
 
 def as_it_ended(part: Part, context: Context) -> Part:
-    """A drift of the context's record as it is in a later one; any other part, and a gain that came and went, as it is."""
+    """A drift of the context's record as it is in a later one; any other part, and what came and went, as it is."""
     if part.block.code != CODE or part.block.form not in ENDS:
         return part
     first, end = ENDS[part.block.form]
