@@ -201,7 +201,7 @@ def test_a_fitted_stiction_says_that_it_is_no_size():
     assert effect_in_words(effect | {"effect": "sensor.drift"}, None, UTC_CLOCK)["no_size"] == ""
     html = part(DONE | {"told_effects": [told | {"no_size": NO_SIZE}]})
     assert "<summary>of the model, not the size</summary>S = 13.8 OP" in html
-    assert "in 27 of 28 simulated loops" in html
+    assert "in 34 of 35 simulated loops" in html
 
 
 def test_its_wide_tables_are_scrolled_by_keyboard_and_have_names():
