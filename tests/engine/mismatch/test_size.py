@@ -10,9 +10,11 @@ from app.engine.mismatch.compare.comparison import record_of
 from app.engine.mismatch.compare.read_back import best_stem, without_read_backs
 from app.engine.mismatch.judge.between_samples import between_samples_too, every_scan_recorded
 from app.engine.mismatch.judge.result import Estimate
+from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import lag
 from app.engine.recording import FloatArray
-from tests.engine.sticking_loop import SAMPLES, TS, compared, loop
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, second_order, simulate_loop
+from tests.engine.sticking_loop import SAMPLES, STARTED, TS, compared, loop
 
 S, J = 6.0, 2.0
 
@@ -45,12 +47,96 @@ def test_scans_between_the_samples_widen_the_interval_of_a_size(seed: int) -> No
     assert size.high - size.low < S
 
 
-def test_a_record_of_every_scan_is_known_by_the_controllers_law() -> None:
-    whole, fifth = (record_of(compared(loop(2, S, J, scans=scans))) for scans in (1, 5))
-    assert every_scan_recorded(whole)
-    assert not every_scan_recorded(fifth)
-    rounded = replace(whole, op=np.round(whole.op, 2))
-    assert not every_scan_recorded(rounded)
+def recorded_of(
+    scans: int = 1,
+    decimals: float = 0.01,
+    noise: float = 0.2,
+    Td: float = 0.0,
+    limits: tuple[float, float] = (0.0, 100.0),
+    sp: tuple[tuple[float, float], ...] = (),
+    seed: int = 2,
+    two_lags: bool = False,
+    tau_s: float = 0.0,
+) -> Experiment:
+    """A sticking loop, as it is recorded: each of `scans` scans a sample sees PV as it is, not as it was rounded."""
+    spec = LoopSpec(
+        plant=second_order(1.0, 12.0, 1.2, 4.0) if two_lags else first_order(1.0, 20.0, 3.0),
+        controller=Pid(0.6 if two_lags else 1.0, 25.0, Td),
+        valve=TwoParameterValve(S, J),
+        load=Signal(steps=STARTED),
+        noise=Signal(noise_sd=noise, noise_tau_s=tau_s),
+        sp=Signal(steps=sp),
+        pv_start=50.0,
+        op_start=50.0,
+        op_limits=limits,
+        step_s=TS / scans,
+    )
+    made = simulate_loop(spec, 800 * TS, TS, seed)
+    pv, op = ((np.round(x / decimals) * decimals if decimals else x) for x in (made.pv, made.op))
+    return record_of(Comparison("loop", TS, op, pv, made.sp))
+
+
+ROUNDED = {
+    "as computed": {"decimals": 0.0},
+    "two decimals": {},
+    "two lags": {"two_lags": True},
+    "large noise": {"noise": 0.8, "decimals": 0.1},
+    "small noise": {"noise": 0.05, "decimals": 0.002},
+    "PID": {"Td": 2.0},
+    "set point steps": {"sp": ((800.0, 3.0), (2400.0, -4.0))},
+    "clipped": {"limits": (43.0, 52.0), "sp": tuple((400.0 * k, 7.0 * (-1.0) ** k) for k in range(1, 10))},
+    "slow noise": {"tau_s": 10.0},
+}
+TOLD_APART = pytest.mark.parametrize("case", ROUNDED)
+
+
+@TOLD_APART
+def test_a_record_of_every_scan_is_known_by_the_controllers_law(case: str) -> None:
+    """Rounded to decimals, as a plant exports it, every record counted as one with scans between its samples."""
+    assert [every_scan_recorded(recorded_of(seed=seed, **ROUNDED[case])) for seed in range(4)] == 4 * [True]
+
+
+@TOLD_APART
+@pytest.mark.parametrize("scans", [2, 5, 20])
+def test_scans_between_the_samples_are_known_by_the_noise_that_op_answered(case: str, scans: int) -> None:
+    said = [every_scan_recorded(recorded_of(scans, seed=seed, **ROUNDED[case])) for seed in range(4)]
+    assert said == 4 * [False]
+
+
+@pytest.mark.parametrize("scans", [1, 5])
+@pytest.mark.parametrize(("decimals", "noise"), [(0.1, 0.02), (0.1, 0.1), (0.5, 0.02), (0.5, 0.1), (0.5, 0.4)])
+def test_coarse_rounding_hides_whether_scans_lie_between(scans: int, decimals: float, noise: float) -> None:
+    assert not every_scan_recorded(recorded_of(scans, decimals, noise))
+
+
+@pytest.mark.parametrize("scans", [1, 5])
+def test_gaps_in_a_record_tell_nothing_of_its_scans(scans: int) -> None:
+    """PV was filled in, OP stands there, at values that no rounding gave."""
+    record = recorded_of(scans)
+    gap = np.zeros(record.samples, dtype=bool)
+    gap[100:140] = gap[400:403] = gap[600] = True
+    pv, op = np.where(gap, 50.003, record.pv), np.where(gap, 51.0007, record.op)
+    assert every_scan_recorded(replace(record, pv=pv, op=op, usable=~gap)) == (scans == 1)
+
+
+def test_a_controller_that_does_not_integrate_tells_nothing_of_its_scans() -> None:
+    """Its OP follows from the samples, however many scans lie between them."""
+    record = recorded_of(5)
+    followed = replace(record, op=50.0 - 0.7 * (record.pv - 50.0), sp=None)
+    assert not every_scan_recorded(followed)
+
+
+def test_records_that_show_no_law_tell_nothing_of_their_scans() -> None:
+    rng, whole = np.random.default_rng(0), recorded_of()
+    few = record_of(Comparison("few", TS, whole.op[:9], whole.pv[:9], None))
+    for record in (
+        few,
+        replace(whole, op=np.full(whole.samples, 50.0)),
+        replace(whole, pv=np.full(whole.samples, 50.0)),
+        replace(whole, usable=np.zeros(whole.samples, dtype=bool)),
+        replace(whole, op=whole.op + rng.normal(0.0, 0.05, whole.samples)),
+    ):
+        assert not every_scan_recorded(record)
 
 
 def test_an_interval_of_a_size_stays_where_every_scan_is_recorded_or_no_cycle_shows() -> None:

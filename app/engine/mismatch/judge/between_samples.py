@@ -6,22 +6,74 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.engine.fitness.signals import at_extremes
+from app.engine.mismatch.fit.levels import decimals_of
 from app.engine.mismatch.judge.result import Estimate
 from app.engine.mismatch.loop.experiment import Experiment
-from app.engine.mismatch.loop.law import identify_law
 from app.engine.oscillation import detect
 from app.engine.quantification import Interval, quantify
-from app.engine.recording import UniformRecord
+from app.engine.recording import BoolArray, FloatArray, UniformRecord
 
-COMPUTED = 1e-6  # of the variance of OP's moves: a law that leaves more, or that had rounded samples, is not proven
+LIKE_A_NUMBER = 1e-4  # of the deviation of a signal's moves: rounded no coarser, and it is as it was computed
+UNSEEN = 0.25  # of the variance ki^2 of PV's noise; (m - 1)/m^2 + (1 - 1/m)^2/3, a third at least, by m scans a sample
+SURE = 3.0  # deviations
+SIXTH = 924.0  # the variance of sixth differences of white noise, over its own
+OF_MEDIAN = 0.455  # the median of the square of a normal number
 
 
 def every_scan_recorded(record: Experiment) -> bool:
     """Whether the stem saw no other OP than the recorded one: a controller's law makes each move of OP out of the
-    samples themselves. Misleads where PV or OP is rounded: it says no.
+    samples themselves and leaves no more than their rounding, while scans between them would leave more, because PV's
+    noise there is in OP and in no sample. False where that cannot be told.
+
+    The law is the one that leaves least over what rounding lets it leave (total least squares): rounding is in PV as
+    well, and would bend the gains of one that leaves least. Misleads where PV's noise is slower than the samples.
     """
-    law = identify_law(record.sp, record.pv, record.op, record.usable)
-    return law.explained >= 1.0 - COMPUTED
+    kept = _answering(record)
+    doubt = SURE * np.sqrt(3.0 / max(np.sum(kept), 1))  # a move has the rounding of two samples, the next one of one
+    if not doubt < 1.0:
+        return False
+    of_op, of_pv = _rounding(record.op[record.usable]), _rounding(record.pv[record.usable])
+    if not min(of_op, of_pv) > 0.0:
+        return False
+    exact = np.ones((int(np.sum(kept)), 1))
+    if record.sp is not None:
+        exact = np.column_stack((exact, _latest(record.sp - np.mean(record.sp))[kept]))
+    seen = np.column_stack((np.diff(record.op)[1:], _latest(record.pv - record.pv_mid)))[kept]
+    seen -= exact @ np.linalg.lstsq(exact, seen, rcond=None)[0]
+    spreads = np.sqrt([2.0 * of_op, of_pv, of_pv, of_pv])
+    _, singular, ways = np.linalg.svd(seen / spreads, full_matrices=False)
+    left = float(singular[-1] ** 2) / len(seen)  # over what rounding leaves
+    integral = float(np.sum(ways[-1, 1:] / spreads[1:]))
+    unseen = UNSEEN * integral**2 * max(_noise(record) - of_pv, 0.0)
+    return bool(left <= 1.0 + doubt and unseen >= 2.0 * doubt)
+
+
+def _latest(signal: FloatArray) -> FloatArray:
+    """(N - 2, 3) a signal's samples that a law answers, from the third on."""
+    return np.stack([signal[2:], signal[1:-1], signal[:-2]], axis=1)
+
+
+def _answering(record: Experiment) -> BoolArray:
+    """(N - 2,) True where a law is answered: PV is usable, and OP neither is nor was where it goes no further."""
+    least, most = at_extremes(record.op)
+    free = ~(least | most)
+    return free[2:] & free[1:-1] & _latest(record.usable).all(axis=1)
+
+
+def _rounding(signal: FloatArray) -> float:
+    """The variance of a signal's rounding; 0 where it stands."""
+    if len(signal) < 2:
+        return 0.0
+    step = max(decimals_of(signal), LIKE_A_NUMBER * float(np.std(np.diff(signal))))
+    return step * step / 12.0
+
+
+def _noise(record: Experiment) -> float:
+    """The variance of what is in one sample of PV and not in those around it, rounding included."""
+    usable = np.lib.stride_tricks.sliding_window_view(record.usable, 7).all(axis=1)
+    moved = np.diff(record.pv, 6)[usable]
+    return float(np.median(moved * moved)) / (OF_MEDIAN * SIXTH) if len(moved) else 0.0
 
 
 def by_prediction(record: Experiment) -> Interval | None:
