@@ -57,6 +57,7 @@ def recorded_of(
     seed: int = 2,
     two_lags: bool = False,
     tau_s: float = 0.0,
+    sensed: float = 0.0,
 ) -> Experiment:
     """A sticking loop, as it is recorded: each of `scans` scans a sample sees PV as it is, not as it was rounded."""
     spec = LoopSpec(
@@ -69,6 +70,7 @@ def recorded_of(
         pv_start=50.0,
         op_start=50.0,
         op_limits=limits,
+        pv_resolution=sensed,
         step_s=TS / scans,
     )
     made = simulate_loop(spec, 800 * TS, TS, seed)
@@ -117,6 +119,13 @@ def test_gaps_in_a_record_tell_nothing_of_its_scans(scans: int) -> None:
     gap[100:140] = gap[400:403] = gap[600] = True
     pv, op = np.where(gap, 50.003, record.pv), np.where(gap, 51.0007, record.op)
     assert every_scan_recorded(replace(record, pv=pv, op=op, usable=~gap)) == (scans == 1)
+
+
+@pytest.mark.parametrize("noise", [0.15, 0.2, 0.3, 0.4, 0.6])
+def test_scans_between_are_known_where_the_controller_saw_pv_rounded(noise: float) -> None:
+    """Then PV's rounding is in OP too, and what scans between leave was taken for it."""
+    said = [every_scan_recorded(recorded_of(5, noise=noise, sensed=0.1, seed=seed)) for seed in range(4)]
+    assert said == 4 * [False]
 
 
 def test_a_controller_that_does_not_integrate_tells_nothing_of_its_scans() -> None:

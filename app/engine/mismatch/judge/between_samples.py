@@ -30,7 +30,7 @@ def every_scan_recorded(record: Experiment) -> bool:
     well, and would bend the gains of one that leaves least. Misleads where PV's noise is slower than the samples.
     """
     kept = _answering(record)
-    doubt = SURE * float(np.sqrt(3.0 / max(int(np.sum(kept)), 1)))  # a move has the rounding of two samples, the next one of one
+    doubt = SURE * float(np.sqrt(3.0 / max(int(np.sum(kept)), 1)))  # two moves share the rounding of a sample
     if not doubt < 1.0:
         return False
     of_op, of_pv = _rounding(record.op[record.usable]), _rounding(record.pv[record.usable])
@@ -46,7 +46,7 @@ def every_scan_recorded(record: Experiment) -> bool:
     left = float(singular[-1] ** 2) / len(seen)  # over what rounding leaves
     integral = float(np.sum(ways[-1, 1:] / spreads[1:]))
     unseen = UNSEEN * integral**2 * max(_noise(record) - of_pv, 0.0)
-    return left <= 1.0 + doubt and unseen >= 2.0 * doubt
+    return left <= 1.0 + doubt <= unseen  # where a controller saw PV rounded too, rounding leaves less
 
 
 def _latest(signal: FloatArray) -> FloatArray:
