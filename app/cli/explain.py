@@ -42,7 +42,13 @@ def explain(
             '"controller": {"gain": 0.5, "integral_time_s": 40}. Or a model that explain wrote.',
         ),
     ] = None,
-    validate: Annotated[Path | None, typer.Option("--validate", help="A second recording, unseen in the fit.")] = None,
+    validate: Annotated[
+        Path | None,
+        typer.Option(
+            "--validate",
+            help="A second recording, unseen in the fit, taken for a later one: what set in or drifted stays.",
+        ),
+    ] = None,
     op: Annotated[str | None, typer.Option("--op", help="The column of OP.")] = None,
     pv: Annotated[str | None, typer.Option("--pv", help="The column of PV.")] = None,
     sp: Annotated[str | None, typer.Option("--sp", help="The column of SP.")] = None,
