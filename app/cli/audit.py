@@ -248,6 +248,7 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     from app.ingest import TagMapping, read_recordings
     from app.services.auditing.file_audit import audited_lines
     from app.services.moments import PlantClock
+    from app.services.telling.exchanged_tags import exchanged_tags
 
     mapping = None if how.mapping is None else TagMapping.from_bytes(how.mapping)
     with compiling_told():
@@ -257,7 +258,9 @@ def audit_file(path: Path, how: Reading) -> AuditedFile:
     if not content.recordings:
         # What the file holds instead may tell why.
         return AuditedFile(path, notes=(*notes, "skipped: no loop with PV and OP in it", *content.notes), skipped=True)
-    return AuditedFile(path, lines, (*content.notes, *notes), failed=bool(content.damage))
+    return AuditedFile(
+        path, lines, (*exchanged_tags(content.set_point_with_op), *content.notes, *notes), failed=bool(content.damage)
+    )
 
 
 def in_words(content: "RecordingsRead") -> Iterator[str]:
@@ -272,7 +275,7 @@ def in_words(content: "RecordingsRead") -> Iterator[str]:
 def beside_shown(refused: int, shown: int) -> Iterator[str]:
     """How many rows and values were refused beside those that are shown, where there are more."""
     if refused > shown:
-        yield f"and {counted(refused - shown, 'more row or value', 'more rows or values')} that could not be read"
+        yield f"and {counted(refused - shown, 'more row or value that was', 'more rows or values that were')} refused"
 
 
 def exit_code(audited: list[AuditedFile], named: list[Path]) -> ExitCode:

@@ -14,6 +14,7 @@ from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
 from app.counting import counted
 from app.errors import DataError, LoopauditError
 from app.services.moments import moment_of
+from app.services.telling.exchanged_tags import exchanged_tags
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -90,7 +91,7 @@ def facts(report: "InspectReport") -> Iterator[str]:
     yield f"time        {summary.time_format}, zone {summary.time_zone}"
     yield f"rows        {summary.rows_read:,} read, {summary.rows_kept:,} kept, {summary.values_kept:,} values"
     yield f"tags        {summary.tags:,} in {len(report.loops):,} {'loop' if len(report.loops) == 1 else 'loops'}"
-    for note in summary.notes:
+    for note in (*exchanged_tags(report.set_point_with_op), *summary.notes):
         yield f"note        {note}"
 
 

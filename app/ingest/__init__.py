@@ -49,6 +49,7 @@ from app.ingest.model import (
 )
 from app.ingest.named_columns import NamedTable, parse_named, read_instants, read_named
 from app.ingest.recordings import RecordingsRead, read_recordings, second_zero_ns, to_recording
+from app.ingest.set_points import SetPoints
 from app.ingest.tables.scanning import warm_up
 from app.ingest.tables.spilling import NoRoomToPartError
 from app.ingest.tags.grouping import (
@@ -86,6 +87,7 @@ __all__ = [
     "RecordingsRead",
     "Reject",
     "Rejects",
+    "SetPoints",
     "Signal",
     "SignalBlock",
     "TagMapping",

@@ -8,6 +8,7 @@ import numpy as np
 from app.ingest.align import EVEN, LONG
 from app.ingest.exports.reading import read_export
 from app.ingest.model import FileSummary, FloatArray, IngestOptions, LoopSamples, Rejects
+from app.ingest.set_points import SetPoints
 from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
 
@@ -37,13 +38,14 @@ class LoopReport:
 
 @dataclass(frozen=True)
 class InspectReport:
-    """A file's summary, its loops and what would be refused."""
+    """A file's summary, its loops, what would be refused, and the loops whose set point lies with OP, not with PV."""
 
     name: str
     size_bytes: int
     summary: FileSummary
     loops: tuple[LoopReport, ...]
     rejects: Rejects
+    set_point_with_op: tuple[str, ...] = ()
 
 
 def inspect(
@@ -51,8 +53,13 @@ def inspect(
 ) -> InspectReport:
     """Reads the whole file and keeps nothing of it but the report. Raises DataError where it is no export."""
     export = read_export(path, filename=filename, mapping=mapping, options=options)
-    loops = tuple(_report(samples) for samples in export.loops())
-    return InspectReport(filename or path.name, path.stat().st_size, export.summary(), loops, export.rejects())
+    loops, set_points = [], SetPoints()
+    for samples in export.loops():
+        set_points.look(samples)
+        loops.append(_report(samples))
+    summary, rejects = export.summary(), export.rejects()
+    size = path.stat().st_size
+    return InspectReport(filename or path.name, size, summary, tuple(loops), rejects, set_points.with_op())
 
 
 def _report(samples: LoopSamples) -> LoopReport:

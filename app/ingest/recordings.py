@@ -11,6 +11,7 @@ from app.engine.recording import Recording
 from app.ingest.align import carried
 from app.ingest.exports.reading import read_export
 from app.ingest.model import FloatArray, IngestOptions, LoopSamples, Reject, TimeArray
+from app.ingest.set_points import loops_with_op
 from app.ingest.tags.grouping import TagMapping
 from app.nanoseconds import NS_PER_S
 
@@ -20,7 +21,8 @@ class RecordingsRead:
     """The recordings of a file, what was refused (the first of it; `reject_counts` has all by code), and the loops
     passed over. `damage`: what of the file itself was lost on its way. `starts_s`: by name of the recording, where on
     the clock of them all its second 0 is, s; empty where each may have a clock of its own. `dated`: whether that clock
-    counts from 1970, UTC. `times_assumed`: what was taken for times where no column is named so."""
+    counts from 1970, UTC. `times_assumed`: what was taken for times where no column is named so. `set_point_with_op`:
+    the loops whose set point lies with OP and not with PV."""
 
     recordings: tuple[Recording, ...]
     rejects: tuple[Reject, ...]
@@ -33,6 +35,7 @@ class RecordingsRead:
     starts_s: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     dated: bool = False
     times_assumed: tuple[str, ...] = ()
+    set_point_with_op: tuple[str, ...] = ()
 
 
 def read_recordings(
@@ -61,6 +64,7 @@ def read_recordings(
         starts_s=MappingProxyType(_starts_s(audited, names) if export.on_one_clock() else {}),
         dated=export.bears_dates(),
         times_assumed=export.times_assumed(),
+        set_point_with_op=loops_with_op(audited.values()),
     )
 
 

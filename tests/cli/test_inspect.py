@@ -134,3 +134,12 @@ def test_inspect_says_how_much_a_hole_leaves_out(tmp_path):
     export.write_text("\n".join(["time,PV,OP", *lines]) + "\n")
     (line,) = (line for line in run("inspect", export).stdout.splitlines() if line.startswith(" FIC1 "))
     assert line.split()[:7] == ["FIC1", "PV", "OP", "300", "1", "no", "50.0"]
+
+
+@pytest.mark.parametrize(("command", "stream"), [("inspect", "stdout"), ("audit", "stderr")])
+def test_tags_that_look_exchanged_are_told_before_anything_is_sent(command, stream, tmp_path):
+    noise = np.random.default_rng(3).normal(size=(2, 120))
+    rows = (f"{k},{40 + noise[1, k]:.3f},{100 + noise[0, k]:.3f},100" for k in range(120))
+    (tmp_path / "FIC1.csv").write_text("\n".join(["time,PV,OP,SP", *rows, ""]))
+    done = run(command, tmp_path / "FIC1.csv")
+    assert "SP lies with OP, far from PV, in FIC1: are the tags of PV and OP exchanged" in getattr(done, stream)

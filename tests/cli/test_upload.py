@@ -310,7 +310,7 @@ def test_what_is_odd_about_an_upload_is_said(tmp_path, capsys):
     ]
 
 
-@pytest.mark.parametrize(("refused", "more"), [(3, []), (720, ["and 717 more rows or values that could not be read"])])
+@pytest.mark.parametrize(("refused", "more"), [(3, []), (720, ["and 717 more rows or values that were refused"])])
 def test_how_many_more_rows_were_refused_is_said(tmp_path, capsys, refused, more):
     listed = [{"line": line, "text": "RSP", "code": "unknown_mode"} for line in range(2, 7)]
     state = {"id": "7", "state": "done", "loops": ["A"], "rejects": listed[:refused], "rows_refused": refused}

@@ -42,7 +42,7 @@ EXPECTED = {
     "mapping": "of loops of the file 1 mapped tag is not in it: B "
     "of the 2 loops of the mapping 1 is not in this file: FIC2",
     "damage": " and 1 stretch more cannot be read",
-    "refused": "and 1 more row or value that could not be read",
+    "refused": "and 1 more row or value that was refused",
 }
 
 

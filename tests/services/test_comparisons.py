@@ -48,6 +48,8 @@ def test_an_export_of_several_loops_asks_which(tmp_path: Path) -> None:
     lines += [f"2024-06-13 12:{k // 60:02d}:{k % 60:02d},{k % 7},{k % 5},{k % 11},{k % 3}" for k in range(300)]
     path = write(tmp_path / "plant.csv", "\n".join(lines))
     assert code_of(path, Columns()) == "several_loops"
+    with pytest.raises(DataError, match=r"holds 2 loops \(FIC1, FIC2\); name one with --loop"):
+        read_comparison(path, Columns(), None)
     assert code_of(path, Columns(loop="FIC9")) == "no_such_loop"
     assert read_comparison(path, Columns(loop="FIC2"), None).pv.max() == 10.0
 

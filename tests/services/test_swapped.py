@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from app.ingest import LoopSamples
+from app.ingest.set_points import FEWEST, SetPoints
 from app.services.backend import Backend
-from app.services.intake.swapped import FEWEST, SetPoints
+from app.services.telling.exchanged_tags import exchanged_tags
 from tests.services.sent_uploads import read, send
 
 N = 200
@@ -20,12 +21,12 @@ def told(*stretches: LoopSamples) -> list[str]:
     seen = SetPoints()
     for stretch in stretches:
         seen.look(stretch)
-    return list(seen.notes())
+    return list(exchanged_tags(seen.with_op()))
 
 
 def test_exchanged_tags_are_told() -> None:
     (note,) = told(SWAPPED, replace(RIGHT, loop="FIC2"))
-    assert note == "SP lies with OP, far from PV: are the tags of PV and OP exchanged, or is SP in %? FIC1"
+    assert note == "SP lies with OP, far from PV, in FIC1: are the tags of PV and OP exchanged, or is SP in %?"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from app.counting import counted
 from app.engine.evidence import Reason
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.compare.aligning import Aligned, onto, sample_by_sample
@@ -23,6 +24,7 @@ from app.ingest import (
     read_named,
     read_recordings,
 )
+from app.services.telling import naming
 
 NOT_MEASURED = ("ts", "auto")
 BRACKETS = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
@@ -168,8 +170,8 @@ def exported(path: Path, loop: str | None, options: IngestOptions) -> Recordings
         if not found:
             raise DataError("no_such_loop", f"{path} has no loop {loop} with PV and OP")
     if len(found) > 1:
-        loops = ", ".join(r.name.rpartition(":")[2] for r in found[:8])
-        raise DataError("several_loops", f"{path} holds {len(found)} loops ({loops}, ...); name one with --loop")
+        loops = naming.named([r.name.rpartition(":")[2] for r in found])
+        raise DataError("several_loops", f"{path} holds {counted(len(found), 'loop')} ({loops}); name one with --loop")
     return replace(read, recordings=found) if found else None
 
 

@@ -22,6 +22,7 @@ from app.ingest import (
     MappedTag,
     NoRoomToPartError,
     Rejects,
+    SetPoints,
     TagMapping,
     read_export,
 )
@@ -30,10 +31,10 @@ from app.services.backend import DATABASE_AWAY, Backend, megabytes, no_room
 from app.services.data_folder import folder_away
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
-from app.services.intake.swapped import SetPoints
 from app.services.intake.uploads import is_seen, path_of
 from app.services.moments import FIRST_DATED, iso_utc, moment_of, ns_of
 from app.services.patience import patiently
+from app.services.telling.exchanged_tags import exchanged_tags
 from app.services.telling.naming import named, without_commands
 from app.storage import loops, receipts, series, uploads
 from app.storage.samples import Samples, prepare
@@ -149,7 +150,7 @@ def _read_file(backend: Backend, row: UploadRow, claim: ReadingClaim) -> Read:
         "reject_counts": dict(refused.counts),
         "notes": [
             *kept_notes(placing, places),
-            *set_points.notes(),
+            *exchanged_tags(set_points.with_op()),
             *summary.notes,
             *_of_replaced(replaced),
             *_of_retired(retired),

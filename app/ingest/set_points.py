@@ -1,11 +1,10 @@
 """Loops whose set point lies with OP and not with PV, as it does where two tags are exchanged."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable
 
 from app.engine.fitness.exchanged import WithOp, set_point_with_op
-from app.ingest import LoopSamples
-from app.services.telling.naming import named
+from app.ingest.model import LoopSamples
 
 MOSTLY = 0.9
 FEWEST = 50
@@ -23,10 +22,17 @@ class SetPoints:
         in_use = None if stretch.automatic is None else stretch.automatic != 0.0
         self._found[stretch.loop] += set_point_with_op(stretch.pv, stretch.op, stretch.sp, in_use)
 
-    def notes(self) -> Iterator[str]:
-        loops = [loop for loop, found in self._found.items() if _is_with_op(found)]
-        if loops:
-            yield f"SP lies with OP, far from PV: are the tags of PV and OP exchanged, or is SP in %? {named(loops)}"
+    def with_op(self) -> tuple[str, ...]:
+        """The loops whose set point lies with OP, in the order in which they were read."""
+        return tuple(loop for loop, found in self._found.items() if _is_with_op(found))
+
+
+def loops_with_op(loops: Iterable[LoopSamples]) -> tuple[str, ...]:
+    """The same of loops that are there as a whole."""
+    seen = SetPoints()
+    for samples in loops:
+        seen.look(samples)
+    return seen.with_op()
 
 
 def _is_with_op(found: WithOp) -> bool:
