@@ -9,7 +9,7 @@ from datetime import time
 from functools import cache
 from pathlib import Path
 from typing import Literal
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 from zoneinfo import available_timezones
 
 from pydantic import Field, SecretStr, field_validator, model_validator
@@ -45,6 +45,8 @@ def _zones_of_everybody() -> frozenset[str]:
 UNREAD_BROKER = (
     "a port is a number, and so is the data base of a Redis; / ? # ; [ % in a password are %2F %3F %23 %3B %5B %25"
 )
+OPTIONS_OF_BROKERS = frozenset({"connect_timeout", "credential_provider", "heartbeat", "insist", "login_method", "ssl"})
+"""What kombu takes behind the ? of an address, beside ssl_...: another one is a TypeError at its first use."""
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
@@ -76,6 +78,12 @@ def _is_read_by_kombu(broker: str) -> bool:
         return False
     name = parts.path.removeprefix("/")
     return not parts.scheme.startswith("redis") or name == "" or name.isdecimal()
+
+
+def _has_known_options(broker: str) -> bool:
+    names = [name for name, _ in parse_qsl(urlsplit(broker).query)]
+    of_tls = [name for name in names if name.startswith("ssl_")]
+    return OPTIONS_OF_BROKERS.issuperset({*names} - {*of_tls}) and not ("ssl" in names and of_tls)
 
 
 def _can_be_looked_up(host: str) -> bool:
@@ -322,6 +330,11 @@ class Settings(BaseSettings):
         servers = [] if address.startswith("folder://") else address.split(";")
         if not all(_is_read_by_kombu(it) for it in servers):
             raise ValueError("BROKER_URL cannot be read: " + UNREAD_BROKER)
+        if not all(map(_has_known_options, servers)):
+            taken = ", ".join(sorted(OPTIONS_OF_BROKERS))
+            raise ValueError(
+                f"BROKER_URL takes no such option behind its ?; there is {taken}, and without ssl also ssl_..."
+            )
         return address
 
     @field_validator("public_url")

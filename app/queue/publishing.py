@@ -101,8 +101,8 @@ class Queue:
         if refusal is None:
             log.warning("broker away%s: %s", what_waits, error)
         else:
-            text = "the broker answers and %s%s: %s"
-            log.warning(text, refusal.what, what_waits, error, extra={"code": refusal.code})
+            text = "the broker %s%s: %s"
+            log.warning(text, refusal.told, what_waits, error, extra={"code": refusal.code})
 
     @cached_property
     def _refusals(self) -> tuple[type[Exception], ...]:

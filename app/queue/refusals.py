@@ -17,6 +17,11 @@ class BrokerRefusal:
     what: str
     advice: str
 
+    @property
+    def told(self) -> str:
+        """What goes on from "the broker" in a log, which tells it from one that is away."""
+        return f"answers and {self.what}"
+
 
 LOGIN = BrokerRefusal(
     code="broker_login",
@@ -72,8 +77,8 @@ def tell_failure(log: logging.Logger, error: Exception, pause_s: float, such: tu
     if refusal is None:
         log.error("the broker is away; trying again in %.0f s: %s", pause_s, error)
     else:
-        text = "the broker answers and %s; trying again in %.0f s: %s"
-        log.error(text, refusal.what, pause_s, error, extra={"code": refusal.code})
+        text = "the broker %s; trying again in %.0f s: %s"
+        log.error(text, refusal.told, pause_s, error, extra={"code": refusal.code})
 
 
 def _led_to(error: BaseException | None) -> Iterator[BaseException]:

@@ -54,8 +54,8 @@ class Scheduler(CeleryScheduler):
         of_broker = cause.__cause__ if isinstance(cause, OperationalError) else cause
         such = () if isinstance(of_broker, away) else refused
         if of_broker is not None and (refusal := refusal_of(of_broker, such)):
-            text = "the broker answers and %s, asked again soon: %s"
-            log.error(text, refusal.what, error, extra={"code": refusal.code})
+            text = "the broker %s, asked again soon: %s"
+            log.error(text, refusal.told, error, extra={"code": refusal.code})
         elif {getattr(it, "errno", None) for it in (cause, of_broker)} & NO_ROOM:
             log.error("no room on the disk for the broker's messages, make room; asked again soon: %s", error)
         elif isinstance(cause, (OperationalError, OSError, *away)):

@@ -5,12 +5,13 @@ from datetime import time
 from pathlib import Path
 
 import pytest
+from kombu import Connection
 from pydantic import SecretStr, ValidationError
 
 from app.cli.configuration import load_settings
 from app.errors import RequestError
 from app.services.digests.webhooks import forbidden_hosts
-from app.settings import Settings, misspelt
+from app.settings import OPTIONS_OF_BROKERS, Settings, misspelt
 
 
 @pytest.mark.parametrize("address", ["garbage", "http://redis:6379", "redis.example:6379/0"])
@@ -47,6 +48,26 @@ def test_an_address_of_a_broker_that_cannot_be_read_is_refused_without_its_passw
     told = [error["msg"] for error in raised.value.errors(include_input=False)]
     assert "BROKER_URL cannot be read" in told[0]
     assert "hunter2" not in told[0]
+
+
+@pytest.mark.parametrize("scheme", ["redis", "rediss", "amqp"])
+@pytest.mark.parametrize(
+    "options", ["colour=hunter2", "heartbeat=10&colour=hunter2", "password=hunter2", "ssl=1&ssl_ca_certs=hunter2"]
+)
+def test_options_of_a_broker_that_it_does_not_take_are_refused_at_the_start(scheme: str, options: str) -> None:
+    """They were a TypeError at its first use, after a commit."""
+    with pytest.raises(ValidationError) as raised:
+        Settings(broker_url=f"{scheme}://:hunter2@host/0?{options}")
+    (told,) = (error["msg"] for error in raised.value.errors(include_input=False))
+    assert "BROKER_URL takes no such option behind its ?" in told
+    assert "hunter2" not in told
+
+
+@pytest.mark.parametrize("option", sorted(OPTIONS_OF_BROKERS))
+@pytest.mark.parametrize("scheme", ["redis", "amqp"])
+def test_the_options_that_are_taken_are_those_of_the_client(scheme: str, option: str) -> None:
+    address = Settings(broker_url=f"{scheme}://:secret@host/0?{option}=1").broker_url
+    assert Connection(address).hostname == "host"
 
 
 @pytest.mark.parametrize(

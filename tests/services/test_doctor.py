@@ -147,6 +147,18 @@ def test_limits_that_are_counted_together_are_well(tmp_path, redis_url):
     assert of("rate limits", settings).state == "ok"
 
 
+@pytest.mark.redis
+def test_a_login_that_is_refused_where_limits_are_counted_is_told_as_that(tmp_path, redis_url):
+    """It answers: whoever starts it again mends nothing."""
+    wrong = redis_url.replace("//", "//nobody:hunter2@")
+    settings = Settings(data_dir=tmp_path, rate_limit_url=wrong)
+    migrate(settings)
+    check = of("rate limits", settings)
+    assert check.state == "warning"
+    assert check.found == "the Redis that counts for all processes answers and refuses the login"
+    assert "hunter2" not in check.found + check.advice
+
+
 MAIL = {"digest_mail_to": "a@plant.example", "digest_smtp_host": "localhost", "digest_mail_from": "audit@plant.example"}
 
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from limits import RateLimitItem, RateLimitItemPerMinute
 from limits.errors import ConfigurationError
-from limits.storage import MemoryStorage, storage_from_string
+from limits.storage import MemoryStorage, RedisStorage, storage_from_string
 from limits.strategies import SlidingWindowCounterRateLimiter
 
+from app.queue.refusals import refusal_of
 from app.services.access.authentication import Via
 from app.services.access.identity import Identity
 from app.settings import Settings
@@ -84,12 +85,25 @@ def counted_as(address: str) -> str:
     return str(ip.ipv4_mapped or IPv6Network((ip, 64), strict=False))
 
 
-def shared_answers(settings: Settings) -> bool:
-    """Whether the Redis of `rate_limit_url` can be asked. Raises ValueError where that is no such address."""
+def shared_refusal(settings: Settings) -> str | None:
+    """Why the Redis of `rate_limit_url` cannot be asked, going on from its name; None where it can. Raises ValueError
+    where that is no such address."""
     try:
-        return _storage(settings.rate_limit_url).check()
+        storage = _storage(settings.rate_limit_url)
     except ConfigurationError as error:
         raise ValueError("it is no address of a Redis") from error
+    return None if storage.check() else _why_not(storage)
+
+
+def _why_not(storage: "Storage") -> str:
+    """What `check` keeps to itself."""
+    if isinstance(storage, RedisStorage):
+        try:
+            storage.get_connection().ping()
+        except storage.base_exceptions as error:
+            if refusal := refusal_of(error):
+                return refusal.told
+    return "does not answer"
 
 
 def _storage(url: str) -> "Storage":

@@ -16,7 +16,7 @@ from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 from app.counting import counted
 from app.logs import redacted
 from app.services.access import keys
-from app.services.access.rates import shared_answers
+from app.services.access.rates import shared_refusal
 from app.services.auditing.standing_still import stands_still_s
 from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_room, takes_no_writes
 from app.services.data_folder import if_lost
@@ -306,7 +306,7 @@ def broker(backend: Backend) -> Check:
     if backend.queue.reachable():
         return Check("broker", "ok", "answers")
     if refusal := backend.queue.refusal:
-        return Check("broker", "problem", f"answers and {refusal.what}: uploads are kept, audits wait", refusal.advice)
+        return Check("broker", "problem", f"{refusal.told}: uploads are kept, audits wait", refusal.advice)
     advice = "start it, or correct LOOPAUDIT_BROKER_URL; uploads are kept, and audits wait until then"
     return Check("broker", "problem", "does not answer", advice)
 
@@ -341,13 +341,15 @@ def exports(backend: Backend) -> Check:
 def rate_limits(settings: Settings) -> Check:
     if not settings.rate_limit_url:
         return Check("rate limits", "ok", "each API process counts alone")
-    advice = "start that Redis, or correct LOOPAUDIT_RATE_LIMIT_URL; until then each API process counts alone"
+    advice = (
+        "start that Redis, or correct LOOPAUDIT_RATE_LIMIT_URL (its login too); until then each process counts alone"
+    )
     try:
-        answers = shared_answers(settings)
+        refusal = shared_refusal(settings)
     except ValueError as error:
         return Check("rate limits", "problem", f"LOOPAUDIT_RATE_LIMIT_URL: {error}", "redis://host:port/number")
-    if not answers:
-        return Check("rate limits", "warning", "the Redis that counts for all processes does not answer", advice)
+    if refusal is not None:
+        return Check("rate limits", "warning", f"the Redis that counts for all processes {refusal}", advice)
     return Check("rate limits", "ok", "counted together")
 
 
