@@ -27,6 +27,7 @@ from app.services.loops import RETIRED
 from app.services.plant import reliability as service
 from app.services.spreadsheet import csv_lines, csv_text
 from app.services.stating.loop_list import BYTE_ORDER_MARK
+from app.services.telling.health_classes import BOUNDS, HEALTH_WORDS, HealthClass
 
 COLUMNS = tuple(TableRow.model_fields)
 CHOOSABLE = (*COLUMNS, *service.OF_LOOP)
@@ -56,6 +57,9 @@ def parted(given: Any) -> Any:
     return [value.strip() for one in given for value in one.split(",")]
 
 
+HEALTH_CLASSES = ", ".join(f"`{name}` ({words})" for name, words in HEALTH_WORDS.items())
+
+
 class RowFilters(BaseModel):
     """Which rows; all filters that are given must hold."""
 
@@ -74,6 +78,7 @@ class RowFilters(BaseModel):
     min_probability: float | None = Field(
         None, ge=0, le=1, allow_inf_nan=False, description="Least probability of stiction."
     )
+    health_class: HealthClass | None = Field(None, description=f"Only loops whose health is so: {HEALTH_CLASSES}.")
     open_order: bool | None = Field(
         None, description="true: with a work order that no repair was stated since; false: without one."
     )
@@ -99,8 +104,11 @@ class RowFilters(BaseModel):
         )
         given = {name: getattr(self, name) for name in (*names, "search")}
         run = None if self.audit_id is None else identifier(self.audit_id)
+        health = None if self.health_class is None else BOUNDS[self.health_class]
         retired = RETIRED[self.retired or ("false" if run is None else "any")]
-        return service.RowFilter(verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, **given)
+        return service.RowFilter(
+            verdict=tuple(self.verdict) or None, audit_id=run, retired=retired, health=health, **given
+        )
 
 
 class TableQuery(RowFilters):

@@ -6,6 +6,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from app.services.telling.health_classes import HEALTH_LIMITS, HEALTH_WORDS
 from app.services.telling.naming import isolated
 from app.services.telling.reasons import first_reasons
 from app.services.telling.wording import (
@@ -64,6 +65,8 @@ GLOBALS = {
     "reliability_brief": RELIABILITY_BRIEF,
     "change_words": CHANGE_WORDS,
     "ranks": VERDICT_RANK,
+    "health_limits": HEALTH_LIMITS,
+    "health_words": HEALTH_WORDS,
 }
 """What all templates may call, those of the pages too."""
 

@@ -37,12 +37,16 @@ QUICK = (
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
 
 
+HealthRange = tuple[float | None, float | None]
+"""From where on and below where; None: no bound on that side. Both None: those without one."""
+
+
 @dataclass(frozen=True)
 class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
     of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
     open_order: whether a work order is written that no repair was stated since; tags: of these alone; no_unit: whether
-    they name no unit."""
+    they name no unit; health: from where on and below where, (None, None): those without one."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -61,6 +65,7 @@ class RowFilter:
     open_order: bool | None = None
     tags: tuple[str, ...] | None = None
     no_unit: bool | None = None
+    health: HealthRange | None = None
 
 
 @dataclass(frozen=True)
@@ -113,9 +118,17 @@ def of_filter(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[
             conditions.append(columns[name] == value)
     if wanted.likely_cause is not None:
         conditions.append(of_cause(columns, wanted.likely_cause))
+    if wanted.health is not None:
+        conditions.append(_of_health(columns["health"], wanted.health))
     if wanted.min_probability is not None:
         conditions.append(columns["stiction_probability"] >= wanted.min_probability)
     return [*conditions, *_by_newest_sample(wanted), *_of_loops(wanted)]
+
+
+def _of_health(column: ColumnElement[Any], wanted: HealthRange) -> ColumnElement[bool]:
+    least, below = wanted
+    bounds = [*([] if least is None else [column >= least]), *([] if below is None else [column < below])]
+    return and_(*bounds) if bounds else column.is_(None)
 
 
 def _of_loops(wanted: RowFilter) -> list[ColumnElement[bool]]:

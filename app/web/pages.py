@@ -28,6 +28,7 @@ from app.services.plant.reliability import RowFilter
 from app.services.plant.worst import WORST, listed_first, worst_of_old
 from app.services.reports.documents import MOST_TOGETHER
 from app.services.telling.asked_wording import asked_words
+from app.services.telling.health_classes import BOUNDS, HealthClass
 from app.services.telling.next_steps import OF_NO_VERDICT
 from app.services.telling.wording import CAUSE_WORDS, RELIABILITY_WORDS, VERDICT_WORDS
 from app.web import loop, loop_list, runs, uploads
@@ -58,6 +59,7 @@ class TableForm(BaseModel):
     verdict: str = Field("", max_length=40)
     reliability: str = Field("", max_length=40)
     likely_cause: str = Field("", max_length=100)
+    health_class: Literal["", HealthClass] = ""
     retired: Literal["", "false", "true", "any"] = ""
     open_order: Literal["", "true", "false"] = ""
     audit_id: str = Field("", max_length=40)
@@ -68,7 +70,15 @@ class TableForm(BaseModel):
     @property
     def narrows(self) -> bool:
         """Whether a loop that has a verdict may be left out, but for one that is retired."""
-        words = (self.search, self.unit, self.owner, self.verdict, self.reliability, self.likely_cause)
+        words = (
+            self.search,
+            self.unit,
+            self.owner,
+            self.verdict,
+            self.reliability,
+            self.likely_cause,
+            self.health_class,
+        )
         return any((*words, self.no_unit, self.open_order, self.audit_id, self.cursor)) or self.retired == "true"
 
     @property
@@ -87,6 +97,7 @@ class TableForm(BaseModel):
             unit=self.unit or None,
             owner=self.owner or None,
             likely_cause=self.likely_cause or None,
+            health=BOUNDS[self.health_class] if self.health_class else None,
             search=self.search or None,
             retired=RETIRED[self.retired or "false"],
             open_order=YES_NO.get(self.open_order),

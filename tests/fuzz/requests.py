@@ -21,6 +21,7 @@ PAGES_QUERY = (
     "reliability",
     "likely_cause",
     "open_order",
+    "health_class",
     "audit_id",
     "sort",
     "cursor",

@@ -21,6 +21,7 @@ from app.storage import explanations
 from app.storage.documents import Document, pack_document
 from app.storage.tables import explanations as explanations_table
 from app.storage.tables import verdicts
+from tests.services.upkeep_plant import with_settings
 
 AddLoops = Callable[..., dict[str, int]]
 CLEARED = {"verdict": "no_stiction", "reliability": "reliable", "likely_cause": "no_oscillation", "reasons": ""}
@@ -57,6 +58,17 @@ def ids(backend: Backend, add_loops: AddLoops) -> dict[str, int]:
 def contradicted(backend: Backend) -> list[str]:
     rows = reliability.table(backend, 10, sort="loop").rows
     return [row["loop"] for row in rows if row["next_step"] == Ask.UNTIL_THEY_AGREE]
+
+
+def test_the_version_of_the_table_changes_with_how_old_an_explanation_may_be(
+    backend: Backend, ids: dict[str, int]
+) -> None:
+    """Whether one still disputes a verdict depends on LOOPAUDIT_HOLD_DAYS: with another one the answer differs."""
+    of_a_second = with_settings(backend, hold_days=1 / 86_400)
+    assert reliability.reliability_json(backend).version == reliability.reliability_json(of_a_second).version
+    explain(backend, ids["A"], ("valve.stiction", 0.7), until=datetime(2001, 1, 1, tzinfo=UTC))
+    known, other = reliability.reliability_json(backend), reliability.reliability_json(of_a_second)
+    assert known.version != other.version
 
 
 def test_the_table_knows_what_the_page_knows(backend: Backend, ids: dict[str, int]) -> None:

@@ -20,6 +20,7 @@ from app.services.cursors import encode
 from app.services.plant import loop_verdicts, overview, reliability
 from app.services.plant.reliability import RowFilter
 from app.services.stating import properties
+from app.services.telling.health_classes import BOUNDS
 from app.services.upkeep.readiness import readiness
 from app.storage import figures, row_texts
 from app.storage import loops as stored_loops
@@ -131,6 +132,17 @@ def test_rows_have_the_fields_of_the_contract(plant: Backend) -> None:
     assert len(rows) == len(TAGS)
     for row in rows:
         assert set(row) == set(TableRow.model_fields)
+
+
+def test_a_class_of_health_reaches_up_to_its_limit(plant: Backend) -> None:
+    values = dict(zip(TAGS, (None, 59.9, 60.0, 79.9, 80.0, 0.0, 100.0), strict=True))
+    with plant.database.write() as connection:
+        for tag, value in values.items():
+            mine = newest_rows.c.loop_id == stored_loops.ids_of(connection, [tag])[tag]
+            connection.execute(update(newest_rows).where(mine).values(health=value))
+    found = {name: pages(plant, "loop", 2, RowFilter(health=bounds)) for name, bounds in BOUNDS.items()}
+    none, below, limit, middle, high, least, most = TAGS
+    assert found == {"low": [below, least], "middle": [limit, middle], "high": [high, most], "not_evaluated": [none]}
 
 
 def test_rows_can_be_filtered(plant: Backend) -> None:

@@ -40,6 +40,33 @@ def test_the_list_of_uploads_says_by_itself_what_became_of_them(opened: Page, cl
     expect(state).to_have_class("refused")
 
 
+def asked_until(opened: Page, count: int) -> list[int]:
+    """The pauses in which a page has asked, once there are so many: it may not evaluate what a string says."""
+    for _ in range(200):
+        pauses = opened.evaluate("() => window.pauses")
+        if len(pauses) >= count:
+            break
+        opened.wait_for_timeout(50)
+    return pauses
+
+
+def test_a_list_of_uploads_without_news_is_asked_for_less_and_less_often(opened: Page, client, web_backend):
+    """A page that stands open while an upload waits for room asked for it 40,000 times a day."""
+    number = client.post("/v1/uploads?filename=rests.csv", content=b"not a table, at rest").json()["id"]
+    opened.add_init_script(
+        "const wait = window.setTimeout; window.pauses = [];"
+        "window.setTimeout = (what, ms) => { window.pauses.push(ms); return wait(what, 50); };"
+    )
+    opened.goto("/uploads")
+    pauses = asked_until(opened, 10)
+    assert pauses[0] == 2000
+    assert pauses == sorted(pauses)
+    assert pauses[-1] == 30_000
+    client.post("/v1/uploads?filename=news.csv", content=b"time,L2.PV,L2.OP\n0,1,2\n1,2,3\n")
+    assert 2000 in asked_until(opened, len(pauses) + 5)[len(pauses) :], "with news it begins anew"
+    read_upload(web_backend, int(number), "test")
+
+
 def test_a_list_of_uploads_without_news_is_left_alone_and_asked_for_no_more_after_the_login(opened: Page, client):
     """What somebody marked to copy was unmarked every two seconds, and whose login had ended was never told."""
     client.post("/v1/uploads?filename=waits.csv", content=b"time,L1.PV,L1.OP\n0,1,2\n1,2,3\n")

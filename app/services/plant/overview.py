@@ -8,6 +8,7 @@ from typing import Any
 from app.services.backend import Backend
 from app.services.recency import OLD_FROM
 from app.services.results import UnitView
+from app.services.telling.health_classes import HEALTH_LIMITS
 from app.services.telling.wording import relied_words
 from app.storage import plant, set_apart
 from app.storage.digests import CountRow
@@ -19,8 +20,6 @@ from app.storage.set_apart import SetApart
 
 MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
-HEALTH_LIMITS = (60.0, 80.0)
-"""Below, between and from where on the health of a loop is told apart at a glance, as by the bars of the pages."""
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ def marks_of(backend: Backend, tags: Collection[str]) -> Marks:
     told = [
         sorted((tag, one.work_order, one.repair_order, *_of_repair(one)) for tag, one in standing.items()),
         sorted((tag, one.until, one.work_order, one.worse) for tag, one in on_shelf.items()),
-        sorted(naming.items()),
+        (sorted(naming.items()), backend.settings.hold_days) if naming else (),
     ]
     return Marks(frozenset({*standing, *on_shelf, *naming}), told)
 

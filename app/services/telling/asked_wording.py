@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from app.services.telling.health_classes import health_words
 from app.services.telling.wording import RELIABILITY_BRIEF, VERDICT_WORDS, cause_words
 from app.storage.asked_rows import RowFilter
 
@@ -23,6 +24,8 @@ def _of_verdicts(asked: RowFilter) -> Iterator[str]:
         yield f"likely cause: {cause_words(asked.likely_cause)}"
     if asked.table2_reading:
         yield f"table 2: {asked.table2_reading.replace('_', ' ')}"
+    if asked.health is not None:
+        yield f"health {health_words(*asked.health)}"
     if asked.min_probability is not None:
         yield f"probability of {asked.min_probability:g} or more"
 

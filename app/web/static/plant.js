@@ -5,7 +5,8 @@ const treemap = document.getElementById("treemap");
 const WORDS = { stiction: "valve sticks", no_stiction: "no stiction", inconclusive: "cannot tell", not_auditable: "not auditable" };
 // The chart library knows no colour of "not evaluated" beside a scale: it is one below its least value, -1.
 const LEAST = -1, GREY = "#8794a3", place = (health) => (health - LEAST) / (100 - LEAST);
-const SCALE = [[0, GREY], [place(-0.6), GREY], [place(-0.5), "#b3261e"], [place(0), "#b3261e"], [place(60), "#e0a030"], [place(80), "#9bb84a"], [1, "#2f8f57"]];
+const LIMITS = treemap.dataset.limits.split(" ").map(Number), CLASSES = treemap.dataset.classes.split("|");
+const SCALE = [[0, GREY], [place(-0.6), GREY], [place(-0.5), "#b3261e"], [place(0), "#b3261e"], [place(LIMITS[0]), "#e0a030"], [place(LIMITS[1]), "#9bb84a"], [1, "#2f8f57"]];
 const colour = (health) => health ?? LEAST;
 const INK = (health) => (health < 20 ? "#ffffff" : "#000000"); // of the two the one that stands out against the scale there: at least 4.5 to 1
 const LIGHT = 0.001; // so that a loop of no importance can be seen
@@ -19,7 +20,6 @@ const short = (tag) => { const letters = tag.length > MOST_LETTERS ? lettersOf(t
 const key = (unit) => `u:${unit ?? ""}`;
 
 // Of a unit whose loops have no room to be named, its worst few stand for themselves, and all of them by their health.
-const LIMITS = [60, 80], CLASSES = ["below 60", "60 to 80", "80 or more", "not evaluated"];
 const classWords = (place) => (place > LIMITS.length ? CLASSES[place] : `health ${CLASSES[place]}`);
 const classOf = (health) => (health === null ? LIMITS.length + 1 : LIMITS.filter((limit) => health >= limit).length);
 const TAG_PX2 = 2400; // in which a tag can be read

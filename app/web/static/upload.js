@@ -77,11 +77,24 @@ if (list) {
     // Who is on a link there stays on it, and what is marked there stays marked.
     if (found && !found.isEqualNode(list) && !list.contains(document.activeElement)) list.replaceChildren(...found.children);
   };
+  // Less and less often while nothing changes: reading may take hours, or wait for room. Anything new begins anew.
+  const FIRST_MS = 2000, LONGEST_MS = 30000;
+  let pause = FIRST_MS, next = null;
+  const later = () => { next = open() ? setTimeout(look, pause) : null; };
   const look = async () => {
+    next = null;
+    const before = list.innerHTML;
     try { if (!document.hidden) await read(); } catch { /* the service may be away for a moment; it is asked again */ }
-    if (open()) setTimeout(look, 2000);
+    pause = list.innerHTML === before ? Math.min(1.5 * pause, LONGEST_MS) : FIRST_MS;
+    later();
   };
-  if (open()) setTimeout(look, 2000);
+  later();
+  document.addEventListener("visibilitychange", () => {
+    if (document.hidden || next === null) return;
+    clearTimeout(next);
+    pause = FIRST_MS;
+    look();
+  });
 }
 
 const mapping = document.getElementById("mapping");

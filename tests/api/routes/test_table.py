@@ -12,6 +12,9 @@ import pytest
 from sqlalchemy.exc import OperationalError
 
 from app.api import reliability
+from app.services.plant.reliability import RowFilter
+from app.services.telling.asked_wording import asked_words
+from app.services.telling.health_classes import BOUNDS
 from tests.api.routes.exports import HOSTILE
 
 
@@ -84,6 +87,35 @@ def test_loops_with_and_without_an_open_work_order(client, plant):
     assert "LIC7" in found("false")
     assert client.get("/table?open_order=false").text.count("without an open work order") == 1
     assert client.get("/v1/reliability?open_order=perhaps").status_code == 422
+
+
+def test_loops_by_the_class_of_their_health(client):
+    """The treemap counts these classes: whoever sees ten loops below 60 wants to know which."""
+    health = {row["loop"]: row["health"] for row in client.get("/v1/reliability").json()["rows"]}
+    classes = {
+        "low": {loop for loop, value in health.items() if value is not None and value < 60},
+        "middle": {loop for loop, value in health.items() if value is not None and 60 <= value < 80},
+        "high": {loop for loop, value in health.items() if value is not None and value >= 80},
+        "not_evaluated": {loop for loop, value in health.items() if value is None},
+    }
+    assert any(classes.values())
+    for name, loops in classes.items():
+        found = client.get(f"/v1/reliability?health_class={name}").json()["rows"]
+        assert {row["loop"] for row in found} == loops
+        page = client.get(f"/table?health_class={name}").text
+        assert set(re.findall(r'<td class="tag"><a href="/loops/([^"]+)"', page)) == loops
+        assert f"health_class={name}" in re.search(r'href="([^"]+)">CSV as seen', page)[1]
+    assert client.get("/v1/reliability?health_class=80").status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("low", "below 60"), ("middle", "60 to 80"), ("high", "80 or more"), ("not_evaluated", "not evaluated")],
+)
+def test_a_class_of_health_is_named_in_words(client, name, words):
+    page = client.get(f"/table?health_class={name}").text
+    assert f'<option value="{name}" selected>{words}</option>' in page
+    assert asked_words(RowFilter(health=BOUNDS[name])) == f"health {words}"
 
 
 def test_loops_that_name_no_unit(client, plant):
