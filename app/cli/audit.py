@@ -177,7 +177,7 @@ def interrupted(audited: list[AuditedFile], files: int, out: Path | None) -> str
         found = any(result.lines for result in audited)
         kept = f"what was found so far is in {part_of(out)}; " if found else ""
         kept += f"{out} is left as it was"
-    return f"loopaudit: interrupted, {len(audited)} of {counted(files, 'file')} audited; {kept}"
+    return f"loopaudit: interrupted, {len(audited):,} of {counted(files, 'file')} audited; {kept}"
 
 
 def audit_files(files: list[Path], jobs: int, how: Reading) -> Generator[AuditedFile]:

@@ -56,7 +56,7 @@ def demo(
     loops = plant()
     ends = interrupts.ended_in_order(signal.SIGTERM, signal.SIGHUP)  # a terminal that is closed too
     with ends, tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder:
-        say(f"loopaudit: simulating {len(loops)} loops and writing their historian exports")
+        say(f"loopaudit: simulating {len(loops):,} loops and writing their historian exports")
         exports = write_exports(Path(folder) / "exports", loops)
         with running_service(Path(folder) / "data", port or free_port()) as client:
             rows = audited(client, exports, loops)

@@ -94,7 +94,7 @@ def sent(backend: "Backend", run: str, *, again: bool = False) -> ExitCode:
     for one in found:
         sys.stdout.write(f"{one.receiver}: {outcome(one, backend.clock)}\n")
     undone = sum(one.state != "done" for one in found)
-    say(f"loopaudit: the digest of run {run} is with {len(found) - undone} of {counted(len(found), 'receiver')}")
+    say(f"loopaudit: the digest of run {run} is with {len(found) - undone:,} of {counted(len(found), 'receiver')}")
     return ExitCode.SOME_FAILED if undone else ExitCode.DONE
 
 

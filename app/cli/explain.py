@@ -108,7 +108,7 @@ def explain(
         found = explained_files(asked)
     comparison = found.first
     if found.long:
-        say(f"all {len(comparison.pv)} samples are explained by one loop; --judged takes those that an audit judges")
+        say(f"all {len(comparison.pv):,} samples are explained by one loop; --judged takes those that an audit judges")
     if quick:
         with compiling_told():
             located = located_line(locate(comparison), comparison.name, perf_counter() - started)

@@ -157,7 +157,7 @@ def refused(report: "InspectReport", shown: int = 10) -> Iterator[str]:
     if not report.rejects.total:
         yield "nothing would be refused"
         return
-    counts = ", ".join(f"{count} {code}" for code, count in sorted(report.rejects.counts.items()))
+    counts = ", ".join(f"{count:,} {code}" for code, count in sorted(report.rejects.counts.items()))
     yield f"{counted(report.rejects.total, 'row or value', 'rows or values')} would be refused: {counts}"
     for reject in report.rejects.listed[:shown]:
         where = "" if reject.line is None else f"line {reject.line}: "

@@ -146,7 +146,7 @@ def simulate(
     loop = simulate_loop(spec, samples * interval_s, interval_s, seed)
     with written(out) as stream:
         stream.writelines(_lines(loop, with_valve, start))
-    say(f"{samples} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
+    say(f"{samples:,} samples of a loop with a {valve.value} valve" + (f" in {out}" if out else ""))
     raise typer.Exit(ExitCode.DONE)
 
 
@@ -191,7 +191,7 @@ def _simulate_explained(
         stream.write("time,OP,PV\n")
         for row in zip(found.time_s, found.op, found.pv, strict=True):
             stream.write(",".join(f"{value:.8g}" for value in row) + "\n")
-    say(f"{len(found.pv)} samples of the model in {model}" + (f" in {out}" if out else ""))
+    say(f"{len(found.pv):,} samples of the model in {model}" + (f" in {out}" if out else ""))
 
 
 def _plant(gain: float, time_constant_s: float, dead_time_s: float, integrating: bool) -> "Plant":

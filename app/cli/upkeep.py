@@ -68,7 +68,7 @@ def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the bac
     for part in done.removed:
         say(f"loopaudit: removed {part}, which a backup that was killed had left")
     files = counted(done.files, "file")
-    say(f"loopaudit: {done.folder} holds {files}, {done.bytes} bytes, tables of version {done.schema}")
+    say(f"loopaudit: {done.folder} holds {files}, {done.bytes:,} bytes, tables of version {done.schema}")
     raise typer.Exit(ExitCode.DONE)
 
 
@@ -93,5 +93,6 @@ def restore(
     from app.services.upkeep.backup import restore as bring_back
 
     done = bring_back(load_settings(), folder, force=force)
-    say(f"loopaudit: restored {counted(done.files, 'file')}, {done.bytes} bytes; the tables have version {done.schema}")
+    restored = f"{counted(done.files, 'file')}, {done.bytes:,} bytes"
+    say(f"loopaudit: restored {restored}; the tables have version {done.schema}")
     raise typer.Exit(ExitCode.DONE)

@@ -161,7 +161,8 @@ def _published_reasons(reference: Reference, config: AuditConfig) -> tuple[Reaso
 def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:
     reason, cause = Reason(cast(ReasonCode, error.code), error.message), None
     if np.ptp(record.pv) == 0.0 < np.ptp(record.op):
-        text = f"PV holds one value for {record.samples} samples in which OP moves: a stuck valve or a dead transmitter"
+        moved = f"{record.samples:,} samples in which OP moves"
+        text = f"PV holds one value for {moved}: a stuck valve or a dead transmitter"
         reason, cause = Reason("pv_flat", text), UNANSWERED
     return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
 

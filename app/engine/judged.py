@@ -100,7 +100,7 @@ def _of_both(longest: Judged, newest: Judged) -> Judged:
     if since.start_s <= before.start_s:
         return longest
     hours = in_digits(since.length_s / 3600.0, 2)
-    told = f"the newest stretch, {since.samples} samples in {hours} h,"
+    told = f"the newest stretch, {since.samples:,} samples in {hours} h,"
     cleared = (said.verdict, said.reliability) == ("no_stiction", "reliable")
     if now.reliability == "reliable" and (now.verdict == "stiction" or cleared):
         text = f"{told} is judged: it tells enough by itself; the longest, of {before.samples}, is older"

@@ -87,7 +87,7 @@ class Recording:
         signals = {"pv": self.pv, "op": self.op, "sp": self.sp, "automatic": self.automatic, **self.others}
         for name, signal in signals.items():
             if signal is not None and len(signal) != n:
-                got = f"{name} has {len(signal)} samples, time has {n}; they must be the same"
+                got = f"{name} has {len(signal):,} samples, time has {n:,}; they must be the same"
                 raise DataError("signal_length", got)
         if n > 1 and not np.all(np.diff(self.time_s) > 0):
             raise DataError("time_order", "sampling times must increase; sort the samples and drop repeated times")

@@ -7,8 +7,10 @@ from app.cli.audit import beside_shown
 from app.counting import counted, counted_times
 from app.engine.audit_config import AuditConfig
 from app.engine.fitness import checks
-from app.engine.mismatch.compare.aligning import beyond
+from app.engine.mismatch.compare.aligning import beyond, sample_by_sample
 from app.engine.mismatch.compare.even_grid import faults_of_the_clock
+from app.engine.recording import Recording
+from app.errors import DataError
 from app.ingest import TagMapping
 from app.ingest.exports.notes import mapping_notes
 from app.services.damage import damage_in_words
@@ -54,3 +56,11 @@ def test_one_of_it_is_told_as_one(name: str) -> None:
 def test_thousands_are_parted_as_on_the_pages() -> None:
     assert counted(3000, "loop") == "3,000 loops"
     assert counted_times(14000) == "14,000 times"
+
+
+def test_both_numbers_of_a_sentence_are_parted_alike() -> None:
+    assert "in 1,400 of 1,440 samples" in checks.check_missing(np.arange(1440) < 1400, None, FITNESS).text
+    with pytest.raises(DataError, match="has 1,200 samples, the recording 1,440;"):
+        sample_by_sample(1440, np.zeros(1200))
+    with pytest.raises(DataError, match="op has 1,200 samples, time has 1,440;"):
+        Recording("FIC1", np.arange(1440.0), np.zeros(1440), np.zeros(1200))

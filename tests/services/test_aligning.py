@@ -53,7 +53,7 @@ def test_without_times_another_length_is_an_error(tmp_path: Path, length: int, t
     with pytest.raises(DataError) as raised:
         read_comparison(recording(tmp_path / "F1.csv", times=timed), Columns(), str(simulated))
     assert raised.value.code == "simulation_length"
-    assert f"{length} samples" in raised.value.message
+    assert f"{length:,} samples" in raised.value.message
 
 
 def test_without_times_each_sample_belongs_to_one(tmp_path: Path) -> None:

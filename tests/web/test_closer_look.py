@@ -34,7 +34,7 @@ def drawn(page: Page, name: str = "OP") -> tuple[list[str], list[float]]:
 
 def test_a_part_of_the_trend_is_drawn_with_all_of_its_samples(thinned: Page):
     assert len(drawn(thinned)[0]) < SAMPLES
-    expect(thinned.locator("#trend-note")).to_contain_text(f"of {SAMPLES} samples shown")
+    expect(thinned.locator("#trend-note")).to_contain_text(f"of {SAMPLES:,} samples shown")
     thinned.evaluate(ZOOM, PART)
     expect(thinned.locator("#trend")).to_have_attribute("data-zoom", "part")
     times, op = drawn(thinned)
@@ -60,7 +60,7 @@ def test_a_drag_fetches_and_a_double_click_brings_the_whole_back(thinned: Page):
     plot.dblclick(position={"x": 100, "y": 40})
     expect(thinned.locator("#trend")).to_have_attribute("data-zoom", "whole")
     assert drawn(thinned) == whole
-    expect(thinned.locator("#trend-note")).to_contain_text(f"of {SAMPLES} samples shown")
+    expect(thinned.locator("#trend-note")).to_contain_text(f"of {SAMPLES:,} samples shown")
 
 
 def test_of_several_looks_the_last_one_counts(thinned: Page):
@@ -79,4 +79,4 @@ def test_a_trend_that_has_all_samples_asks_for_no_more(chromium: Pages, client):
         page.on("request", lambda request: pytest.fail(request.url))
         page.evaluate(ZOOM, PART)
         page.wait_for_timeout(500)
-        expect(page.locator("#trend-note")).to_have_text(f"All {SAMPLES} samples shown.")
+        expect(page.locator("#trend-note")).to_have_text(f"All {SAMPLES:,} samples shown.")

@@ -52,7 +52,7 @@ def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConf
     """both: (N,) True where PV and OP have a value. interpolated: the signal that was brought to the other's times."""
     usable, share = int(np.sum(both)), 1.0 - float(np.mean(both))
     of_all = counted(len(both), "sample")
-    text = f"PV and OP both have a value in {usable} of {of_all}, at least {config.min_samples} are needed"
+    text = f"PV and OP both have a value in {usable:,} of {of_all}, at least {config.min_samples} are needed"
     if interpolated is not None:
         text += f"; they were stamped at different times, {interpolated} is interpolated"
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
@@ -80,7 +80,7 @@ def check_automatic(automatic: BoolArray | None, kept: int, later: int, config: 
         return not_evaluated("not_in_automatic", "the mode was not recorded")
     share = float(np.mean(automatic)) if len(automatic) else 0.0
     text = (
-        f"by its recorded mode in automatic for {100 * share:.1f} % of the samples, {kept} of them in a row; "
+        f"by its recorded mode in automatic for {100 * share:.1f} % of the samples, {kept:,} of them in a row; "
         f"at least {config.min_samples} in a row are needed"
     )
     text += f"; {_after(later, 'them')}" if later and kept else ""
@@ -95,8 +95,8 @@ def check_gaps(unbroken: Unbroken, kept: int, samples: int, later: int, config: 
     else:
         text = (
             f"{counted(gaps, f'hole longer than {most} splits', f'holes longer than {most} split')} the record; of its "
-            f"long stretches the newest has {kept} of {counted(samples, 'sample')}, at least {config.min_samples} are "
-            "needed"
+            f"long stretches the newest has {kept:,} of {counted(samples, 'sample')}, at least {config.min_samples} "
+            "are needed"
         )
         text += f"; {_after(later, 'it')}" if later else ""
     return _finding("gaps", kept >= config.min_samples, text, gaps, None, "holes")
@@ -106,7 +106,7 @@ def _after(later: int, what: str) -> str:
     return (
         f"the sample after {what} is not looked at"
         if later == 1
-        else f"the {later} samples after {what} are not looked at"
+        else f"the {later:,} samples after {what} are not looked at"
     )
 
 

@@ -83,7 +83,7 @@ def doubts(
         doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
     samples = fitness.looked_at.samples
     if samples < config.min_samples:
-        text = f"what was judged holds {samples} samples; {config.min_samples} or more can be relied on"
+        text = f"what was judged holds {samples:,} samples; {config.min_samples} or more can be relied on"
         doubts.append(Reason("few_samples", text, Measured(samples, ">=", config.min_samples)))
     if verdict == "no_stiction":
         doubts.extend(_no_answer(fitness))

@@ -161,7 +161,7 @@ def loop_of(name: str, fields: dict[str, Value], options: IngestOptions) -> Matl
 
 
 def told(values: FloatArray | None) -> str:
-    return "no numbers" if values is None else f"{len(values)} values" if len(values) != 1 else "1 value"
+    return "no numbers" if values is None else f"{len(values):,} values" if len(values) != 1 else "1 value"
 
 
 def times(values: dict[str, FloatArray], samples: int, options: IngestOptions) -> tuple[FloatArray, TimeForm] | None:

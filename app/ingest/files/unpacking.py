@@ -66,7 +66,7 @@ class Unpacking:
     def _check_size(self) -> None:
         if self.unpacked > self._options.max_bytes:
             raise DataError(
-                "decompressed_too_large", f"unpacks to more than {self._options.max_bytes} bytes; send it in parts"
+                "decompressed_too_large", f"unpacks to more than {self._options.max_bytes:,} bytes; send it in parts"
             )
         if self.unpacked > RATIO_FREE_BYTES and self.unpacked > self._packed * self._options.max_ratio:
             raise DataError(

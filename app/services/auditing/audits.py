@@ -165,7 +165,7 @@ def _spelled(backend: Backend, wanted: LoopFilter) -> LoopFilter:
         shown = ", ".join(repr(tag) for tag in missing[:5])
         raise RequestError(
             "unknown_loops",
-            f"{len(missing)} of {counted(len(wanted.tags), 'tag')} {'is' if len(missing) == 1 else 'are'} not there: "
+            f"{len(missing):,} of {counted(len(wanted.tags), 'tag')} {'is' if len(missing) == 1 else 'are'} not there: "
             f"{shown}",
         )
     return replace(wanted, tags=tuple(dict.fromkeys(known[tag] for tag in wanted.tags)))

@@ -249,7 +249,7 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked:
     if len(samples) > most and (wanted.start or wanted.window_h):
         raise DataError(
             "window_too_large",
-            f"the window has {len(samples)} samples, at most {most} are explained; take a shorter one",
+            f"the window has {len(samples):,} samples, at most {most:,} are explained; take a shorter one",
         )
     return _Asked(samples, found.damaged)
 

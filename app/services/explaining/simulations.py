@@ -159,7 +159,7 @@ def _placed(values: FloatArray, at_ns: TimeArray | None, samples: Samples, recor
     """Simulated values (N,) at their times, or one for each sample of the recording."""
     if len(values) > LARGEST_TRACE:
         raise RequestError(
-            "simulation_too_large", f"the simulation has {len(values)} samples, at most {LARGEST_TRACE} are taken"
+            "simulation_too_large", f"the simulation has {len(values):,} samples, at most {LARGEST_TRACE:,} are taken"
         )
     if at_ns is None:
         if len(values) != recording.samples:

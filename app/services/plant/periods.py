@@ -31,14 +31,14 @@ def periods(backend: Backend, loop: OneLoop, row: Mapping[str, Any], detail: Map
     """`row`: of the newest verdict; `detail`: what was stored beside it."""
     ends = _ends(backend, find(backend, loop), int(row["audit_id"]))
     between = f", {_span(backend.clock, *ends)}" if ends else ""
-    lines = [f"Record: {row['samples']} samples every {figure(row['sampling_interval_s'], 1)} s{between}."]
+    lines = [f"Record: {row['samples']:,} samples every {figure(row['sampling_interval_s'], 1)} s{between}."]
     whole = "of the whole record" + between
     window, identified = detail.get("window"), detail.get("identified")
     if window is None or row["window_start"] is None:
         return Periods(tuple(lines), whole)
     judged = window["samples"] < row["samples"]
     span = _span(backend.clock, row["window_start"], row["window_end"])
-    lines.append(f"Audited window: {window['samples']} samples, {span}." if judged else "All of it was looked at.")
+    lines.append(f"Audited window: {window['samples']:,} samples, {span}." if judged else "All of it was looked at.")
     stretch = _speaking(row, window, identified, detail)
     lines += _identified(backend.clock, stretch, window, identified)
     of_verdict = "; oscillation, Yper and band d are of what was judged"
@@ -66,8 +66,8 @@ def _identified(clock: PlantClock, stretch: list[str] | None, window: Any, ident
     if identified is None or identified["samples"] >= window["samples"]:
         return []
     if stretch is None:
-        return [f"The published rule was run on {identified['samples']} samples of it."]
-    return [f"The stretch that speaks for it: {identified['samples']} samples, {_span(clock, *stretch)}."]
+        return [f"The published rule was run on {identified['samples']:,} samples of it."]
+    return [f"The stretch that speaks for it: {identified['samples']:,} samples, {_span(clock, *stretch)}."]
 
 
 def _ends(backend: Backend, loop: LoopRow, audit_id: int) -> tuple[str, str] | None:

@@ -66,7 +66,7 @@ def _told(value: Any) -> Any:
 def take(backend: Backend, sent: LoopList) -> LoopsChanged:
     """Sets what a list says. Raises DataError("bad_loop_list") where it has more than `MOST_LOOPS`."""
     if len(sent.wanted) > MOST_LOOPS:
-        raise DataError("bad_loop_list", f"the list has {len(sent.wanted)} loops; at most {MOST_LOOPS} go at once")
+        raise DataError("bad_loop_list", f"the list has {len(sent.wanted):,} loops; at most {MOST_LOOPS:,} go at once")
     done = change_loops(backend, sent.wanted, by_cell=sent.by_cell)
     return replace(done, refused=[*sent.refused, *done.refused], ignored=sent.ignored)
 

@@ -269,7 +269,7 @@ def room(backend: Backend) -> Check:
     name = one_line(longest.filename)
     since = backend.clock.told_at(longest.waits_since)
     found = counted(count, "upload waits", "uploads wait")
-    found += f" for room on the disk, {longest.id} ({name}, {longest.size_bytes} bytes) since {since}"
+    found += f" for room on the disk, {longest.id} ({name}, {longest.size_bytes:,} bytes) since {since}"
     advice = "make room; one that waits on although there is room needs more than the disk can give: send it in parts"
     long_ago = datetime.now(UTC) - longest.waits_since > timedelta(seconds=OLD_WORK_S)
     return Check("room", "problem" if long_ago else "warning", found, advice)
@@ -335,7 +335,7 @@ def exports(backend: Backend) -> Check:
     if early := needed - there:
         gone = counted(len(early), "export that was read is", "exports that were read are")
         return Check("exports", "warning", f"{gone} gone before {'its' if len(early) == 1 else 'their'} time", advice)
-    return Check("exports", "ok", f"{len(needed)} of {len(needed)} are there")
+    return Check("exports", "ok", f"{len(needed):,} of {len(needed):,} are there")
 
 
 def rate_limits(settings: Settings) -> Check:

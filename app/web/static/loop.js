@@ -7,9 +7,10 @@ const valvesNote = ({ valve, size }) => (size
   ? "The valve's position is an estimate, drawn with the size S above."
   : `The valve's position is not drawn, as no size is stated. A click on its name draws an estimate with S ${valve.S.toPrecision(3)} and J ${valve.J.toPrecision(3)} (units of OP), which are assumed, not measured.`);
 const LONG_MS = 86400000, AROUND = 0.25; // a record of days is a solid block: it opens at what speaks for it, and some of what is beside it
+const parted = (count) => count.toLocaleString("en");
 const countNote = ({ samples, shown }, back = "") => (shown < samples
-  ? `${shown} of ${samples} samples shown, of each stretch the least and the greatest: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
-  : `All ${samples} samples shown.${back}`);
+  ? `${parted(shown)} of ${parted(samples)} samples shown, of each stretch the least and the greatest: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
+  : `All ${parted(samples)} samples shown.${back}`);
 const BACK = " A double click shows the whole again.";
 
 // Where OP travels and PV stands still: under the lines, as with a marker pen.
@@ -117,7 +118,7 @@ function drawSpectra({ spectra }) {
 
 const pathNote = ({ samples, shown, standing }, judged, window) => {
   const of = judged ? "the stretch that speaks for the record" : window ? "the audited window" : "what was given to the audit";
-  return `${shown < samples ? `The newest ${shown} of the ${samples}` : `All ${samples}`} samples of ${of}${standing.includes(1) ? "; where OP travels and PV stands is marked" : ""}.`;
+  return `${shown < samples ? `The newest ${parted(shown)} of the ${parted(samples)}` : `All ${parted(samples)}`} samples of ${of}${standing.includes(1) ? "; where OP travels and PV stands is marked" : ""}.`;
 };
 
 function drawRest({ pv_op: path, errors, judged, size, window }) {

@@ -27,7 +27,7 @@ def sample_by_sample(samples: int, trace: FloatArray) -> Aligned:
     if len(trace) != samples:
         raise DataError(
             "simulation_length",
-            f"the simulation has {len(trace)} samples, the recording {samples}; without times in both they must be "
+            f"the simulation has {len(trace):,} samples, the recording {samples:,}; without times in both they must be "
             "the same",
         )
     return onto(np.arange(samples, dtype=np.float64), np.arange(samples, dtype=np.float64), trace)

@@ -101,7 +101,7 @@ def check(comparison: Comparison) -> None:
             "needed",
         )
     if len(comparison.op) != n:
-        raise DataError("signal_length", f"OP has {len(comparison.op)} samples, PV has {n}; they must be the same")
+        raise DataError("signal_length", f"OP has {len(comparison.op):,} samples, PV has {n:,}; they must be the same")
     check_beside(comparison)
     check_trace(comparison)
     check_moves(comparison)
@@ -116,7 +116,7 @@ def check_beside(comparison: Comparison) -> None:
         if signal is None:
             continue
         if len(signal) != n:
-            raise DataError("signal_length", f"{name} has {len(signal)} samples, PV has {n}; they must be the same")
+            raise DataError("signal_length", f"{name} has {len(signal):,} samples, PV has {n:,}; they must be the same")
         if not np.all(np.isfinite(signal)):
             raise DataError("signal_not_finite", f"{name} has samples without a value; fill them or leave it out")
         check_size(name, signal)
@@ -155,7 +155,7 @@ def check_trace(comparison: Comparison) -> None:
     if trace is None:
         return
     if len(trace) != n:
-        raise DataError("simulation_length", f"the simulation has {len(trace)} samples, the recording {n}")
+        raise DataError("simulation_length", f"the simulation has {len(trace):,} samples, the recording {n:,}")
     if not np.all(np.isfinite(trace)):
         raise DataError(
             "simulation_not_finite", "the simulation has samples without a value; it must cover the recording"
@@ -299,7 +299,7 @@ def part_in_words(comparison: Comparison, begin: int, most: int) -> str:
     ts = comparison.sampling_interval_s
     which = f"the first {most}" if begin == 0 else f"those from {begin * ts:g} to {(begin + most - 1) * ts:g} s"
     text = (
-        f"of {len(comparison.pv)} samples {which} are explained: OP follows PV, and in averages of more the "
+        f"of {len(comparison.pv):,} samples {which} are explained: OP follows PV, and in averages of more the "
         "controller's answers cannot be told from the process'"
     )
     if begin == 0:

@@ -34,7 +34,7 @@ def comparison_of(
     signals |= {"sp": recording.sp} if recording.sp is not None else {}
     if trace is not None and len(trace) != recording.samples:
         raise DataError(
-            "simulation_length", f"the simulation has {len(trace)} samples, the recording {recording.samples}"
+            "simulation_length", f"the simulation has {len(trace):,} samples, the recording {recording.samples:,}"
         )
     signals |= {"trace": trace} if trace is not None else {}
     found = uniform(recording.name, recording.time_s, signals, dict(recording.others))

@@ -133,7 +133,7 @@ def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
         return np.zeros(samples)
     if len(model.rest) != samples:
         raise DataError(
-            "signal_length", f"the model belongs to a record of {len(model.rest)} samples, OP has {samples}"
+            "signal_length", f"the model belongs to a record of {len(model.rest):,} samples, OP has {samples:,}"
         )
     return np.array(model.rest)
 
