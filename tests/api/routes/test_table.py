@@ -6,6 +6,7 @@ import re
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from urllib.parse import unquote
 
 import httpx
 import pytest
@@ -89,7 +90,7 @@ def test_loops_with_and_without_an_open_work_order(client, plant):
     assert client.get("/v1/reliability?open_order=perhaps").status_code == 422
 
 
-def test_loops_by_the_class_of_their_health(client):
+def test_loops_by_the_class_of_their_health(client, plant):
     """The treemap counts these classes: whoever sees ten loops below 60 wants to know which."""
     health = {row["loop"]: row["health"] for row in client.get("/v1/reliability").json()["rows"]}
     classes = {
@@ -103,7 +104,7 @@ def test_loops_by_the_class_of_their_health(client):
         found = client.get(f"/v1/reliability?health_class={name}").json()["rows"]
         assert {row["loop"] for row in found} == loops
         page = client.get(f"/table?health_class={name}").text
-        assert set(re.findall(r'<td class="tag"><a href="/loops/([^"]+)"', page)) == loops
+        assert set(map(unquote, re.findall(r'<td class="tag"><a href="/loops/([^"]+)"', page))) == loops
         assert f"health_class={name}" in re.search(r'href="([^"]+)">CSV as seen', page)[1]
     assert client.get("/v1/reliability?health_class=80").status_code == 422
 
