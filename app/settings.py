@@ -47,6 +47,7 @@ UNREAD_BROKER = (
 )
 OPTIONS_OF_BROKERS = frozenset({"connect_timeout", "credential_provider", "heartbeat", "insist", "login_method", "ssl"})
 """What kombu takes behind the ? of an address, beside ssl_...: another one is a TypeError at its first use."""
+PROOFS_OF_BROKERS = frozenset({"CERT_NONE", "CERT_OPTIONAL", "CERT_REQUIRED", "none", "optional", "required"})
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
@@ -84,6 +85,10 @@ def _has_known_options(broker: str) -> bool:
     names = [name for name, _ in parse_qsl(urlsplit(broker).query)]
     of_tls = [name for name in names if name.startswith("ssl_")]
     return OPTIONS_OF_BROKERS.issuperset({*names} - {*of_tls}) and not ("ssl" in names and of_tls)
+
+
+def _has_known_proof(broker: str) -> bool:
+    return PROOFS_OF_BROKERS.issuperset(v for name, v in parse_qsl(urlsplit(broker).query) if name == "ssl_cert_reqs")
 
 
 def _can_be_looked_up(host: str) -> bool:
@@ -335,6 +340,8 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"BROKER_URL takes no such option behind its ?; there is {taken}, and without ssl also ssl_..."
             )
+        if not all(map(_has_known_proof, servers)):
+            raise ValueError(f"BROKER_URL: ssl_cert_reqs is one of {', '.join(sorted(PROOFS_OF_BROKERS))}")
         return address
 
     @field_validator("public_url")

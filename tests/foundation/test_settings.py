@@ -11,7 +11,7 @@ from pydantic import SecretStr, ValidationError
 from app.cli.configuration import load_settings
 from app.errors import RequestError
 from app.services.digests.webhooks import forbidden_hosts
-from app.settings import OPTIONS_OF_BROKERS, Settings, misspelt
+from app.settings import OPTIONS_OF_BROKERS, PROOFS_OF_BROKERS, Settings, misspelt
 
 
 @pytest.mark.parametrize("address", ["garbage", "http://redis:6379", "redis.example:6379/0"])
@@ -61,6 +61,23 @@ def test_options_of_a_broker_that_it_does_not_take_are_refused_at_the_start(sche
     (told,) = (error["msg"] for error in raised.value.errors(include_input=False))
     assert "BROKER_URL takes no such option behind its ?" in told
     assert "hunter2" not in told
+
+
+@pytest.mark.parametrize("scheme", ["redis", "rediss", "amqp", "amqps"])
+@pytest.mark.parametrize("value", ["hunter2", "Required", "ssl.CERT_NONE", "none&ssl_cert_reqs=hunter2"])
+def test_how_a_broker_proves_who_it_is_is_one_of_the_words_for_it(scheme: str, value: str) -> None:
+    """Another one was a KeyError at its first use."""
+    with pytest.raises(ValidationError) as raised:
+        Settings(broker_url=f"{scheme}://host/0?ssl_cert_reqs={value}")
+    (told,) = (error["msg"] for error in raised.value.errors(include_input=False))
+    assert "ssl_cert_reqs is one of CERT_NONE, CERT_OPTIONAL, CERT_REQUIRED, none, optional, required" in told
+    assert "hunter2" not in told
+
+
+@pytest.mark.parametrize("value", sorted(PROOFS_OF_BROKERS))
+def test_the_words_that_are_taken_are_those_of_the_client(value: str) -> None:
+    address = Settings(broker_url=f"rediss://:secret@host/0?ssl_cert_reqs={value}&ssl_ca_certs=%2Fa.pem").broker_url
+    assert Connection(address).hostname == "host"
 
 
 @pytest.mark.parametrize("option", sorted(OPTIONS_OF_BROKERS))
