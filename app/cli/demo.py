@@ -137,7 +137,7 @@ def audited(
     say("loopaudit: the service is up; its worker compiles the engine at the very first start (a minute or two)")
     for export in exports:
         state = send(client, export.path, READ_WITHIN_S)
-        say(f"loopaudit: uploaded {export.path.name}: {len(state['loops'])} loops")
+        say(f"loopaudit: uploaded {export.path.name}: {len(state['loops']):,} loops")
     for loop in loops:
         client.change_loop(loop.tag, **loop.what_it_is)
     id_ = client.start_audit().id

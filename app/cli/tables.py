@@ -79,5 +79,5 @@ def number(value: float | None, digits: int) -> str:
 
 def totals(lines: list[Mapping[str, Any]]) -> Text:
     counts = {verdict: sum(line["verdict"] == verdict for line in lines) for verdict in VERDICT_RANK}
-    parts = [f"{count} {VERDICT_WORDS[verdict]}" for verdict, count in counts.items() if count]
-    return Text(f"{len(lines)} {'recording' if len(lines) == 1 else 'recordings'}: " + ", ".join(parts))
+    parts = [f"{count:,} {VERDICT_WORDS[verdict]}" for verdict, count in counts.items() if count]
+    return Text(f"{len(lines):,} {'recording' if len(lines) == 1 else 'recordings'}: " + ", ".join(parts))

@@ -103,7 +103,7 @@ def _of_both(longest: Judged, newest: Judged) -> Judged:
     told = f"the newest stretch, {since.samples:,} samples in {hours} h,"
     cleared = (said.verdict, said.reliability) == ("no_stiction", "reliable")
     if now.reliability == "reliable" and (now.verdict == "stiction" or cleared):
-        text = f"{told} is judged: it tells enough by itself; the longest, of {before.samples}, is older"
+        text = f"{told} is judged: it tells enough by itself; the longest, of {before.samples:,}, is older"
         return replace(newest, judgement=replace(now, reasons=(*now.reasons, Reason("newer_judged", text))))
     if now.verdict == said.verdict or said.reliability != "reliable":
         return longest

@@ -58,9 +58,9 @@ class LimitBodies:
         """Why a body of this length is not taken; empty: it is. One that is larger than the disk could wait for room
         for ever."""
         if told > limit:
-            return f"the body has {told} bytes, at most {limit} are taken"
+            return f"the body has {told:,} bytes, at most {limit:,} are taken"
         if path in UPLOADS and (whole := _whole(self._folder)) and told > whole:
-            return f"the body has {told} bytes, and the disk of the service {whole} in all; send it in parts"
+            return f"the body has {told:,} bytes, and the disk of the service {whole:,} in all; send it in parts"
         return ""
 
     def _limits(self, path: str) -> tuple[int, float]:
@@ -91,7 +91,7 @@ def counted(receive: Receive, limit: int) -> Receive:
         message = await receive()
         got += len(message.get("body", b""))
         if got > limit:
-            raise HTTPException(413, f"the body has more than {limit} bytes")
+            raise HTTPException(413, f"the body has more than {limit:,} bytes")
         return message
 
     return receive_within_limit

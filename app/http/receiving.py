@@ -82,7 +82,7 @@ async def mapping_of(part: UploadFile | str) -> bytes:
     """Raises RequestError where it is larger than any plant's."""
     mapping = part.encode("utf-8", "replace") if isinstance(part, str) else await part.read(LARGEST_MAPPING + 1)
     if len(mapping) > LARGEST_MAPPING:
-        text = f"a mapping may have at most {LARGEST_MAPPING} bytes; send the export in parts, each with its own"
+        text = f"a mapping may have at most {LARGEST_MAPPING:,} bytes; send the export in parts, each with its own"
         raise RequestError("mapping_too_large", text)
     return mapping
 

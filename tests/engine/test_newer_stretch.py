@@ -55,7 +55,8 @@ def test_what_began_to_stick_behind_a_longer_stretch_is_accused(parted_by: str) 
     found, part = audit(recording), identified_part(recording)
     assert (found.judgement.verdict, found.judgement.reliability) == ("stiction", "reliable")
     assert found.window.start_s == pytest.approx(TS * (LONGEST + BETWEEN))
-    assert "newer_judged" in codes_of(found)
+    (text,) = (reason.text for reason in found.judgement.reasons if reason.code == "newer_judged")
+    assert f"the longest, of {LONGEST:,}, is older" in text
     assert part.start_s == found.identified.start_s
 
 

@@ -1,20 +1,32 @@
 """One of something is told as one."""
 
+import asyncio
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from app.cli.audit import beside_shown
+from app.cli.tables import totals
 from app.counting import counted, counted_times
 from app.engine.audit_config import AuditConfig
 from app.engine.fitness import checks
+from app.engine.mismatch import Comparison
 from app.engine.mismatch.compare.aligning import beyond, sample_by_sample
+from app.engine.mismatch.compare.comparison import part_in_words
 from app.engine.mismatch.compare.even_grid import faults_of_the_clock
 from app.engine.recording import Recording
-from app.errors import DataError
+from app.engine.reference import yper
+from app.errors import DataError, LoopauditError
+from app.http.bodies import LimitBodies
+from app.http.receiving import LARGEST_MAPPING, mapping_of
 from app.ingest import TagMapping
 from app.ingest.exports.notes import mapping_notes
+from app.services.auditing import audits
 from app.services.damage import damage_in_words
 from app.services.moments import PlantClock
+from app.services.plant import reliability
+from app.settings import Settings
 
 FITNESS = AuditConfig().fitness
 MAPPING = b"tag,loop,signal\nA,FIC1,PV\nB,FIC1,OP\nC,FIC2,PV\n"
@@ -64,3 +76,38 @@ def test_both_numbers_of_a_sentence_are_parted_alike() -> None:
         sample_by_sample(1440, np.zeros(1200))
     with pytest.raises(DataError, match="op has 1,200 samples, time has 1,440;"):
         Recording("FIC1", np.arange(1440.0), np.zeros(1440), np.zeros(1200))
+
+
+REFUSED = {
+    "body": lambda: LimitBodies(None, Settings())._refusal("/v1/loops", 2_000_001, 2_000_000),
+    "open": lambda: told_by(audits._refuse_flood, None),
+    "limit": lambda: told_by(reliability._checked, 20_001, "loop"),
+    "yper": lambda: told_by(yper._check, np.zeros(1200), np.zeros(1440)),
+    "mapping": lambda: told_by(asyncio.run, mapping_of("x" * (LARGEST_MAPPING + 1))),
+}
+TOLD = {
+    "body": "the body has 2,000,001 bytes, at most 2,000,000 are taken",
+    "open": "100,000 loops and more wait",
+    "limit": "from 1 to 20,000, got 20,001",
+    "yper": "PV has 1,200 samples, OP has 1,440;",
+    "mapping": f"at most {LARGEST_MAPPING:,} bytes;",
+}
+
+
+def told_by(call: Callable[..., object], *arguments: object) -> str:
+    with pytest.raises(LoopauditError) as raised:
+        call(*arguments)
+    return raised.value.message
+
+
+@pytest.mark.parametrize("name", list(REFUSED))
+def test_limits_are_parted_too(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are the largest numbers that a user is told."""
+    monkeypatch.setattr(audits.items, "count_open", lambda *_: audits.MOST_OPEN)
+    assert TOLD[name] in REFUSED[name]()
+
+
+def test_what_is_compared_in_a_sentence_is_parted_alike() -> None:
+    comparison = Comparison("FIC1", 1.0, np.arange(30_000.0), np.arange(30_000.0))
+    assert "of 30,000 samples the first 4,000 are" in part_in_words(comparison, 0, 4000)
+    assert str(totals([{"verdict": "stiction"}] * 1200)).startswith("1,200 recordings: 1,200 valve sticks")

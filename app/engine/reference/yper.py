@@ -75,7 +75,7 @@ def compute(pv: FloatArray, op: FloatArray, sampling_interval_s: float, scaling:
 
 def _check(pv: FloatArray, op: FloatArray) -> None:
     if len(pv) != len(op):
-        raise DataError("signal_length", f"PV has {len(pv)} samples, OP has {len(op)}; they must be the same")
+        raise DataError("signal_length", f"PV has {len(pv):,} samples, OP has {len(op):,}; they must be the same")
     if len(pv) < 4:
         raise DataError("record_too_short", f"Yper needs at least 4 samples, got {len(pv)}")
     for name, signal in (("PV", pv), ("OP", op)):

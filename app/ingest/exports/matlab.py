@@ -94,7 +94,7 @@ class MatlabSource:
     def _loops(self, variables: dict[str, Value], options: IngestOptions) -> Iterator[MatlabLoop]:
         for number, (path, fields) in enumerate(structures(variables, ())):
             if number == MOST_LOOPS:
-                raise DataError("too_many_tags", f"the MATLAB file has more than {MOST_LOOPS} loops")
+                raise DataError("too_many_tags", f"the MATLAB file has more than {MOST_LOOPS:,} loops")
             name = loop_name(path)
             loop = loop_of(name, fields, options)
             if isinstance(loop, MatlabLoop):

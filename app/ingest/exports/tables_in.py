@@ -138,7 +138,7 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
     height = int(scan.select(pl.len()).collect().item())
     if height * max(1, len(names)) * 8 > options.max_bytes:
         raise DataError(
-            "decompressed_too_large", f"the table has {height} rows of {len(names)} columns; send it in parts"
+            "decompressed_too_large", f"the table has {height:,} rows of {len(names):,} columns; send it in parts"
         )
 
     columns_of = [as_text_of_words(name, kind) for name, kind in schema.items()]

@@ -144,7 +144,7 @@ def _is_workbook(path: Path, options: IngestOptions) -> bool:
         return False
     unpacked = sum(entry.file_size for entry in entries)
     if unpacked > min(WORKBOOK_BYTES, options.max_bytes):
-        raise DataError("decompressed_too_large", f"the workbook unpacks to {unpacked} bytes; send it as CSV")
+        raise DataError("decompressed_too_large", f"the workbook unpacks to {unpacked:,} bytes; send it as CSV")
     return True
 
 

@@ -190,7 +190,7 @@ class TextFile:
         if len(carry) > self._options.max_line_bytes:
             limit = self._options.max_line_bytes
             raise DataError(
-                "line_too_long", f"a line is longer than {limit} bytes; an export has one row of samples a line"
+                "line_too_long", f"a line is longer than {limit:,} bytes; an export has one row of samples a line"
             )
 
     def _utf8(self) -> Iterator[bytes]:
@@ -246,7 +246,7 @@ class TextFile:
     def _damaged(self, unpacked: int) -> None:
         if unpacked == 0:
             raise DataError("not_an_export", "the gzip file is damaged from its start; export it again")
-        note = f"the gzip file is damaged after {unpacked} bytes; what came before is kept"
+        note = f"the gzip file is damaged after {unpacked:,} bytes; what came before is kept"
         if note not in self.notes:
             self.notes.append(note)
 

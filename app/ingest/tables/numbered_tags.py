@@ -44,7 +44,7 @@ class NumberedTags:
             return number
         if self._grouping.tags >= self._options.max_signals:
             raise DataError(
-                "too_many_tags", f"more than {self._options.max_signals} tags in one file; send it in parts"
+                "too_many_tags", f"more than {self._options.max_signals:,} tags in one file; send it in parts"
             )
         number = self._number_of[tag] = len(self.places)
         self._new.append(tag)

@@ -173,7 +173,7 @@ def _spelled(backend: Backend, wanted: LoopFilter) -> LoopFilter:
 
 def _refuse_flood(connection: Connection) -> None:
     if items.count_open(connection, MOST_OPEN) >= MOST_OPEN:
-        text = f"{MOST_OPEN} loops and more wait for their audits; wait for the runs that go on, or cancel some"
+        text = f"{MOST_OPEN:,} loops and more wait for their audits; wait for the runs that go on, or cancel some"
         raise RequestError("too_many_open", text)
 
 

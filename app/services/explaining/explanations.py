@@ -238,7 +238,7 @@ def _window(backend: Backend, loop: LoopRow, wanted: Wanted) -> _Asked:
         start_ns, end_ns = _bounds(newest_ns, wanted, backend.settings.window_h)
         stored = series.count_between(connection, loop.id, start_ns, end_ns)
         if stored > MOST_UNPACKED:
-            raise DataError("window_too_large", f"the window touches {stored} samples; take a shorter one")
+            raise DataError("window_too_large", f"the window touches {stored:,} samples; take a shorter one")
         found = series.readable(connection, loop.id, start_ns, end_ns, hold_days)
     samples = found.samples
     if samples is None or not len(samples):

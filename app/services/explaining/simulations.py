@@ -166,7 +166,7 @@ def _placed(values: FloatArray, at_ns: TimeArray | None, samples: Samples, recor
             raise DataError(
                 "simulation_length",
                 f"the simulation has {counted(len(values), 'sample')} and no times, the recording has "
-                f"{recording.samples}",
+                f"{recording.samples:,}",
             )
         at_ns = origin_ns(samples) + np.round(recording.time_s * NS_PER_S).astype(np.int64)
     if len(at_ns) != len(values):

@@ -72,7 +72,7 @@ class Receiving:
         """Raises RequestError("upload_too_large") beyond the limit of the settings."""
         most = self._backend.settings.max_upload_bytes
         if self._file.size + len(data) > most:
-            raise RequestError("upload_too_large", f"an upload may have at most {most} bytes; send it in parts")
+            raise RequestError("upload_too_large", f"an upload may have at most {most:,} bytes; send it in parts")
         self._file.write(data)
 
     def take(self, file: IO[bytes]) -> None:

@@ -275,7 +275,7 @@ def _digest(said: bytes) -> str:
 def _checked(limit: int, sort: str) -> str:
     """The name to sort by, of an order that there is."""
     if not 1 <= limit <= MOST_ROWS:
-        raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS}, got {limit}")
+        raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS:,}, got {limit:,}")
     name = sort.removeprefix("-")
     name = THE_SAME.get(name, name)
     if name not in SORTABLE:

@@ -297,7 +297,7 @@ def part_as_sampled(comparison: Comparison, most: int) -> Comparison | None:
 def part_in_words(comparison: Comparison, begin: int, most: int) -> str:
     """Which part of a comparison is explained, and why no more."""
     ts = comparison.sampling_interval_s
-    which = f"the first {most}" if begin == 0 else f"those from {begin * ts:g} to {(begin + most - 1) * ts:g} s"
+    which = f"the first {most:,}" if begin == 0 else f"those from {begin * ts:g} to {(begin + most - 1) * ts:g} s"
     text = (
         f"of {len(comparison.pv):,} samples {which} are explained: OP follows PV, and in averages of more the "
         "controller's answers cannot be told from the process'"

@@ -170,7 +170,7 @@ def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: boo
     if repeated < LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
         return None
     block: Block = LIMIT_HIGH if sign > 0 else LIMIT_LOW
-    text = f"PV stands at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated} samples"
+    text = f"PV stands at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated:,} samples"
     shows = closed_gaps(near, 15)
     return Pattern(Part(block, np.array([extreme - record.pv_mid])), shows, Reason("pv_at_limit", text), True)
 
@@ -241,7 +241,7 @@ def stuck(record: Experiment, run: Run) -> Pattern:
     values = np.minimum(record.first_s + np.array([(run.first + 1) * ts, (run.last + 1) * ts]), record.end_s)
     shows = np.zeros(record.samples, dtype=np.bool_)
     shows[run.first + 1 : run.last + 1] = True
-    text = f"PV repeats {record.pv[run.first]:.5g} for {run.length} samples while OP moves on"
+    text = f"PV repeats {record.pv[run.first]:.5g} for {run.length:,} samples while OP moves on"
     return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
 
 
@@ -252,7 +252,7 @@ def dropped(record: Experiment, run: Run) -> Pattern:
     """
     value, kept = float(record.pv[run.first]), stuck(record, Run(run.first - 1, run.last))
     text = (
-        f"PV jumps to {value:.5g}, repeats it for {run.length} samples while OP moves on, and jumps back: that is "
+        f"PV jumps to {value:.5g}, repeats it for {run.length:,} samples while OP moves on, and jumps back: that is "
         "neither what was measured last nor on PV's way"
     )
     part = Part(DROPOUT, np.array([*kept.part.values, value - record.pv_mid]))
@@ -273,7 +273,7 @@ def frozen(record: Experiment, run: Run) -> Pattern:
     pv = record.pv[run.first : run.last + 1]
     low, high = f"{np.min(pv):.5g}", f"{np.max(pv):.5g}"
     where = f"at {low}" if low == high else f"between {low} and {high}"
-    text = f"PV stays {where} for {run.length} samples, with less noise than it has elsewhere, while OP moves on"
+    text = f"PV stays {where} for {run.length:,} samples, with less noise than it has elsewhere, while OP moves on"
     return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=noise_deviation(record), most=FROZEN)
 
 
