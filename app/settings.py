@@ -45,8 +45,10 @@ def _zones_of_everybody() -> frozenset[str]:
 UNREAD_BROKER = (
     "a port is a number, and so is the data base of a Redis; / ? # ; [ % in a password are %2F %3F %23 %3B %5B %25"
 )
-OPTIONS_OF_BROKERS = frozenset({"connect_timeout", "credential_provider", "heartbeat", "insist", "login_method", "ssl"})
-"""What kombu takes behind the ? of an address, beside ssl_...: another one is a TypeError at its first use."""
+_FOR_ALL = frozenset({"credential_provider", "heartbeat", "insist", "login_method"})
+OPTIONS_OF_BROKERS = {"redis": _FOR_ALL | {"connect_timeout"}, "amqp": _FOR_ALL | {"ssl"}}
+"""What kombu takes behind the ? of an address, and its transport can use, beside ssl_...: another one is a TypeError or
+a ValueError at its first use."""
 PROOFS_OF_BROKERS = frozenset({"CERT_NONE", "CERT_OPTIONAL", "CERT_REQUIRED", "none", "optional", "required"})
 BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
@@ -81,14 +83,20 @@ def _is_read_by_kombu(broker: str) -> bool:
     return not parts.scheme.startswith("redis") or name == "" or name.isdecimal()
 
 
-def _has_known_options(broker: str) -> bool:
-    names = [name for name, _ in parse_qsl(urlsplit(broker).query)]
-    of_tls = [name for name in names if name.startswith("ssl_")]
-    return OPTIONS_OF_BROKERS.issuperset({*names} - {*of_tls}) and not ("ssl" in names and of_tls)
-
-
-def _has_known_proof(broker: str) -> bool:
-    return PROOFS_OF_BROKERS.issuperset(v for name, v in parse_qsl(urlsplit(broker).query) if name == "ssl_cert_reqs")
+def _wrong_option(broker: str) -> str:
+    """What is wrong behind the ? of an address that can be read, going on from the setting's name; empty: nothing."""
+    parts = urlsplit(broker)
+    given = parse_qsl(parts.query)
+    names = {name for name, _ in given}
+    of_tls = {name for name in names if name.startswith("ssl_")}
+    taken = OPTIONS_OF_BROKERS["redis" if parts.scheme.startswith("redis") else "amqp"]
+    if not names <= taken | of_tls or ("ssl" in names and of_tls):
+        return f" takes no such option behind its ?; there is {', '.join(sorted(taken))}, and without ssl also ssl_..."
+    if not PROOFS_OF_BROKERS.issuperset(value for name, value in given if name == "ssl_cert_reqs"):
+        return f": ssl_cert_reqs is one of {', '.join(sorted(PROOFS_OF_BROKERS))}"
+    beats = [value for name, value in given if name == "heartbeat"]
+    numbers = all(re.fullmatch(r"\d+(\.\d*)?", value, re.ASCII) for value in beats)
+    return "" if numbers else ": heartbeat is a number of seconds"
 
 
 def _can_be_looked_up(host: str) -> bool:
@@ -335,13 +343,8 @@ class Settings(BaseSettings):
         servers = [] if address.startswith("folder://") else address.split(";")
         if not all(_is_read_by_kombu(it) for it in servers):
             raise ValueError("BROKER_URL cannot be read: " + UNREAD_BROKER)
-        if not all(map(_has_known_options, servers)):
-            taken = ", ".join(sorted(OPTIONS_OF_BROKERS))
-            raise ValueError(
-                f"BROKER_URL takes no such option behind its ?; there is {taken}, and without ssl also ssl_..."
-            )
-        if not all(map(_has_known_proof, servers)):
-            raise ValueError(f"BROKER_URL: ssl_cert_reqs is one of {', '.join(sorted(PROOFS_OF_BROKERS))}")
+        if wrong := next(filter(None, map(_wrong_option, servers)), ""):
+            raise ValueError("BROKER_URL" + wrong)
         return address
 
     @field_validator("public_url")

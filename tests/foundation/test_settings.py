@@ -80,8 +80,28 @@ def test_the_words_that_are_taken_are_those_of_the_client(value: str) -> None:
     assert Connection(address).hostname == "host"
 
 
-@pytest.mark.parametrize("option", sorted(OPTIONS_OF_BROKERS))
-@pytest.mark.parametrize("scheme", ["redis", "amqp"])
+@pytest.mark.parametrize(
+    "address",
+    ["redis://h/0?ssl=1", "rediss://h/0?ssl=True", "amqp://h//?connect_timeout=3", "redis://h/0;redis://g/0?ssl=1"],
+)
+def test_an_option_that_its_kind_of_broker_cannot_have_is_refused(address: str) -> None:
+    """The client takes it, and its transport then fails: a ValueError, a TypeError at the first use."""
+    with pytest.raises(ValidationError, match="takes no such option behind its"):
+        Settings(broker_url=address)
+
+
+@pytest.mark.parametrize("value", ["hunter2", "10s", "nan", "-1"])
+def test_a_heartbeat_of_a_broker_is_a_number_of_seconds(value: str) -> None:
+    with pytest.raises(ValidationError) as raised:
+        Settings(broker_url=f"amqp://h//?heartbeat={value}")
+    (told,) = (error["msg"] for error in raised.value.errors(include_input=False))
+    assert told.endswith("BROKER_URL: heartbeat is a number of seconds")
+    assert Settings(broker_url="amqp://h//?heartbeat=2.5").broker_url
+
+
+@pytest.mark.parametrize(
+    ("scheme", "option"), [(scheme, option) for scheme, taken in OPTIONS_OF_BROKERS.items() for option in sorted(taken)]
+)
 def test_the_options_that_are_taken_are_those_of_the_client(scheme: str, option: str) -> None:
     address = Settings(broker_url=f"{scheme}://:secret@host/0?{option}=1").broker_url
     assert Connection(address).hostname == "host"
