@@ -15,7 +15,7 @@ _MOST_BETWEEN = 3  # columns from that of a tag to that of its value: date and c
 
 def refuse_further_groups(plan: LongPlan, head: Head) -> None:
     """Raises DataError("unknown_layout") where a row holds a further tag with a value: that would be lost."""
-    if plan.signals and plan.word is None:
+    if plan.has_signals:
         return
     left = [at for at in range(plan.width) if at not in plan.read and head.column(at, plan.first_row)]
     further = next(_named(plan, head, left) if plan.first_row else _without_names(head, left), None)

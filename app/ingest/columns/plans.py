@@ -114,13 +114,18 @@ class LongPlan:
         return frozenset((*self.time, fraction, self.tag, self.value, *beside, *values))
 
     @property
+    def has_signals(self) -> bool:
+        """Whether a row holds several values of its loop, each in a column of its own."""
+        return bool(self.signals) and self.word is None
+
+    @property
     def keys(self) -> tuple[int, ...]:
         """The columns that tell of which signal, or loop with all of its signals, a row is."""
         return (self.tag,) if self.word is None else (self.tag, self.word)
 
     def tags_of(self, cells: Iterable[str]) -> list[str]:
         """The tags that different cells of column `tag` stand for."""
-        if not self.signals or self.word is not None:
+        if not self.has_signals:
             return list(cells)
         return [f"{loop}.{signal.tag}" for loop in cells for signal in (*self.signals, *self.others)]
 

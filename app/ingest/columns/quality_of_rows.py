@@ -23,7 +23,7 @@ _MOST_SHOWN = 300
 def with_flags(plan: LongPlan, head: Head) -> LongPlan:
     """The plan with it, where a row has one value. Flags of what is bad, as Error is, may be anything else where
     not all are flags."""
-    if _has_signals(plan):
+    if plan.has_signals:
         return plan
     names = {index: plain(name) for index, name in _names(plan, head).items()}
     if plan.quality is not None:
@@ -43,7 +43,7 @@ def with_flags(plan: LongPlan, head: Head) -> LongPlan:
 
 def with_columns_left(plan: LongPlan, head: Head) -> LongPlan:
     """The plan with a note of the columns that hold something and are not read, but for the number of the row."""
-    if _has_signals(plan):
+    if plan.has_signals:
         return plan
     names = {index: name for index, name in _names(plan, head).items() if index not in plan.read}
     if not plan.first_row:
@@ -58,10 +58,6 @@ def with_columns_left(plan: LongPlan, head: Head) -> LongPlan:
     return replace(
         plan, notes=(*plan.notes, f"columns beside tag, time and value were not read: {shown[:_MOST_SHOWN]}")
     )
-
-
-def _has_signals(plan: LongPlan) -> bool:
-    return bool(plan.signals) and plan.word is None
 
 
 def _names(plan: LongPlan, head: Head) -> dict[int, str]:

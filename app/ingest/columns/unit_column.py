@@ -14,7 +14,7 @@ _NAMES = frozenset(
 
 def with_unit_column(plan: LongPlan, head: Head) -> LongPlan:
     """The plan with it, where a row has one value: it is called so, or most of what differs there are units."""
-    if plan.signals and plan.word is None:
+    if plan.has_signals:
         return plan
     names = head.row(plan.first_row - 1) if plan.first_row else ()
     for index in sorted(set(range(plan.width)) - plan.read):
