@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import BigInteger, ColumnElement, and_, or_
 
@@ -37,8 +37,11 @@ QUICK = (
 """What can be asked of loops and their newest rows alone: two small tables, however many nights there are."""
 
 
-HealthRange = tuple[float | None, float | None]
-"""From where on and below where; None: no bound on that side. Both None: those without one."""
+class HealthRange(NamedTuple):
+    """From where on and below where; None: no bound on that side. Both None: those without one."""
+
+    least: float | None
+    below: float | None
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class RowFilter:
     """Which rows of the table: all that are given must hold. retired: of loops that are retired, by default not; None:
     of both. recorded_from_ns, recorded_before_ns: by the loop's newest sample. left_out: not of these loops, by id;
     open_order: whether a work order is written that no repair was stated since; tags: of these alone; no_unit: whether
-    they name no unit; health: from where on and below where, (None, None): those without one."""
+    they name no unit."""
 
     verdict: tuple[str, ...] | None = None
     reliability: str | None = None
@@ -126,8 +129,7 @@ def of_filter(wanted: RowFilter, columns: Mapping[str, Any] = SORTABLE) -> list[
 
 
 def _of_health(column: ColumnElement[Any], wanted: HealthRange) -> ColumnElement[bool]:
-    least, below = wanted
-    bounds = [*([] if least is None else [column >= least]), *([] if below is None else [column < below])]
+    bounds = _within(column, *wanted)
     return and_(*bounds) if bounds else column.is_(None)
 
 
@@ -149,5 +151,8 @@ def _of_loops(wanted: RowFilter) -> list[ColumnElement[bool]]:
 def _by_newest_sample(wanted: RowFilter) -> list[ColumnElement[bool]]:
     """Of a run the newest that it was given, so that it answers the same once newer ones have come."""
     end = loops.c.newest_ns if wanted.audit_id is None else verdicts.c.input_end_ns
-    since, before = wanted.recorded_from_ns, wanted.recorded_before_ns
-    return [*([] if since is None else [end >= since]), *([] if before is None else [end < before])]
+    return _within(end, wanted.recorded_from_ns, wanted.recorded_before_ns)
+
+
+def _within(column: ColumnElement[Any], least: float | None, below: float | None) -> list[ColumnElement[bool]]:
+    return [*([] if least is None else [column >= least]), *([] if below is None else [column < below])]

@@ -2,19 +2,14 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
+
+from app.storage.asked_rows import HealthRange
 
 HEALTH_LIMITS = (60.0, 80.0)
 """A class reaches up to its limit, and the next one begins there."""
 
 HealthClass = Literal["low", "middle", "high", "not_evaluated"]
-
-
-class Bounds(NamedTuple):
-    """From where on and below where; None: no bound on that side. Both None: not evaluated."""
-
-    least: float | None
-    below: float | None
 
 
 def health_words(least: float | None, below: float | None) -> str:
@@ -24,6 +19,6 @@ def health_words(least: float | None, below: float | None) -> str:
 
 
 _LOW, _HIGH = HEALTH_LIMITS
-_BOUNDS = (Bounds(None, _LOW), Bounds(_LOW, _HIGH), Bounds(_HIGH, None), Bounds(None, None))
-BOUNDS: Mapping[str, Bounds] = MappingProxyType(dict(zip(get_args(HealthClass), _BOUNDS, strict=True)))
+_BOUNDS = (HealthRange(None, _LOW), HealthRange(_LOW, _HIGH), HealthRange(_HIGH, None), HealthRange(None, None))
+BOUNDS: Mapping[str, HealthRange] = MappingProxyType(dict(zip(get_args(HealthClass), _BOUNDS, strict=True)))
 HEALTH_WORDS: Mapping[str, str] = MappingProxyType({name: health_words(*bounds) for name, bounds in BOUNDS.items()})
