@@ -90,7 +90,7 @@ def facts(report: "InspectReport") -> Iterator[str]:
     yield f"layout      {summary.layout}, {summary.encoding}{signs}"
     yield f"time        {summary.time_format}, zone {summary.time_zone}"
     yield f"rows        {summary.rows_read:,} read, {summary.rows_kept:,} kept, {summary.values_kept:,} values"
-    yield f"tags        {summary.tags:,} in {len(report.loops):,} {'loop' if len(report.loops) == 1 else 'loops'}"
+    yield f"tags        {summary.tags:,} in {counted(len(report.loops), 'loop')}"
     for note in (*exchanged_tags(report.set_point_with_op), *summary.notes):
         yield f"note        {note}"
 

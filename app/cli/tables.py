@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.messages import console_for
+from app.counting import counted
 from app.services.telling.wording import (
     POSSIBLY,
     VERDICT_RANK,
@@ -80,4 +81,4 @@ def number(value: float | None, digits: int) -> str:
 def totals(lines: list[Mapping[str, Any]]) -> Text:
     counts = {verdict: sum(line["verdict"] == verdict for line in lines) for verdict in VERDICT_RANK}
     parts = [f"{count:,} {VERDICT_WORDS[verdict]}" for verdict, count in counts.items() if count]
-    return Text(f"{len(lines):,} {'recording' if len(lines) == 1 else 'recordings'}: " + ", ".join(parts))
+    return Text(f"{counted(len(lines), 'recording')}: " + ", ".join(parts))
