@@ -95,10 +95,6 @@ def _follows(head: Head, first_row: int, index: int, other: int) -> bool:
     return index != other and 2 * same > len(rows) and len({row[other] for row in rows}) > 1
 
 
-def _fullmatch(name: str) -> Callable[[re.Pattern[str]], re.Match[str] | None]:
-    return lambda form: form.fullmatch(spelled_out(name) if form is _ENDING else name)
-
-
 def _by_name(
     head: Head, names: tuple[str, ...], first_row: int, values: tuple[ValueColumn, ...]
 ) -> tuple[dict[int, int], dict[int, int]]:
@@ -107,7 +103,7 @@ def _by_name(
     late: dict[str, int] = {}
     by_tag = {value.tag.casefold(): value.index for value in values}
     for index, name in enumerate(names):
-        found = next(filter(None, map(_fullmatch(name), (_ENDING, _SHORT_ENDING, _CONFIDENCE))), None)
+        found = _ENDING.fullmatch(spelled_out(name)) or _SHORT_ENDING.fullmatch(name) or _CONFIDENCE.fullmatch(name)
         if found is None:
             continue
         fields = head.column(index, first_row)

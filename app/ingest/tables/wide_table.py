@@ -49,8 +49,8 @@ class WideTable:
         self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
         self._places = {value.index: grouping.place(value.tag) for group in plan.groups for value in group.values}
-        judging = {v.may_judge for group in plan.groups for v in group.values if v.may_judge is not None}
-        self._values = WideValues(self._places, judging, log, tally)
+        self._judging = {v.may_judge for group in plan.groups for v in group.values if v.may_judge is not None}
+        self._values = WideValues(self._places, self._judging, log, tally)
         self._group_of = {value.index: number for number, group in enumerate(plan.groups) for value in group.values}
         self._kinds = KindsSeen()
         self._first_columns = {group.values[0].index for group in plan.groups if group.values}
@@ -112,10 +112,9 @@ class WideTable:
 
     def _in_doubt(self, reader: RowReader, groups: list[TimedColumns]) -> Iterator[TimedColumns]:
         """The groups with the columns of text, of values that are judged, and of what may judge others."""
-        judging = {v.may_judge for group in self._plan.groups for v in group.values}
         for group in groups:
             texts = reader.of_text([value.index for value in group.values])
-            asked = (v for v in group.values if v.index in texts or v.quality is not None or v.index in judging)
+            asked = (v for v in group.values if v.index in texts or v.quality is not None or v.index in self._judging)
             yield replace(group, values=tuple(asked))
 
     def late_qualities(self) -> frozenset[int]:

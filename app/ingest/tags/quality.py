@@ -34,7 +34,8 @@ _NOT_SET = frozenset(("0", "0.0", "false", "f", "no", "n", "off", "nein", "falsc
 _SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
 _SHORT_BAD = frozenset(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
-OPC_GOOD, OPC_LOCAL_OVERRIDE, OPC_UNCERTAIN = 192.0, 216.0, 64.0
+OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
+_GOOD_OF_OPC = (OPC_GOOD, 216.0)  # plain, and overridden locally
 PROFIBUS_GOOD = 128.0  # below OPC's good ones, which leaves these out; WinCC has them
 _BEHIND_OPC = OPC_GOOD + 28  # none has a meaning behind 219
 OPC_MOST = 255.0  # of a byte; what stands above it is the vendor's
@@ -208,7 +209,7 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
     words = set(map(_word, fields))
     numbers = [number for word in words if (number := _number(word)) is not None]
     if numbers:
-        good = any(number in (OPC_GOOD, OPC_LOCAL_OVERRIDE) for number in numbers)
+        good = any(number in _GOOD_OF_OPC for number in numbers)
         return good and len(numbers) == len(words) and all(map(_is_of_opc, numbers))
     known = _SHORT_GOOD | _UNCERTAIN | _SHORT_BAD
     return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
@@ -217,10 +218,7 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
 def holds_good(fields: Iterable[str]) -> bool:
     """Whether a word or an OPC number among the fields says that a value is good."""
     words = set(map(_word, fields))
-    return any(
-        word in _SHORT_GOOD or word.startswith("good") or _number(word) in (OPC_GOOD, OPC_LOCAL_OVERRIDE)
-        for word in words
-    )
+    return any(word in _SHORT_GOOD or word.startswith("good") or _number(word) in _GOOD_OF_OPC for word in words)
 
 
 def is_number(field: str) -> bool:
@@ -235,10 +233,10 @@ def may_be_quality(field: str) -> bool:
 
 
 def _is_of_opc(number: float) -> bool:
-    """Good, uncertain or bad, with why, and at which limit. Good ones are two, plain and overridden."""
+    """Good, uncertain or bad, with why, and at which limit."""
     if not 0 <= number < _BEHIND_OPC or number != int(number) or int(number) & 0xC0 == 0x80:
         return False
-    return number < OPC_GOOD or float(int(number) & ~3) in (OPC_GOOD, OPC_LOCAL_OVERRIDE)
+    return number < OPC_GOOD or float(int(number) & ~3) in _GOOD_OF_OPC
 
 
 def _is_good_of_opc(number: float) -> bool:

@@ -10,11 +10,10 @@ from app.ingest.times.time_reader import from_utc
 from app.nanoseconds import NS_PER_S
 
 HOUR_NS = 3600 * NS_PER_S
-_LAST_HOUR = 3  # of the night, in which clocks are put back
-
-
 _MONTHS = (3, 4, 9, 10, 11)
-_LATE_SATURDAY, _SUNDAY = 5, 6
+_SATURDAY, _SUNDAY = 5, 6
+_NIGHT = frozenset(((_SATURDAY, 23), (_SUNDAY, 0), (_SUNDAY, 1), (_SUNDAY, 2), (_SUNDAY, 3)))
+"""Months, and hours of the week, in which clocks are put back."""
 
 
 def are_put_back(times_ns: Collection[int], zone: str) -> bool:
@@ -26,10 +25,7 @@ def are_put_back(times_ns: Collection[int], zone: str) -> bool:
 
 def _is_of_a_turn(local_ns: int) -> bool:
     at = datetime.fromtimestamp(local_ns // NS_PER_S, UTC)
-    in_the_night = at.hour <= _LAST_HOUR if at.weekday() == _SUNDAY else at.hour == 23
-    return (
-        local_ns % HOUR_NS == 0 and at.month in _MONTHS and at.weekday() in (_LATE_SATURDAY, _SUNDAY) and in_the_night
-    )
+    return local_ns % HOUR_NS == 0 and at.month in _MONTHS and (at.weekday(), at.hour) in _NIGHT
 
 
 def hours_apart(time_ns: TimeArray, zone: str) -> TimeArray:
