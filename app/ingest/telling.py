@@ -13,9 +13,12 @@ def tags_by(said: Mapping[str, str], order: Sequence[str] = ()) -> dict[str, str
     place = {tag: number for number, tag in enumerate(order)}
     for tag in sorted(said, key=lambda tag: place.get(tag, len(place))):
         tags_of[said[tag]].append(tag)
-    return {
-        what: f"{', '.join(tags[:_SHOWN])}{', ...' if len(tags) > _SHOWN else ''}" for what, tags in tags_of.items()
-    }
+    return {what: first_of(tags, _SHOWN) for what, tags in tags_of.items()}
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """The first ones, and whether there are more."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
 def without_controls(text: str) -> str:

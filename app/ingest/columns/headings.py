@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from app.ingest.files.head import Head, is_number
 from app.ingest.numbers.units import is_unit
+from app.ingest.telling import first_of
 
 COMMENTS = ("*", "#", "[")
 _NO_UNIT = frozenset(("-", "1"))  # of what has none
@@ -61,8 +62,7 @@ def units_in(head: Head, heading: Iterable[int]) -> dict[int, str]:
 
 
 def _told(head: Head, kind: str, rows: list[int]) -> str:
-    numbers = ", ".join(str(head.in_file(at) + head.first_line) for at in rows[:_MOST_NUMBERS])
-    numbers += ", ..." if len(rows) > _MOST_NUMBERS else ""
+    numbers = first_of([str(head.in_file(at) + head.first_line) for at in rows], _MOST_NUMBERS)
     which = f"line {numbers} was" if len(rows) == 1 else f"lines {numbers} were"
     text = ", ".join(head.row(rows[0]))
     return f"{which} read as {kind}, not as data: {text[:_MOST_CHARACTERS]!r}"

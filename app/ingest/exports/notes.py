@@ -14,6 +14,7 @@ from app.ingest.tables.tally import Tally
 from app.ingest.tags.grouping import TagMapping
 from app.ingest.tags.loops import Grouping
 from app.ingest.tags.settling import told
+from app.ingest.telling import first_of
 from app.ingest.times.doubled_hour import are_put_back
 from app.ingest.times.read_once import puts_clocks_back
 from app.ingest.times.wall_clock import may_come_twice
@@ -45,10 +46,10 @@ class NotesOfRows:
         notes += self.tally.writing.notes(self.grouping.placed)
         notes += self.scale_jumps.notes()
         if self.tally.wordy:
-            shown = ", ".join(tag[:80] for tag in self.tally.wordy[:5]) + (", ..." if len(self.tally.wordy) > 5 else "")
+            shown = first_of([tag[:80] for tag in self.tally.wordy], 5)
             notes.append(f"columns that hold no number were left out: {shown}")
         if self.tally.unknown_qualities:
-            shown = ", ".join(tag[:80] for tag in self.tally.unknown_qualities[:5])
+            shown = first_of([tag[:80] for tag in self.tally.unknown_qualities], 5)
             notes.append(
                 "columns are called as qualities of values are, and nothing tells which of their numbers are good; no "
                 f"value was refused by them: {shown}"

@@ -17,6 +17,7 @@ from app.ingest.model import IngestOptions
 from app.ingest.tables.frames import in_short
 from app.ingest.tags.grouping import TagMapping, place
 from app.ingest.tags.loops import group
+from app.ingest.telling import first_of
 
 WORKBOOK_BYTES = 1 << 30  # what is asked of a sheet is found in a workbook unpacked
 _SHOWN = 10
@@ -205,7 +206,6 @@ def _in_parts(known: dict[str, TableSource], mapping: TagMapping | None, stem: s
 def _told(count: int, read: Collection[str], left: list[str]) -> tuple[str, ...]:
     if count < 2:
         return ()
-    shown = ", ".join(repr(name[:80]) for name in list(read)[:_SHOWN])
+    shown = first_of([repr(name[:80]) for name in read], _SHOWN)
     what = f"the one read is {shown}" if len(read) == 1 else f"{len(read)} of them were read: {shown}"
-    more = ", ..." if len(read) > _SHOWN else ""
-    return (f"the workbook has {count} sheets; {what}{more}", *left[:_SHOWN])
+    return (f"the workbook has {count} sheets; {what}", *left[:_SHOWN])

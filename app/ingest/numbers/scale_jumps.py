@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.ingest.model import FloatArray, SignalBlock
+from app.ingest.telling import first_of
 
 LEAST_DECADES, TOLERANCE_DECADES = 2, 0.2
 """Of what is told, and how far level and noise may each be from whole ones."""
@@ -77,9 +78,8 @@ class ScaleJumps:
     def notes(self) -> list[str]:
         if not self._found:
             return []
-        shown = ", ".join(f"{tag} ({_told(jump)})" for tag, jump in list(self._found.items())[:_SHOWN])
-        more = ", ..." if len(self._found) > _SHOWN else ""
-        return [f"check the units, values and their noise become many times as large or small at once: {shown}{more}"]
+        shown = first_of([f"{tag} ({_told(jump)})" for tag, jump in self._found.items()], _SHOWN)
+        return [f"check the units, values and their noise become many times as large or small at once: {shown}"]
 
 
 def _told(jump: ScaleJump) -> str:

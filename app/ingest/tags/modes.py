@@ -15,6 +15,7 @@ from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
 from app.ingest.rejecting import RejectLog
 from app.ingest.remembering import remembered
+from app.ingest.telling import first_of
 from app.ingest.times.time_reader import to_numbers
 
 Lines = NDArray[np.integer]
@@ -245,17 +246,16 @@ class ModesMet:
 
     def notes(self) -> list[str]:
         shown = ", ".join(f"{number:g} {'automatic' if flag else 'manual'}" for number, flag in sorted(self.numbers))
-        unknown = ", ".join(f"{word[:40]} ({times})" for word, times in self.unknown.most_common(_SHOWN))
-        more = ", ..." if len(self.unknown) > _SHOWN else ""
+        unknown = first_of([f"{word[:40]} ({times})" for word, times in self.unknown.most_common(_SHOWN + 1)], _SHOWN)
         untold = ", ".join(tag[:80] for tag in list(self.untold)[:_SHOWN])
         strange = [tag[:80] for tag, some in self._understood.items() if tag and not some]
-        alone = ", ".join(strange[:_SHOWN]) + (", ..." if len(strange) > _SHOWN else "")
+        alone = first_of(strange, _SHOWN)
         judged = "their loops are judged as if no mode had been recorded, unless other files have some"
         whose = "nothing tells whether modes are counted as in DeltaV (8 MAN, 16 AUTO) or in FOUNDATION Fieldbus"
         told = {
             "modes as numbers other than 0 and 1 were read as": shown,
             f"{whose} (8 AUTO, 16 MAN)": untold,
-            "modes that are not understood count neither as automatic nor as manual": unknown and unknown + more,
+            "modes that are not understood count neither as automatic nor as manual": unknown,
             f"not one mode of these tags is understood, and {judged}": alone,
         }
         return [f"{what}: {which}" for what, which in told.items() if which]

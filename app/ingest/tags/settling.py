@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from app.ingest.model import Signal
 from app.ingest.tags.grouping import AUDITED, SERVER, Place, without_unit
+from app.ingest.telling import first_of
 
 Taken = Mapping[tuple[str, Signal], str]
 Step = Callable[[Mapping[str, Place], Taken], dict[str, Place]]
@@ -109,5 +110,4 @@ STEPS: Mapping[str, Step] = {
 
 
 def told(moves: Mapping[str, Place]) -> str:
-    shown = ", ".join(f"{tag} ({at.signal} of {at.loop})" for tag, at in list(moves.items())[:_SHOWN])
-    return shown + (", ..." if len(moves) > _SHOWN else "")
+    return first_of([f"{tag} ({at.signal} of {at.loop})" for tag, at in moves.items()], _SHOWN)
