@@ -296,6 +296,35 @@ def test_a_short_ending_names_a_quality_where_one_stands_there(read: Read, endin
     assert content.loops.keys() == {"A"}
 
 
+@pytest.mark.parametrize("name", ["A.PV_Q", "A.PV.ST", "Q", "Status", "A.PV Status"])
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [("Good", "Comm Fail"), ("Good", "No Status"), ("OK", "BAD"), ("NR", "IOP"), ("NR", "OOP"), ("Gut", "Drahtbruch")],
+)
+def test_words_beside_good_ones_say_what_is_wrong(read: Read, name: str, good: str, bad: str) -> None:
+    odd = {6: bad, 7: "OOS", 8: "BAD"}
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{odd.get(i, good)},{i % 9}" for i in range(60))
+    content = read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))
+    assert refused(content) == [6, 7, 8]
+    assert content.rejects.counts == {"bad_quality": 3}
+
+
+@pytest.mark.parametrize("status", ["NR", "QST", "CND", "CLP+", "CLP-", "IOP", "IOP-", "OOP", "NRDY", "BAD", "PTPF"])
+def test_data_status_of_centum(read: Read, status: str) -> None:
+    uncertain = status in ("QST", "CND", "CLP+", "CLP-")
+    for drop in (False, True):
+        content = read(long("NR", status), options=IngestOptions(drop_uncertain=drop))
+        assert refused(content) == ([] if status == "NR" or (uncertain and not drop) else BAD_ROWS)
+
+
+@pytest.mark.parametrize(("usual", "other"), [("OK", "HIHI"), ("Running", "Good"), ("Open", "Closed")])
+def test_words_of_states_below_a_short_ending_judge_nothing(read: Read, usual: str, other: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{other if i % 9 == 7 else usual},{i % 9}" for i in range(60))
+    content = read("Time,A.PV,A.PV_ST,A.OP\n" + "\n".join(rows))
+    assert content.rejects.total == 0 or "bad_quality" not in content.rejects.counts
+    assert refused(content) == []
+
+
 @pytest.mark.parametrize("state", ["1", "RUN", "12.5", "128", "0"])
 def test_a_short_ending_may_be_that_of_a_signal(read: Read, state: str) -> None:
     rows = (f"2026-03-01 00:{i:02d}:00,{i},{state},{i % 9},{state}" for i in range(60))

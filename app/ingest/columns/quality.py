@@ -7,7 +7,13 @@ from dataclasses import replace
 from app.ingest.columns.plans import Plan, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.tags.grouping import spelled_out
-from app.ingest.tags.quality import holds_good, may_be_quality, tell_quality_for_sure, tells_quality
+from app.ingest.tags.quality import (
+    are_mostly_good,
+    holds_good,
+    may_be_quality,
+    tell_quality_for_sure,
+    tells_quality,
+)
 
 _WORDS = "quality|status|qualitycode|confidence|statuscode|validity|isgood|isvalid|qstatus|qualitaet|qualite|calidad"
 _ENDING = re.compile(rf"(.+?)[_. \-#:/]({_WORDS})", re.IGNORECASE)
@@ -79,7 +85,8 @@ def may_be_qualities(fields: list[str]) -> bool:
 
 def _are_qualities(fields: list[str]) -> bool:
     """Whether a column holds them for sure, and so few different ones as a tag has. Bad alone may stand for values."""
-    return len(set(fields)) <= MOST_QUALITIES and tell_quality_for_sure(fields) and holds_good(fields)
+    told = (tell_quality_for_sure(fields) and holds_good(fields)) or are_mostly_good(fields)
+    return told and len(set(fields)) <= MOST_QUALITIES
 
 
 def _are_confidences(fields: list[str]) -> bool:

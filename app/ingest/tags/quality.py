@@ -15,12 +15,16 @@ from app.ingest.numbers.no_data import NO_WORD
 _GOOD = frozenset(
     (
         *("good", "ok", "g", "true", "valid", "normal", "raw", "interpolated", "goodsubstituted", "good[sub]"),
-        *("goodlocaloverride", "gut", "bon", "bonne", "bueno", "buena", "buono", "goed", "bra"),
+        *("goodlocaloverride", "gut", "bon", "bonne", "bueno", "buena", "buono", "goed", "bra", "nr"),
     )
 )
 _UNCERTAIN = frozenset(
-    ["uncertain", "questionable", "doubtful", "suspect", "u", "uncertaingood", "unsicher", "incertain"]
+    (
+        *("uncertain", "questionable", "doubtful", "suspect", "u", "uncertaingood", "unsicher", "incertain"),
+        *("qst", "cnd", "clp+", "clp-"),
+    )
 )
+"""The last ones and `nr`, normal, are CENTUM's: questionable, conditional, and clamped, which the value is indeed."""
 _BAD = frozenset(["bad", "schlecht", "mauvais", "malo", "invalid", "false", "nodata"])
 _OF_QUALITY_ALONE = frozenset(
     (
@@ -32,7 +36,13 @@ _OF_QUALITY_ALONE = frozenset(
 _SET = frozenset(("1", "1.0", "true", "t", "yes", "y", "on", "ja", "j", "wahr", "oui", "vrai", "si"))
 _NOT_SET = frozenset(("0", "0.0", "false", "f", "no", "n", "off", "nein", "falsch", "non", "faux"))
 _SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
-_SHORT_BAD = frozenset(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
+_SHORT_BAD = frozenset(
+    (
+        *("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"),
+        *("iop", "iop+", "iop-", "oop", "ptpf", "nrdy", "ncom", "nefv"),
+    )
+)
+_OF_STATES_TOO = frozenset(("ok", "valid"))
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
 _GOOD_OF_OPC = (OPC_GOOD, 216.0)  # plain, and overridden locally
@@ -219,6 +229,15 @@ def holds_good(fields: Iterable[str]) -> bool:
     """Whether a word or an OPC number among the fields says that a value is good."""
     words = set(map(_word, fields))
     return any(word in _SHORT_GOOD or word.startswith("good") or _number(word) in _GOOD_OF_OPC for word in words)
+
+
+def are_mostly_good(fields: list[str]) -> bool:
+    """Whether all of a column's fields are words and half of them at least say that a value is good: the others say
+    then what is wrong, as `Comm Fail` and `OOS` do. What is `OK` may be a state, but for one beside a bad quality."""
+    words = list(map(_word, fields))
+    good = [word for word in words if word in _SHORT_GOOD or word.startswith("good")]
+    for_sure = bool(set(good) - _OF_STATES_TOO) or any(word in _SHORT_BAD or word.startswith("bad") for word in words)
+    return for_sure and 2 * len(good) >= len(words) and not any(map(is_number, fields))
 
 
 def is_number(field: str) -> bool:
