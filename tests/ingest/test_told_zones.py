@@ -116,3 +116,45 @@ def test_letters_that_leave_summer_time_open(read: Read, letters: str) -> None:
     np.testing.assert_array_equal(content.loops["A"].time_ns, AT)
     assert content.summary.time_zone == "Europe/Berlin"
     assert content.summary.notes[0].startswith(f"times are in the set zone: {letters} in the name")
+
+
+BESIDE = "check this first, the file names a zone that was not taken: "
+
+
+@pytest.mark.parametrize(
+    ("above", "names", "zone", "told"),
+    [
+        ("# Time zone: UTC+02:00\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: UTC+02:00"),
+        ("Zeitzone = Europe/Vienna\n", "Time,FIC1.PV,FIC1.OP", "", "Zeitzone = Europe/Vienna"),
+        ("Time zone,CEST\nServer,HIS1\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: CEST"),
+        ("", "Time,FIC1.PV,FIC1.OP,TZ", ",+02:00", "TZ is +02:00"),
+        ("", "Time,FIC1.PV,FIC1.OP,Zone", ",EST", "Zone is EST"),
+    ],
+)
+def test_a_zone_beside_the_times_is_told(read: Read, above: str, names: str, zone: str, told: str) -> None:
+    rows = "".join(f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5{zone}\n" for i in range(60))
+    content = read(f"{above}{names}\n{rows}", options=BERLIN)
+    assert content.summary.notes[0].startswith(f"{BESIDE}{told}; times are in the set zone, Europe/Berlin")
+
+
+@pytest.mark.parametrize(
+    ("above", "zone", "set_zone"),
+    [
+        ("Time zone: Europe/Berlin\n", "", "Europe/Berlin"),
+        ("Time zone: UTC\n", "", "UTC"),
+        ("Time zone\n", "", "UTC"),
+        ("", ",+00:00", "UTC"),
+        ("", ",Auto", "UTC"),
+        ("", ",12.5", "UTC"),
+    ],
+)
+def test_no_zone_beside_the_times_or_the_set_one(read: Read, above: str, zone: str, set_zone: str) -> None:
+    rows = "".join(f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5{zone}\n" for i in range(60))
+    content = read(f"{above}Time,FIC1.PV,FIC1.OP{',X' * bool(zone)}\n{rows}", options=IngestOptions(time_zone=set_zone))
+    assert not [note for note in content.summary.notes if note.startswith(BESIDE)]
+
+
+def test_times_that_tell_their_zone_need_no_other(read: Read) -> None:
+    rows = "".join(f"2026-05-14T06:{i:02d}:00Z,{50 + i % 7}.5,{40 + i % 5}.5\n" for i in range(60))
+    content = read(f"Time zone: CET\nTime,FIC1.PV,FIC1.OP\n{rows}", options=BERLIN)
+    assert not [note for note in content.summary.notes if note.startswith(BESIDE)]

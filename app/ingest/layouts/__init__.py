@@ -23,6 +23,7 @@ from app.ingest.columns.row_ends import with_ends
 from app.ingest.columns.state_column import with_state_column
 from app.ingest.columns.time_names import time_columns
 from app.ingest.columns.unit_column import with_unit_column
+from app.ingest.columns.zones_beside import notes_of_zones
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.layouts import (
     aveva,
@@ -79,7 +80,8 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
         plan = with_flags(with_unit_column(with_state_column(plan, head), head), head)
         refuse_further_groups(plan, head)
         plan = with_columns_left(plan, head)
-    notes = (*_notes_of_further_times(plan), *plan.notes, *heading_notes(head, plan.heading))
+    further = (*notes_of_zones(plan, head, options), *_notes_of_further_times(plan))
+    notes = (*further, *plan.notes, *heading_notes(head, plan.heading))
     return replace(_with_units(plan, head), notes=notes)
 
 
