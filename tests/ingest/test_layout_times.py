@@ -119,7 +119,10 @@ def test_days_since_1900_under_the_name_of_a_time(read: Read) -> None:
     rows = "".join(f"{45352 + i / 8640:.10f},{i},1\n" for i in range(4))
     content = read("time,A.PV,A.OP\n" + rows)
     np.testing.assert_allclose(content.loops["A"].time_ns - START, MINUTE // 6 * np.arange(4), atol=10**6)
-    assert content.summary.notes == ("times are days since 1899-12-30, as spreadsheets count them",)
+    assert content.summary.notes == (
+        "times are days since 1899-12-30, as spreadsheets count them: the first one is of 2024-03-01 "
+        "(2028-03-02 where the workbook counts from 1904)",
+    )
 
 
 @pytest.mark.parametrize("name", ["Time [s]", "time_s", "Time (sec)", "seconds", "Timestamp [s]"])

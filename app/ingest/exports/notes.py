@@ -101,6 +101,7 @@ class NotesOfRows:
         notes = []
         if self.tally.spread:
             notes.append(SPREAD_NOTE)
+        notes += self.tally.set_back.notes()
         if self.tally.backward:
             notes.append("rows were not in order of time; they were sorted")
         if count := self.tally.in_other_order:

@@ -107,6 +107,7 @@ class BlocksByTag:
         if runs_back(time_ns):
             self._tally.backward = True
             time_ns, values, lines = time_ns[::-1], values[::-1], lines[::-1]
+        self._tally.set_back.look(time_ns, values[:, None])
         order = in_order(time_ns)
         if order is not None:
             self._tally.backward = True

@@ -10,6 +10,7 @@ from app.ingest.tables.contradictions import Contradictions
 from app.ingest.tags.modes import ModesMet
 from app.ingest.tags.quality import Quality
 from app.ingest.times.read_once import TurnsMet
+from app.ingest.times.set_back import SetBack
 
 MOST_REPEATED = 100  # times that came twice, which are held
 
@@ -55,6 +56,7 @@ class Tally:
     modes: ModesMet = field(default_factory=ModesMet)
     contradictions: Contradictions = field(default_factory=Contradictions)
     turns: TurnsMet = field(default_factory=TurnsMet)
+    set_back: SetBack = field(default_factory=SetBack)
 
     again: bool = False
     judging: frozenset[int] = frozenset()

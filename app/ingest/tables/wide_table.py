@@ -289,6 +289,7 @@ class WideTable:
         if self._see_steps(number, time_ns):
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[::-1], matrix[::-1], lines[::-1]
+        self._tally.set_back.look(time_ns, matrix)
         order, shuffled = in_order(time_ns), are_shuffled(time_ns)
         if order is not None:
             self._tally.backward = True

@@ -36,8 +36,10 @@ _TICKS = (
     (6.21e17, 6.95e17, -62_135_596_800, "times are 100 ns since year 1, as .NET counts them"),
 )
 """From, to (of 1971 and 2199), seconds from 1970 to their zero. As ns since 1970 they would be of 1973 or 1990."""
+_OF_SPREADSHEETS = "times are days since 1899-12-30, as spreadsheets count them"
+_DAYS_FROM_1904 = 1462  # of a spreadsheet of a Macintosh: what its dates are later
 _DAYS = (
-    (20_000, 80_000, -25_569, "times are days since 1899-12-30, as spreadsheets count them"),
+    (20_000, 80_000, -25_569, _OF_SPREADSHEETS),
     (719_900, 803_000, -719_529, "times are days since year 0, as MATLAB counts them"),
 )
 
@@ -134,8 +136,14 @@ def _days(values: FloatArray, texts: list[str], name: str, unit: ToldUnit | None
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
             step_ns = _step_ns(DAY_NS, texts)
             cut = (f"times are written to {step_ns / NS_PER_S:.3g} s only",) if step_ns > NS_PER_S else ()
+            note = _with_1904(values[0] + zero) if note == _OF_SPREADSHEETS else note
             return Count(float(DAY_NS), zero * DAY_NS, _rounding_ns(step_ns), (note, *cut))
     return None
+
+
+def _with_1904(first_day: float) -> str:
+    here, there = (np.datetime64(int(first_day) + days, "D") for days in (0, _DAYS_FROM_1904))
+    return f"{_OF_SPREADSHEETS}: the first one is of {here} ({there} where the workbook counts from 1904)"
 
 
 def _steps_are_of_days(values: FloatArray, name: str, unit: ToldUnit | None) -> bool:

@@ -61,7 +61,7 @@ def choose(readings: Sequence[Reading], options: IngestOptions) -> Chosen:
         why = "read otherwise, times lie ahead of the clock"
     elif unevenness[ranked[1].format] > unevenness[chosen.format]:
         why = "time runs forward most evenly so"
-    note = f"dates were read {_example(chosen.format)}, because {why}; {_otherwise(rivals)}"
+    note = f"dates were read {_example(chosen.format)}, because {why}; {_otherwise(rivals, readings, chosen)}"
     return Chosen(chosen.format, rivals, (*_unlike_said(chosen, options), note))
 
 
@@ -74,10 +74,18 @@ def _example(format_: str) -> str:
     return f"{(first := _first(format_))} first ({EXAMPLES[first]})"
 
 
-def _otherwise(rivals: Sequence[str]) -> str:
-    """How else they can be read, and how that is asked for: that the year stands first cannot be said."""
+def _otherwise(rivals: Sequence[str], readings: Sequence[Reading], chosen: Reading) -> str:
+    """How else they can be read, and how that is asked for: that the year stands first cannot be said, so what the
+    first date was read as is told."""
     sayable = [first for first in map(_first, rivals) if first != "year"]
-    return f"`--date-order {sayable[0]}` reads them the other way" if sayable else "the year may stand first too"
+    if sayable:
+        return f"`--date-order {sayable[0]}` reads them the other way"
+    year_first = next(reading for reading in readings if reading.format == rivals[0])
+    at = np.flatnonzero(chosen.read & year_first.read)
+    if not len(at):
+        return "the year may stand first too"
+    here, there = (str(reading.times[at[0]].astype("datetime64[ns]"))[:10] for reading in (chosen, year_first))
+    return f"check this first, the year may stand first too: the first one was read as {here}, and is {there} then"
 
 
 def _is_said(reading: Reading, options: IngestOptions) -> bool:

@@ -1,0 +1,63 @@
+"""Clocks that were set back by minutes, as one that went ahead: rows of two stretches lie over each other then."""
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+import numpy as np
+
+from app.counting import counted
+from app.ingest.model import FloatArray, TimeArray
+from app.nanoseconds import NS_PER_S
+
+_FEWEST_STEPS, _FEWEST_ROWS = 3, 3
+_LONGEST_NS = 1800 * NS_PER_S  # an hour is that of autumn, or of another zone
+_MOST = 3  # of the rows of a piece; where more go back, these are of several logs
+
+
+@dataclass
+class SetBack:
+    """The steps back that were met: at which time (ns since 1970 UTC) which length (ns)."""
+
+    met: dict[int, int] = field(default_factory=dict)
+
+    def look(self, time_ns: TimeArray, values: FloatArray) -> None:
+        """time_ns: (n,) in order of rows, oldest first; values: (n, m). Rows that were sent again say nothing."""
+        steps = np.diff(time_ns)
+        back = np.flatnonzero(steps < 0)
+        if not 0 < len(back) <= _MOST or not np.any(steps > 0):
+            return
+        least = _FEWEST_STEPS * int(np.median(steps[steps > 0]))
+        for at in back.tolist():
+            if least <= -steps[at] < _LONGEST_NS and _lie_over_each_other(time_ns, values, at):
+                self.met[int(time_ns[at])] = int(-steps[at])
+
+    def notes(self) -> list[str]:
+        if not self.met:
+            return []
+        at_ns, length_ns = min(self.met.items())
+        more = f" (and {counted(len(self.met) - 1, 'time')} more)" if len(self.met) > 1 else ""
+        return [
+            f"check this first, time goes back by {_said(length_ns)} at {_shown(at_ns)} UTC{more}, as where a clock "
+            "was set back: rows of two stretches lie over each other there, and of two of one time the later one was taken"
+        ]
+
+
+def _lie_over_each_other(time_ns: TimeArray, values: FloatArray, at: int) -> bool:
+    """Whether rows behind a step back are of the time before it, and some of them no row that came already."""
+    behind = np.flatnonzero(time_ns[at + 1 :] <= time_ns[at]) + at + 1
+    if len(behind) < _FEWEST_ROWS:
+        return False
+    before = np.searchsorted(time_ns[: at + 1], time_ns[behind])
+    same = time_ns[before] == time_ns[behind]
+    earlier, later = values[before[same]], values[behind[same]]
+    differ = np.isfinite(earlier) & np.isfinite(later) & (earlier != later)
+    return bool(np.any(differ)) or not np.any(same)
+
+
+def _said(length_ns: int) -> str:
+    seconds = length_ns // NS_PER_S
+    return counted(round(seconds / 60), "minute") if seconds >= 90 else counted(seconds, "second")
+
+
+def _shown(at_ns: int) -> str:
+    return f"{datetime.fromtimestamp(at_ns // NS_PER_S, UTC):%Y-%m-%d %H:%M:%S}"

@@ -1,0 +1,62 @@
+"""Clocks that were set back by minutes are told as that."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+import pytest
+
+from .conftest import Content, Read
+
+START = datetime(2026, 5, 14, 6)
+Table = Callable[[list[datetime]], str]
+TOLD = "check this first, time goes back by"
+
+
+def stamps(back_s: float, rows: int = 200, at: int = 100) -> list[datetime]:
+    """A sample every 10 s, the clock set back behind row `at`."""
+    return [START + timedelta(seconds=10 * i - (back_s if i >= at else 0)) for i in range(rows)]
+
+
+def wide(times: list[datetime]) -> str:
+    rows = (f"{time},{50 + i % 7}.{i % 10},{40 + i % 5}.5\n" for i, time in enumerate(times))
+    return "Time,A.PV,A.OP\n" + "".join(rows)
+
+
+def long(times: list[datetime]) -> str:
+    rows = (f"A.{tag},{time},{50 + i % 7}.{i % 10}\n" for tag in ("PV", "OP") for i, time in enumerate(times))
+    return "Tag,Time,Value\n" + "".join(rows)
+
+
+def told(content: Content) -> list[str]:
+    return [note for note in content.summary.notes if note.startswith(TOLD)]
+
+
+@pytest.mark.parametrize("table", [wide, long])
+@pytest.mark.parametrize(("back_s", "said"), [(310, "5 minutes"), (313, "5 minutes"), (70, "60 seconds")])
+def test_a_clock_that_was_set_back_is_told(read: Read, table: Table, back_s: float, said: str) -> None:
+    (note,) = told(read(table(stamps(back_s))))
+    assert note.startswith(f"{TOLD} {said} at 2026-05-14 06:16:30 UTC, as where a clock was set back")
+
+
+@pytest.mark.parametrize("table", [wide, long])
+@pytest.mark.parametrize("back_s", [0, 20, 3610])
+def test_rows_that_run_on_or_jitter_and_an_hour_are_no_such_clock(read: Read, table: Table, back_s: float) -> None:
+    assert told(read(table(stamps(back_s)))) == []
+
+
+def test_a_clock_set_back_is_told_of_rows_that_come_newest_first(read: Read) -> None:
+    head, *rows = wide(stamps(310)).splitlines()
+    assert len(told(read("\n".join((head, *reversed(rows)))))) == 1
+
+
+def test_rows_that_were_sent_again_are_no_such_clock(read: Read) -> None:
+    head, *rows = wide(stamps(0)).splitlines()
+    content = read("\n".join((head, *rows[:100], *rows[70:])))
+    assert told(content) == []
+    assert "30 rows have the time of a row before" in " ".join(content.summary.notes)
+
+
+def test_rows_of_two_logs_are_no_such_clock(read: Read) -> None:
+    head, *rows = wide(stamps(0)).splitlines()
+    blocks = [row for at in range(0, 200, 20) for row in (*rows[at + 10 : at + 20], *rows[at : at + 10])]
+    assert told(read("\n".join((head, *blocks)))) == []
