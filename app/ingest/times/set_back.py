@@ -38,7 +38,7 @@ class SetBack:
         more = f" (and {counted(len(self.met) - 1, 'time')} more)" if len(self.met) > 1 else ""
         return [
             f"check this first, time goes back by {_said(length_ns)} at {_shown(at_ns)} UTC{more}, as where a clock "
-            "was set back: rows of two stretches lie over each other there, and of two of one time the later one was taken"
+            "was set back: rows of two stretches lie over each other there, and of two of a time the later one holds"
         ]
 
 
