@@ -60,6 +60,7 @@ def test_options_of_a_broker_that_it_does_not_take_are_refused_at_the_start(sche
         Settings(broker_url=f"{scheme}://:hunter2@host/0?{options}")
     (told,) = (error["msg"] for error in raised.value.errors(include_input=False))
     assert "BROKER_URL takes no such option behind its ?" in told
+    assert told.endswith("ssl_" if scheme.startswith("redis") else "ssl_, which go not with ssl")
     assert "hunter2" not in told
 
 

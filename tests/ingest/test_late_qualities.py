@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest import IngestOptions
+from app.ingest import IngestOptions, TagMapping
 from app.ingest.exports import tables_in
 from app.ingest.model import FloatArray, SignalBlock
 from app.ingest.tables.pieces import Grid
@@ -288,3 +288,20 @@ def test_a_quality_that_is_not_there_refuses_nothing_in_rows_of_tags(read: Read)
     rows = (f"{stamp},FIC1.PV,50.5,{'nan' if i % 10 else 192}\n" for i, stamp in enumerate(STAMPS))
     content = read("Time,Tag,Value,Quality\n" + "".join(rows))
     assert refused(content) == []
+
+
+@pytest.mark.parametrize("first", [range(ROWS), range(FIRST)])
+@pytest.mark.parametrize("name", ["FIC1.PV_ST", "FIC1.PV.Q", "FIC1.PV_Quality"])
+def test_a_column_that_a_mapping_has_as_a_signal_is_no_quality(read: Read, name: str, first: range) -> None:
+    """Its set points of 192 and 0 look as numbers of OPC do."""
+    mapping = TagMapping.from_bytes(f"tag,loop,signal\n{name},FIC1,SP\n".encode())
+    rows = (
+        f"{stamp},{50 + i % 7}.5,{192 if i in first or i % 10 else 0},40.5\n" for i, stamp in enumerate(STAMPS)
+    )
+    text = f"Time,FIC1.PV,{name},FIC1.OP\n" + "".join(rows)
+    content = read(text, mapping=mapping)
+    assert refused(content) == []
+    assert content.loops["FIC1"].sp is not None
+    assert np.nanmax(content.loops["FIC1"].sp) == 192
+    if len(first) == FIRST:
+        assert refused(read(text)) == BAD

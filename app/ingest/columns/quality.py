@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
+from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import Plan, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.tags.grouping import spelled_out
@@ -61,6 +62,29 @@ def _is_general(name: str, fields: list[str], is_general: Callable[[str], bool])
     if name and is_general(name):
         return tells_quality(fields)
     return _SHORT_NAME.fullmatch(name) is not None and _are_qualities(fields)
+
+
+def as_mapped(plan: Plan, is_signal: Callable[[str], bool]) -> Plan:
+    """The plan in which columns are values though they hold qualities by their names, where a mapping has them as
+    signals."""
+    if not isinstance(plan, WidePlan) or not plan.names:
+        return plan
+    judging = {at for group in plan.groups for value in group.values for at in (value.quality, value.may_judge)}
+    signals = {at for at in judging if at is not None and is_signal(name_at(plan.names, at))}
+    if not signals:
+        return plan
+
+    def freed(value: ValueColumn) -> ValueColumn:
+        quality = None if value.quality in signals else value.quality
+        return replace(value, quality=quality, may_judge=None if value.may_judge in signals else value.may_judge)
+
+    groups = []
+    for group in plan.groups:
+        own = {at for value in group.values for at in (value.quality, value.may_judge)} & signals
+        new = own - {value.index for value in group.values}
+        added = (ValueColumn(at, name_at(plan.names, at)) for at in sorted(new))
+        groups.append(replace(group, values=(*map(freed, group.values), *added)))
+    return replace(plan, groups=tuple(groups))
 
 
 def judged_by(plan: Plan, judging: Collection[int]) -> Plan:

@@ -12,7 +12,7 @@ import polars as pl
 from app.errors import DataError
 from app.ingest.align import stretches
 from app.ingest.columns.plans import Plan, WidePlan
-from app.ingest.columns.quality import judged_by
+from app.ingest.columns.quality import as_mapped, judged_by
 from app.ingest.exports.mixing import refuse_mixed
 from app.ingest.exports.notes import NotesOfRows, mapping_notes
 from app.ingest.exports.preparing import prepared
@@ -141,8 +141,14 @@ class TableExport(Export):
         self._log = RejectLog(self._options.max_rejects)
         self._grouping = Grouping(head.stem, self._mapping)
         self._plan: Plan = prepared(
-            judged_by(self._source.plan, tally.judging), self._grouping, head, self._options, self._log
+            judged_by(as_mapped(self._source.plan, self._is_mapped), tally.judging),
+            *(self._grouping, head, self._options, self._log),
         )
+
+    def _is_mapped(self, name: str) -> bool:
+        """To a signal of a loop."""
+        entry = self._mapping.find(name) if self._mapping else None
+        return entry is not None and entry.signal != "OTHER"
 
     def _writing(self) -> Writing:
         head = self._source.head

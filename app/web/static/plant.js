@@ -5,7 +5,7 @@ const treemap = document.getElementById("treemap");
 const WORDS = { stiction: "valve sticks", no_stiction: "no stiction", inconclusive: "cannot tell", not_auditable: "not auditable" };
 // The chart library knows no colour of "not evaluated" beside a scale: it is one below its least value, -1.
 const LEAST = -1, GREY = "#8794a3", place = (health) => (health - LEAST) / (100 - LEAST);
-const LIMITS = treemap.dataset.limits.split(" ").map(Number), CLASSES = treemap.dataset.classes.split("|");
+const LIMITS = treemap.dataset.limits.split(" ").map(Number), CLASSES = treemap.dataset.classes.split("|"), CLASS_NAMES = treemap.dataset.classNames.split("|");
 const SCALE = [[0, GREY], [place(-0.6), GREY], [place(-0.5), "#b3261e"], [place(0), "#b3261e"], [place(LIMITS[0]), "#e0a030"], [place(LIMITS[1]), "#9bb84a"], [1, "#2f8f57"]];
 const colour = (health) => health ?? LEAST;
 const INK = (health) => (health < 20 ? "#ffffff" : "#000000"); // of the two the one that stands out against the scale there: at least 4.5 to 1
@@ -109,7 +109,7 @@ async function drawTreemap() {
   treemap.on("plotly_treemapclick", ({ points: [{ id }] }) => {
     const kind = id.slice(0, 2), name = id.slice("co".includes(id[0]) ? 3 : 2);
     if (kind === "l:") location.assign(`/loops/${encodeURIComponent(name)}`);
-    else if (kind === "o:") location.assign(name ? `/table?unit=${encodeURIComponent(name)}` : "/table?no_unit=true");
+    else if (kind === "o:" || kind === "c:") location.assign(`/table?${name ? `unit=${encodeURIComponent(name)}` : "no_unit=true"}&health_class=${CLASS_NAMES[id[2]]}`);
     else if (view.whole && view.level === "" && (kind !== "u:" || complete.has(name))) return true;
     else if (id === "plant" || id === view.level) go("");
     else go(`u:${name}`, name);
