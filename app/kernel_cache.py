@@ -12,10 +12,12 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import IO
 
 LOCK, LOOK_S = ".compiling", 0.2
+_COMPILES = "compiles"
 KEPT_S = 30 * 86400.0  # since a source was last started
 ENGINE = Path(__file__).parent / "engine"
 READERS = tuple(
@@ -94,11 +96,20 @@ def one_at_a_time(deadline_s: float | None = None, waits: Callable[[], None] | N
         if folder := os.environ.get("NUMBA_CACHE_DIR"):
             with suppress(OSError):
                 Path(folder).mkdir(parents=True, exist_ok=True)
-                lock = held.enter_context((Path(folder) / LOCK).open("w"))
+                lock = held.enter_context((Path(folder) / LOCK).open("a"))  # who waits leaves the mark
                 if not _taken(lock) and waits is not None:
                     waits()
                 _wait_for(lock, deadline_s)
+                lock.truncate(0)
+                held.enter_context(told_of_compiling(partial(_mark, lock)))
         yield
+
+
+def _mark(lock: IO[str]) -> None:
+    """For `compiling`: that it is no mere loading."""
+    with suppress(OSError):
+        lock.write(_COMPILES)
+        lock.flush()
 
 
 def _wait_for(lock: IO[str], deadline_s: float | None) -> None:
@@ -121,15 +132,16 @@ def _taken(lock: IO[str]) -> bool:
 
 
 def compiling() -> bool:
-    """Whether some process compiles for this cache at the moment, or loads what it needs from there."""
+    """Whether some process compiles for this cache at the moment: one that loads what is there takes no minute."""
     folder = os.environ.get("NUMBA_CACHE_DIR")
     if not folder:
         return False
     try:
         with (Path(folder) / LOCK).open() as lock:
+            marked = bool(lock.read())
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        return True
+        return marked
     except OSError:
         return False
     return False

@@ -104,6 +104,23 @@ def test_some_files_of_use_are_1_and_none_is_2(tmp_path, monkeypatch, names, cod
     assert (done.exit_code, "[damaged]" in done.stderr) == (code, "cut.csv" in names)
 
 
+def test_a_file_that_failed_is_told_with_the_code_of_its_error(serve, tmp_path):
+    odd = tmp_path / "odd.csv"
+    odd.write_text('{"a": 1}')
+    settings = Settings(data_dir=tmp_path / "data")
+    migrate(settings)
+    with serve(create_app(settings)) as connection:
+        sent = run("upload", odd, "--url", connection.base_url)
+        backend = Backend.open(settings)
+        read_upload(backend, int(sent.stdout.split("\t")[1]), owner="test")
+        backend.close()
+        done = run("upload", odd, "--wait", "--url", connection.base_url)
+    assert done.exit_code == 2
+    assert done.stderr.endswith(
+        "this is JSON, which is not read; CSV or TSV text, parquet or xlsx is needed [not_an_export]\n"
+    )
+
+
 def test_an_upload_is_read_in_the_zone_that_is_named(serve, tmp_path):
     export = tmp_path / "local.csv"
     export.write_text("DateTime,FIC1.PV,FIC1.OP\n" + "".join(f"2026-01-01 12:00:{k:02d},{k},{k}\n" for k in range(60)))

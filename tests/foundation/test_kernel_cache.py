@@ -115,11 +115,26 @@ def test_who_waits_says_so_and_not_for_longer_than_it_may(tmp_path, monkeypatch)
     said = []
     assert not kernel_cache.compiling()
     with kernel_cache.one_at_a_time(waits=lambda: said.append("waits")):
-        assert (said, kernel_cache.compiling()) == ([], True)
+        assert (said, kernel_cache.compiling()) == ([], False)
         wanted = kernel_cache.one_at_a_time(time.monotonic() + 0.3, lambda: said.append("waits"))
         with pytest.raises(kernel_cache.StillCompiling), wanted:
             pass
     assert (said, kernel_cache.compiling()) == (["waits"], False)
+
+
+def test_who_compiles_is_told_from_who_loads(tmp_path, monkeypatch):
+    from numba.core import event
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for _ in range(2):
+        with kernel_cache.one_at_a_time():
+            assert not kernel_cache.compiling()
+            with event.trigger_event("numba:compile"):
+                assert kernel_cache.compiling()
+            with pytest.raises(kernel_cache.StillCompiling), kernel_cache.one_at_a_time(time.monotonic()):
+                pass
+            assert kernel_cache.compiling()
+        assert not kernel_cache.compiling()
 
 
 @pytest.mark.parametrize("folder", [None, "", "/proc/1/nowhere"])

@@ -295,9 +295,7 @@ def test_a_quality_that_is_not_there_refuses_nothing_in_rows_of_tags(read: Read)
 def test_a_column_that_a_mapping_has_as_a_signal_is_no_quality(read: Read, name: str, first: range) -> None:
     """Its set points of 192 and 0 look as numbers of OPC do."""
     mapping = TagMapping.from_bytes(f"tag,loop,signal\n{name},FIC1,SP\n".encode())
-    rows = (
-        f"{stamp},{50 + i % 7}.5,{192 if i in first or i % 10 else 0},40.5\n" for i, stamp in enumerate(STAMPS)
-    )
+    rows = (f"{stamp},{50 + i % 7}.5,{192 if i in first or i % 10 else 0},40.5\n" for i, stamp in enumerate(STAMPS))
     text = f"Time,FIC1.PV,{name},FIC1.OP\n" + "".join(rows)
     content = read(text, mapping=mapping)
     assert refused(content) == []

@@ -137,6 +137,13 @@ def test_a_zone_beside_the_times_is_told(read: Read, above: str, names: str, zon
     assert content.summary.notes[0].startswith(f"{BESIDE}{told}; times are in the set zone, Europe/Berlin")
 
 
+@pytest.mark.parametrize("told", ["UTC+02:00", "GMT-6", "Etc/GMT+1"])
+def test_another_zone_than_utc_is_told_where_that_is_set(read: Read, told: str) -> None:
+    rows = "".join(f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5\n" for i in range(60))
+    notes = read(f"Time zone: {told}\nTime,FIC1.PV,FIC1.OP\n{rows}").summary.notes
+    assert notes[0].startswith(f"{BESIDE}Time zone: {told}; times are in the set zone, UTC")
+
+
 @pytest.mark.parametrize(
     ("above", "zone", "set_zone"),
     [

@@ -176,6 +176,24 @@ def test_of_a_large_unit_the_worst_are_drawn_and_the_others_lead_to_the_table(op
     opened.locator("#treemap .slice", has_text="others").last.click()
     expect(opened.get_by_role("heading", level=1)).to_contain_text("Reliability")
     expect(opened.locator("#counted")).to_contain_text("that name no unit")
+    assert "health_class=middle" in opened.url
+
+
+def test_a_class_of_health_in_the_treemap_leads_to_its_loops_in_the_table(opened: Page):
+    classes = [[900, 41.0], [900, 70.0], [900, 91.0], [900, None]]
+    told = {"units": [["U1", 3600, 3600.0, 60.0, classes], ["U2", 3600, 3600.0, 60.0, classes]], "loops": []}
+    opened.route("**/plant/tiles*", lambda route: route.fulfill(json=told))
+    settled(opened, "/")
+    opened.locator("#treemap .slice", has_text="below 60").first.click()
+    expect(opened.locator("#health-class")).to_have_value("low")
+    assert opened.url.endswith("/table?unit=U1&health_class=low")
+
+
+@pytest.mark.parametrize("path", ["/uploads", "/uploads/1"])
+def test_tables_of_uploads_stand_on_a_narrow_screen_whole(narrow: Page, path: str):
+    settled(narrow, path)
+    inner = "part => part.scrollWidth <= part.clientWidth"
+    assert narrow.locator("[role=group] > table").evaluate_all(f"parts => parts.every({inner})")
 
 
 @pytest.mark.parametrize("path", PAGES)

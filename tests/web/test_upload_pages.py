@@ -80,6 +80,26 @@ def test_an_upload_that_came_damaged_is_marked_on_its_page_and_in_the_list(clien
         assert "done, but the file came damaged" in seen(client, page).texts
 
 
+def test_an_upload_that_failed_says_why_in_the_list(client, web_backend):
+    long_name = "N" * 120
+    for sent in (b'{"a": 1}', f"Time;{long_name}.PV;{long_name}.OP\n06:00:00;1;2\n06:00:01;1;2\n".encode()):
+        read_upload(web_backend, int(client.post("/v1/uploads", content=sent).json()["id"]), "test")
+    cells = [text for text in seen(client, "/uploads").texts if text.startswith("failed")]
+    assert cells[1] == "failed: this is JSON, which is not read; CSV or TSV text, parquet or xlsx is needed"
+    assert cells[0].startswith("failed: below the names Time, N")
+    assert len(cells[0]) <= len("failed: ") + 160
+
+
+def test_what_is_to_be_checked_first_stands_first_among_the_notes(client, web_backend):
+    rows = "".join(f"2026-05-14 06:00:{k:02d},{k},{k % 7}\n" for k in range(59, -1, -1))
+    sent = f"Time zone: UTC+02:00\nTime,FIC7.PV,FIC7.OP\n{rows}".encode()
+    answer = client.post("/v1/uploads", content=sent).json()
+    read_upload(web_backend, int(answer["id"]), "test")
+    page = client.get(f"/uploads/{answer['id']}").text
+    first, other = page.index("<li><b>check this first, the file names a zone"), page.index("rows were not in order")
+    assert first < other
+
+
 def test_a_file_is_read_again_with_another_mapping(client, web_backend):
     answer = client.post("/uploads/1/mapping", data={"mapping": "tag,loop,signal\nLIC7.PV,LIC8,PV\nLIC7.OP,LIC8,OP\n"})
     assert answer.status_code == 303
@@ -167,4 +187,6 @@ def test_an_upload_says_how_many_stored_samples_it_replaced(client, web_backend)
     page = seen(client, f"/uploads/{number}").texts
     assert page[page.index("Stored samples replaced") + 1] == "60"
     assert any(text.startswith("60 stored samples were replaced by other values") for text in page)
-    assert client.get("/uploads").text.count('<td class="number">60</td>') >= 2
+    listed = client.get("/uploads").text
+    for label in ("New samples", "Replaced"):
+        assert f'<td class="number" data-label="{label}">60</td>' in listed

@@ -35,7 +35,7 @@ def notes_of_zones(plan: Plan, head: Head, options: IngestOptions) -> tuple[str,
 
 
 def _is(zone: str, set_zone: str) -> bool:
-    return set_zone in zone or (set_zone == "UTC" and _UTC.fullmatch(zone) is not None)
+    return _UTC.fullmatch(zone) is not None if set_zone == "UTC" else set_zone in zone
 
 
 def _named(plan: Plan, head: Head) -> Iterator[tuple[str, str]]:
