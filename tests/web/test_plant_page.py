@@ -31,6 +31,14 @@ def test_the_plant_counts_its_loops(client):
     assert client.get("/plant/tiles?unit=elsewhere").json()["loops"] == []
 
 
+def test_where_no_loop_is_left_for_the_worst_that_is_said_and_no_empty_table_shown(client, monkeypatch):
+    assert 'id="no-worst"' not in client.get("/").text
+    monkeypatch.setattr(pages, "listed_first", lambda *_: ([], []))
+    html = client.get("/").text
+    assert "No others: what was judged is listed under other heads of this page." in html
+    assert 'aria-label="Worst loops"' not in html
+
+
 @pytest.mark.parametrize(
     ("room", "stick", "told"),
     [(3, 1_216, "The first 3 are shown; all 1,216 valves that stick are in the table."), (3, 3, ""), (12, 16, "")],

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from app.ingest.columns.names import name_at
-from app.ingest.columns.plans import Plan, ValueColumn, WidePlan
+from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.files.head import Head
 from app.ingest.tags.grouping import spelled_out
 from app.ingest.tags.quality import (
@@ -69,8 +69,7 @@ def as_mapped(plan: Plan, is_signal: Callable[[str], bool]) -> Plan:
     signals."""
     if not isinstance(plan, WidePlan) or not plan.names:
         return plan
-    judging = {at for group in plan.groups for value in group.values for at in (value.quality, value.may_judge)}
-    signals = {at for at in judging if at is not None and is_signal(name_at(plan.names, at))}
+    signals = {at for group in plan.groups for at in _judging(group) if is_signal(name_at(plan.names, at))}
     if not signals:
         return plan
 
@@ -80,11 +79,15 @@ def as_mapped(plan: Plan, is_signal: Callable[[str], bool]) -> Plan:
 
     groups = []
     for group in plan.groups:
-        own = {at for value in group.values for at in (value.quality, value.may_judge)} & signals
-        new = own - {value.index for value in group.values}
-        added = (ValueColumn(at, name_at(plan.names, at)) for at in sorted(new))
+        new = sorted(signals & _judging(group) - {value.index for value in group.values})
+        added = (ValueColumn(at, name_at(plan.names, at)) for at in new)
         groups.append(replace(group, values=(*map(freed, group.values), *added)))
     return replace(plan, groups=tuple(groups))
+
+
+def _judging(group: TimedColumns) -> set[int]:
+    """The columns that judge its values, or may do so."""
+    return {at for value in group.values for at in (value.quality, value.may_judge) if at is not None}
 
 
 def judged_by(plan: Plan, judging: Collection[int]) -> Plan:
