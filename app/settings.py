@@ -91,17 +91,13 @@ def _wrong_option(broker: str) -> str:
     of_tls = {name for name in names if name.startswith("ssl_")}
     taken = OPTIONS_OF_BROKERS["redis" if parts.scheme.startswith("redis") else "amqp"]
     if not names <= taken | of_tls or ("ssl" in names and of_tls):
-        return f" takes no such option behind its ?; there is {', '.join(sorted(taken))}{_also_of_tls(taken)}"
+        tls = "those that begin with ssl_" + (", which go not with ssl" if "ssl" in taken else "")
+        return f" takes no such option behind its ?; there is {', '.join(sorted(taken))}, and {tls}"
     if not PROOFS_OF_BROKERS.issuperset(value for name, value in given if name == "ssl_cert_reqs"):
         return f": ssl_cert_reqs is one of {', '.join(sorted(PROOFS_OF_BROKERS))}"
     beats = [value for name, value in given if name == "heartbeat"]
     numbers = all(re.fullmatch(r"\d+(\.\d*)?", value, re.ASCII) for value in beats)
     return "" if numbers else ": heartbeat is a number of seconds"
-
-
-def _also_of_tls(taken: frozenset[str]) -> str:
-    beside = ", which go not with ssl" if "ssl" in taken else ""
-    return f", and those that begin with ssl_{beside}"
 
 
 def _can_be_looked_up(host: str) -> bool:
