@@ -296,6 +296,34 @@ def test_a_short_ending_names_a_quality_where_one_stands_there(read: Read, endin
     assert content.loops.keys() == {"A"}
 
 
+@pytest.mark.parametrize(
+    ("value", "name", "good", "bad"),
+    [
+        ("A/PV.CV", "A/PV.ST", "GoodNonCascade_NonSpecific", "BadSensorFailure_NonSpecific"),
+        ("A/PV.CV", "A/PV.ST", "192", "28"),
+        ("A/PV#Value", "A/PV#ST", "16#80", "16#28"),
+        ("A.PV", "A.PV.ST", "0x80", "0x00"),
+        ("A.PV", "A.PV.ST", "0xA4", "0x1C"),
+    ],
+)
+def test_status_beside_a_value_in_control_systems(read: Read, value: str, name: str, good: str, bad: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{bad if i in (6, 7) else good},{i % 9}" for i in range(60))
+    content = read(
+        f"Time,{value},{name},A/OP\n".replace("A/OP", "A.OP" if "/" not in value else "A/OP") + "\n".join(rows)
+    )
+    assert refused(content) == [6, 7]
+    assert content.rejects.counts == {"bad_quality": 2}
+
+
+def test_numbers_of_profibus_beside_a_value_are_told_and_judge_nothing(read: Read) -> None:
+    """A count may be 128 as well, and nothing but good ones of OPC tells that it is none."""
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{0 if i in (6, 7) else 128},{i % 9}" for i in range(60))
+    content = read("Time,A.PV,A.PV.ST,A.OP\n" + "\n".join(rows))
+    assert refused(content) == []
+    (note,) = content.summary.notes
+    assert note.startswith("columns are called as qualities of values are, and nothing tells which")
+
+
 @pytest.mark.parametrize("name", ["A.PV_Q", "A.PV.ST", "Q", "Status", "A.PV Status"])
 @pytest.mark.parametrize(
     ("good", "bad"),

@@ -27,7 +27,8 @@ MOST_QUALITIES = 8
 _CONFIDENCE = re.compile(r"(.+?)[_. \-#:/](conf)", re.IGNORECASE)
 """Of PHD, in percent."""
 _CALLED_CONFIDENCE = re.compile(r"conf(idence)?$", re.IGNORECASE)
-_VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
+_VALUE = re.compile(r"(.+?)[_. \-#:/](value|val|cv)", re.IGNORECASE)
+"""DeltaV's current value, PV.CV, has its status in PV.ST."""
 
 
 def with_quality(

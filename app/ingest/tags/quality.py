@@ -43,6 +43,7 @@ _SHORT_BAD = frozenset(
     )
 )
 _OF_STATES_TOO = frozenset(("ok", "valid"))
+_HEX = ("0x", "16#")
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
 _GOOD_OF_OPC = (OPC_GOOD, 216.0)  # plain, and overridden locally
@@ -219,8 +220,8 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
     words = set(map(_word, fields))
     numbers = [number for word in words if (number := _number(word)) is not None]
     if numbers:
-        good = any(number in _GOOD_OF_OPC for number in numbers)
-        return good and len(numbers) == len(words) and all(map(_is_of_opc, numbers))
+        good = any(map(_tells_good, words))
+        return good and len(numbers) == len(words) and all(map(may_be_quality, words))
     known = _SHORT_GOOD | _UNCERTAIN | _SHORT_BAD
     return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
 
@@ -228,7 +229,13 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
 def holds_good(fields: Iterable[str]) -> bool:
     """Whether a word or an OPC number among the fields says that a value is good."""
     words = set(map(_word, fields))
-    return any(word in _SHORT_GOOD or word.startswith("good") or _number(word) in _GOOD_OF_OPC for word in words)
+    return any(word in _SHORT_GOOD or word.startswith("good") or _tells_good(word) for word in words)
+
+
+def _tells_good(word: str) -> bool:
+    """Whether it is a number that is good for sure: of OPC, or, in hexadecimal, as no count or flow is, of PROFIBUS."""
+    number = _number(word)
+    return number in _GOOD_OF_OPC or (word.startswith(_HEX) and number is not None and _is_of_profibus(number))
 
 
 def are_mostly_good(fields: list[str]) -> bool:
@@ -246,9 +253,14 @@ def is_number(field: str) -> bool:
 
 
 def may_be_quality(field: str) -> bool:
-    """Whether a field is a word of qualities or a number that OPC has for one."""
+    """Whether a field is a word of qualities or a number that OPC or PROFIBUS has for one."""
     number = _number(field)
-    return _is_of_opc(number) if number is not None else tell_quality_for_sure([field])
+    return tell_quality_for_sure([field]) if number is None else _is_of_opc(number) or _is_of_profibus(number)
+
+
+def _is_of_profibus(number: float) -> bool:
+    """Good, which OPC has not."""
+    return PROFIBUS_GOOD <= number < OPC_GOOD and number == int(number)
 
 
 def _is_of_opc(number: float) -> bool:
@@ -291,7 +303,7 @@ def _number(text: str) -> float | None:
     """Those of OPC UA as they are without a sign; one without a size is none."""
     word = _word(text)
     try:
-        number = float(int(word, 16)) if word.startswith("0x") else float(word)
+        number = float(int(word.removeprefix(_HEX[1]), 16)) if word.startswith(_HEX) else float(word)
     except (ValueError, OverflowError):
         return None
     if not isfinite(number):
