@@ -36,8 +36,8 @@ def test_the_list_of_uploads_says_by_itself_what_became_of_them(opened: Page, cl
     state = opened.locator("#uploads tr", has_text="nothing.csv").locator("td").nth(2)
     expect(state).to_have_text("received, waits to be read")
     read_upload(web_backend, int(number), "test")
-    expect(state).to_have_text("failed", timeout=10_000)
-    expect(state).to_have_class("refused")
+    expect(state).to_contain_text("failed: no column of times with signals beside it was found", timeout=10_000)
+    expect(state).to_have_class("refused why")
 
 
 def asked_until(opened: Page, count: int) -> list[int]:
