@@ -139,7 +139,8 @@ def send(client: "ServiceClient", file: Path, wait_s: float | None, how: Reading
         id_, seen = kept.id, why_it_waits(file)
         kept = client.until_ended(f"/v1/uploads/{id_}", lambda: client.get_upload(id_), seen, wait_s)
     if kept.state == "failed":
-        raise RequestError(kept.error_code or "upload_failed", kept.reason or "the file could not be used")
+        code = "upload_failed" if kept.error_code is None else kept.error_code
+        raise RequestError(code, kept.reason or "the file could not be used")
     return kept.raw
 
 
