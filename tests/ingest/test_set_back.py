@@ -60,3 +60,59 @@ def test_rows_of_two_logs_are_no_such_clock(read: Read) -> None:
     head, *rows = wide(stamps(0)).splitlines()
     blocks = [row for at in range(0, 200, 20) for row in (*rows[at + 10 : at + 20], *rows[at : at + 10])]
     assert told(read("\n".join((head, *blocks)))) == []
+
+
+def of_time(times: list[datetime]) -> list[str]:
+    """Rows whose values their times tell."""
+    return [
+        f"{time},{50 + k % 7}.{k % 10},{40 + k % 5}.5"
+        for time in times
+        for k in [(time - START) // timedelta(seconds=10)]
+    ]
+
+
+def spans(*ends: tuple[int, int]) -> list[datetime]:
+    return [START + timedelta(seconds=10 * k) for first, last in ends for k in range(first, last)]
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        spans((120, 180), (60, 120), (0, 60)),
+        spans((60, 120), (0, 60)),
+        spans((0, 50), (90, 150), (50, 90), (150, 200)),
+        [time + timedelta(seconds=3 * (100 <= i < 140)) for i, time in enumerate(spans((0, 50), (90, 150), (50, 90)))],
+    ],
+)
+@pytest.mark.parametrize("layout", ["wide", "long"])
+def test_pages_newest_first_and_holes_that_are_filled_later_are_no_such_clock(
+    read: Read, times: list[datetime], layout: str
+) -> None:
+    """Rows that were held back where a line was down come behind later ones, and lie over none."""
+    rows = of_time(times)
+    if layout == "wide":
+        content = read("Time,A.PV,A.OP\n" + "\n".join(rows))
+    else:
+        fields = [row.split(",") for row in rows]
+        tags = (f"A.{tag},{row[0]},{row[at]}" for at, tag in ((1, "PV"), (2, "OP")) for row in fields)
+        content = read("Tag,Time,Value\n" + "\n".join(tags))
+    assert told(content) == []
+
+
+def test_tags_one_behind_the_other_in_columns_of_their_own_are_no_such_clock(read: Read) -> None:
+    rows = [f"{START + timedelta(seconds=10 * i)},{50 + i % 7}.5," for i in range(120)]
+    rows += [f"{START + timedelta(seconds=10 * i + 3)},,{40 + i % 5}.5" for i in range(120)]
+    assert told(read("Time,A.PV,A.OP\n" + "\n".join(rows))) == []
+
+
+def test_an_export_whose_last_value_was_not_final_is_no_such_clock(read: Read) -> None:
+    rows = of_time(spans((0, 100), (60, 200)))
+    rows[99] = rows[99].rpartition(",")[0] + ",99.9"
+    assert told(read("Time,A.PV,A.OP\n" + "\n".join(rows))) == []
+
+
+@pytest.mark.parametrize("back_s", [300, 303])
+def test_a_clock_that_was_set_back_twice(read: Read, back_s: int) -> None:
+    seconds = (10 * i - back_s * ((i >= 100) + (i >= 250)) for i in range(400))
+    (note,) = told(read(wide([START + timedelta(seconds=one) for one in seconds])))
+    assert "(and 1 time more)" in note

@@ -4,10 +4,13 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.counting import counted
 from app.ingest.model import FloatArray, TimeArray
 from app.nanoseconds import NS_PER_S
+
+RowNumbers = NDArray[np.intp]
 
 _FEWEST_STEPS, _FEWEST_ROWS = 3, 3
 _LONGEST_NS = 1800 * NS_PER_S  # an hour is that of autumn, or of another zone
@@ -43,15 +46,23 @@ class SetBack:
 
 
 def _lie_over_each_other(time_ns: TimeArray, values: FloatArray, at: int) -> bool:
-    """Whether rows behind a step back are of the time before it, and some of them no row that came already."""
+    """Whether rows behind a step back are of a time that rows before it have too, in one column at least: others fill
+    a hole, are of an earlier part of the file, or of another tag. Rows that came already are no such ones."""
     behind = np.flatnonzero(time_ns[at + 1 :] <= time_ns[at]) + at + 1
-    if len(behind) < _FEWEST_ROWS:
-        return False
-    before = np.searchsorted(time_ns[: at + 1], time_ns[behind])
-    same = time_ns[before] == time_ns[behind]
-    earlier, later = values[before[same]], values[behind[same]]
-    differ = np.isfinite(earlier) & np.isfinite(later) & (earlier != later)
-    return bool(np.any(differ)) or not np.any(same)
+    earlier, later = time_ns[: at + 1], time_ns[behind]
+    before = np.flatnonzero((earlier >= later.min()) & (earlier <= later.max()))
+    held = (np.sum(np.isfinite(values[rows]), axis=0) >= _FEWEST_ROWS for rows in (before, behind))
+    return bool(np.any(np.logical_and(*held))) and not _came_already(time_ns, values, before, behind)
+
+
+def _came_already(time_ns: TimeArray, values: FloatArray, before: RowNumbers, behind: RowNumbers) -> bool:
+    """Whether most rows have the times of others, and the values but for a few, as the last one of an export has."""
+    before = before[np.argsort(time_ns[before], kind="stable")]
+    found = before[np.minimum(np.searchsorted(time_ns[before], time_ns[behind]), len(before) - 1)]
+    same = time_ns[found] == time_ns[behind]
+    earlier, later = values[found[same]], values[behind[same]]
+    differ = np.any(np.isfinite(earlier) & np.isfinite(later) & (earlier != later), axis=1)
+    return bool(2 * np.count_nonzero(same) > len(behind) and np.count_nonzero(differ) < _FEWEST_ROWS)
 
 
 def _said(length_ns: int) -> str:
