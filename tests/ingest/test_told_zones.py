@@ -153,12 +153,37 @@ def test_another_zone_than_utc_is_told_where_that_is_set(read: Read, told: str) 
         ("", ",+00:00", "UTC"),
         ("", ",Auto", "UTC"),
         ("", ",12.5", "UTC"),
+        *(("", f",{word}", "UTC") for word in ("WET", "IST", "CST", "Plant/Unit1", "Auto/Cas", "+00:15")),
+        *(
+            (f"Time zone: {zone}\n", "", "UTC")
+            for zone in ("Etc/UTC", "utc", "Coordinated Universal Time", "(UTC) Coordinated Universal Time", "UTC±0")
+        ),
     ],
 )
 def test_no_zone_beside_the_times_or_the_set_one(read: Read, above: str, zone: str, set_zone: str) -> None:
     rows = "".join(f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5{zone}\n" for i in range(60))
     content = read(f"{above}Time,FIC1.PV,FIC1.OP{',X' * bool(zone)}\n{rows}", options=IngestOptions(time_zone=set_zone))
     assert not [note for note in content.summary.notes if note.startswith(BESIDE)]
+
+
+@pytest.mark.parametrize("tag", ["Plant/FIC101", "Europe/FIC101"])
+def test_a_tag_and_an_area_are_no_zones(read: Read, tag: str) -> None:
+    rows = "".join(f"{tag},2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,North/Unit1\n" for i in range(60))
+    notes = read(f"Tag,Time,Value,Area\n{rows}").summary.notes
+    assert not [note for note in notes if note.startswith(BESIDE)]
+
+
+def test_zones_of_summer_and_winter_are_told_in_utc_too(read: Read) -> None:
+    rows = "".join(
+        f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5,{'CET' if i < 30 else 'CEST'}\n" for i in range(60)
+    )
+    assert read(f"Time,FIC1.PV,FIC1.OP,TZ\n{rows}").summary.notes[0].startswith(f"{BESIDE}TZ is CET; ")
+
+
+def test_controls_in_the_name_of_a_zone_are_not_shown(read: Read) -> None:
+    rows = "".join(f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5\n" for i in range(60))
+    note = read(f"Time zone: \x1b[31mCET\x07\nTime,FIC1.PV,FIC1.OP\n{rows}").summary.notes[0]
+    assert note.startswith(f"{BESIDE}Time zone: \ufffd[31mCET\ufffd; ")
 
 
 def test_times_that_tell_their_zone_need_no_other(read: Read) -> None:
