@@ -125,6 +125,14 @@ def test_days_since_1900_under_the_name_of_a_time(read: Read) -> None:
     )
 
 
+@pytest.mark.parametrize("first", ["1e300", "1e20", "1e12", "0", "-5", "nan"])
+def test_the_first_date_is_told_of_the_first_row_that_has_one(read: Read, first: str) -> None:
+    rows = "".join(f"{45352 + i / 8640:.10f},{i},1\n" for i in range(60))
+    content = read(f"time,A.PV,A.OP\n{first},1,2\n{rows}")
+    assert "the first one is of 2024-03-01 (2028-03-02 where" in content.summary.notes[0]
+    assert content.rejects.counts == {"bad_time": 1}
+
+
 @pytest.mark.parametrize("name", ["Time [s]", "time_s", "Time (sec)", "seconds", "Timestamp [s]"])
 def test_seconds_by_their_name_are_no_days(read: Read, name: str) -> None:
     content = read(f"{name},A.PV,A.OP\n" + "".join(f"{30000 + i / 100:.2f},{i},1\n" for i in range(9)))

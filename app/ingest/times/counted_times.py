@@ -136,9 +136,15 @@ def _days(values: FloatArray, texts: list[str], name: str, unit: ToldUnit | None
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
             step_ns = _step_ns(DAY_NS, texts)
             cut = (f"times are written to {step_ns / NS_PER_S:.3g} s only",) if step_ns > NS_PER_S else ()
-            note = _with_1904(values[0] + zero) if note == _OF_SPREADSHEETS else note
+            note = _with_1904(_first_between(low, high, values) + zero) if note == _OF_SPREADSHEETS else note
             return Count(float(DAY_NS), zero * DAY_NS, _rounding_ns(step_ns), (note, *cut))
     return None
+
+
+def _first_between(low: float, high: float, values: FloatArray) -> float:
+    """A first row may hold anything."""
+    between = values[(low < values) & (values < high)]
+    return float(between[0] if len(between) else np.median(values))
 
 
 def _with_1904(first_day: float) -> str:

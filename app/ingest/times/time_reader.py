@@ -143,7 +143,8 @@ class TimeReader:
         numbers = to_numbers(texts)
         form, origin = self.form, self._options.start_ns if self.form.kind == "relative" else 0
         numbers = numbers + form.origin_ns / form.scale
-        scaled = numbers * form.scale
+        with np.errstate(over="ignore"):
+            scaled = numbers * form.scale
         good = np.isfinite(scaled) & (np.abs(scaled + origin) < 7.2e18)
         whole = np.floor(np.where(good, numbers, 0.0))
         part = np.where(good, numbers, 0.0) - whole
