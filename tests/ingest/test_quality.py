@@ -353,6 +353,53 @@ def test_words_of_states_below_a_short_ending_judge_nothing(read: Read, usual: s
     assert refused(content) == []
 
 
+@pytest.mark.parametrize("name", ["A.PV_ST", "ST", "A.Q"])
+@pytest.mark.parametrize(
+    "states",
+    [
+        *(("NR", "HI", "LO"), ("NR", "HH", "DV+"), ("G", "R", "Y"), ("OK", "START", "FAIL"), ("Good", "HIHI", "LO")),
+        ("0x00", "0x80", "0x81"),
+    ],
+)
+def test_alarms_lamps_and_bits_of_states_beside_a_value_refuse_nothing(
+    read: Read, name: str, states: tuple[str, str, str]
+) -> None:
+    """CENTUM's alarms are NR, too, where there are none, and a value beyond a limit is measured."""
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{states[max(i % 5 - 2, 0)]},{i % 9}" for i in range(60))
+    assert refused(read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))) == []
+
+
+@pytest.mark.parametrize("name", ["Status", "A.PV Status"])
+@pytest.mark.parametrize("alarm", ["HI", "LO", "HH", "DV-", "VEL+"])
+def test_alarms_of_centum_below_the_name_of_a_status(read: Read, name: str, alarm: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{'NR' if i % 5 < 3 else alarm},{i % 9}" for i in range(60))
+    assert refused(read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))) == []
+
+
+@pytest.mark.parametrize("column", ["Status", "Quality"])
+def test_alarms_of_centum_beside_rows_of_tags(read: Read, column: str) -> None:
+    content = read(long("NR", "HI").replace("Quality", column))
+    assert refused(content) == []
+
+
+@pytest.mark.parametrize("name", ["A.Status", "A Status", "A_ST"])
+@pytest.mark.parametrize(("usual", "other"), [("Run", "Stop"), ("OPEN", "CLOSED"), ("0", "1")])
+def test_the_state_of_a_control_valve_is_no_quality(read: Read, name: str, usual: str, other: str) -> None:
+    """A.CV may be one; what A.PV.CV has beside it in DeltaV is a quality by its words."""
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{other if i % 9 == 7 else usual},{i % 9}" for i in range(60))
+    content = read(f"Time,A.CV,{name},A.PV\n" + "\n".join(rows))
+    assert content.rejects.counts == {}
+    assert np.isfinite(content.loops["A"].op).all()
+
+
+@pytest.mark.parametrize("steps", [("150", "180", "192"), ("192", "150", "20"), ("130", "216", "0")])
+def test_set_points_below_a_short_ending_are_no_numbers_of_profibus(read: Read, steps: tuple[str, str, str]) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{steps[i // 20]},{i % 9}" for i in range(60))
+    content = read("Time,A.PV,A.PV_ST,A.OP\n" + "\n".join(rows))
+    assert content.rejects.counts == {}
+    assert "A.PV_ST" in str(content.summary.loops)
+
+
 @pytest.mark.parametrize("state", ["1", "RUN", "12.5", "128", "0"])
 def test_a_short_ending_may_be_that_of_a_signal(read: Read, state: str) -> None:
     rows = (f"2026-03-01 00:{i:02d}:00,{i},{state},{i % 9},{state}" for i in range(60))

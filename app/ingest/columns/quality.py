@@ -27,8 +27,10 @@ MOST_QUALITIES = 8
 _CONFIDENCE = re.compile(r"(.+?)[_. \-#:/](conf)", re.IGNORECASE)
 """Of PHD, in percent."""
 _CALLED_CONFIDENCE = re.compile(r"conf(idence)?$", re.IGNORECASE)
-_VALUE = re.compile(r"(.+?)[_. \-#:/](value|val|cv)", re.IGNORECASE)
-"""DeltaV's current value, PV.CV, has its status in PV.ST."""
+_VALUE = re.compile(r"(.+?)[_. \-#:/](value|val)", re.IGNORECASE)
+_CURRENT = re.compile(r"(.+?)[_. \-#:/](cv)", re.IGNORECASE)
+"""DeltaV's current value, PV.CV, has its status in PV.ST. Elsewhere FIC101.CV is a control valve, and FIC101.Status the
+state of anything: qualities judge it alone."""
 
 
 def with_quality(
@@ -136,6 +138,7 @@ def _by_name(
     """By column of values, the one that judges it, and the one that may if further rows show qualities there."""
     judging: dict[str, int] = {}
     late: dict[str, int] = {}
+    for_sure: set[int] = set()
     by_tag = {value.tag.casefold(): value.index for value in values}
     for index, name in enumerate(names):
         found = _ENDING.fullmatch(spelled_out(name)) or _SHORT_ENDING.fullmatch(name) or _CONFIDENCE.fullmatch(name)
@@ -150,17 +153,22 @@ def _by_name(
             judges = found.re is _ENDING or _are_qualities(fields)
         if judges:
             judging.setdefault(found[1].casefold(), index)
+            for_sure |= {index} if _are_qualities(fields) else set()
         elif found.re is _SHORT_ENDING and may_be_qualities(fields):
             late.setdefault(found[1].casefold(), index)
-    return _judged(values, judging), _judged(values, late)
+    sure = {name: index for name, index in judging.items() if index in for_sure}
+    return _judged(values, judging, sure), _judged(values, late, late)
 
 
-def _judged(values: tuple[ValueColumn, ...], judging: Mapping[str, int]) -> dict[int, int]:
+def _judged(values: tuple[ValueColumn, ...], judging: Mapping[str, int], for_sure: Mapping[str, int]) -> dict[int, int]:
     judged: dict[int, int] = {}
     for value in values if judging else ():
-        without_value = _VALUE.fullmatch(value.tag)
-        for name in (value.tag, without_value[1] if without_value else value.tag):
-            at = judging.get(spelled_out(name).casefold(), value.index)
+        named = [(value.tag, judging)]
+        for ending, among in ((_VALUE, judging), (_CURRENT, for_sure)):
+            if found := ending.fullmatch(value.tag):
+                named.append((found[1], among))
+        for name, among in named:
+            at = among.get(spelled_out(name).casefold(), value.index)
             if at != value.index:
                 judged.setdefault(value.index, at)
     return judged

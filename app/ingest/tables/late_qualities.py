@@ -1,7 +1,7 @@
 """Columns of which the first rows do not tell whether they say how good values are: what stands in them in all rows."""
 
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 import polars as pl
@@ -9,7 +9,7 @@ import polars as pl
 from app.ingest.columns.quality import MOST_QUALITIES
 from app.ingest.tables.odd_fields import ChunkColumns
 from app.ingest.tags.fault_words import tell_faults
-from app.ingest.tags.quality import Quality, holds_good, is_number, may_be_quality
+from app.ingest.tags.quality import Quality, holds_good, is_number, may_be_quality, numbers_tell_quality
 
 _ENOUGH = MOST_QUALITIES + 2  # one of them may be the empty one
 
@@ -70,10 +70,10 @@ def _may_tell(seen: Collection[str]) -> bool:
     return not words or bool(tell_faults(pl.Series(words, dtype=pl.String)).all())
 
 
-def _tell(seen: Collection[str]) -> bool:
+def _tell(seen: Mapping[str, int]) -> bool:
     """Whether they are qualities: words alone, or numbers and one that says that a value is good. Words of faults stand
     in the place of any number."""
     if not seen or not _may_tell(seen):
         return False
-    numbers = any(map(is_number, seen))
-    return holds_good(seen) if numbers else True
+    words = [text for text in seen if not is_number(text)]
+    return len(words) == len(seen) or holds_good(words) or numbers_tell_quality(seen)

@@ -36,13 +36,12 @@ _OF_QUALITY_ALONE = frozenset(
 _SET = frozenset(("1", "1.0", "true", "t", "yes", "y", "on", "ja", "j", "wahr", "oui", "vrai", "si"))
 _NOT_SET = frozenset(("0", "0.0", "false", "f", "no", "n", "off", "nein", "falsch", "non", "faux"))
 _SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
-_SHORT_BAD = frozenset(
-    (
-        *("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"),
-        *("iop", "iop+", "iop-", "oop", "ptpf", "nrdy", "ncom", "nefv"),
-    )
-)
-_OF_STATES_TOO = frozenset(("ok", "valid"))
+_OF_STATES_TOO = frozenset(("ok", "valid", "g", "nr"))
+"""Of a machine, of a lamp that is green, or of an alarm of CENTUM's, which is `NR` or `HI`."""
+_OF_LIMITS = frozenset(("hi", "lo", "hh", "ll", "hihi", "lolo", "dv+", "dv-", "vel+", "vel-"))
+"""Alarms: what is beyond a limit is measured."""
+_OF_CENTUM = frozenset(("iop", "iop+", "iop-", "oop", "ptpf", "nrdy", "ncom", "nefv"))
+_SHORT_BAD = _OF_CENTUM.union(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
 _HEX = ("0x", "16#")
 _CODE = re.compile(r"([A-Za-z])\s*\((?:0x)?[0-9A-Fa-f]+\)\s*$")
 OPC_GOOD, OPC_UNCERTAIN = 192.0, 64.0
@@ -166,7 +165,7 @@ class Quality:
             return self._judge_number(number)
         if word in _UNCERTAIN or word.startswith("uncertain"):
             return self._drop_uncertain
-        return not (word in _GOOD or word.startswith("good"))
+        return not (word in _GOOD or word in _OF_LIMITS or word.startswith("good"))
 
     def _judge_number(self, number: float) -> bool:
         if number >= UA_UNCERTAIN:
@@ -218,12 +217,25 @@ def tell_quality_for_sure(fields: list[str]) -> bool:
     """Whether all of a column's fields are words of qualities, or numbers of OPC with good ones among them: none that a
     state, a count or a flow may have as well."""
     words = set(map(_word, fields))
-    numbers = [number for word in words if (number := _number(word)) is not None]
-    if numbers:
-        good = any(map(_tells_good, words))
-        return good and len(numbers) == len(words) and all(map(may_be_quality, words))
+    if any(map(is_number, words)):
+        return all(map(is_number, words)) and numbers_tell_quality(Counter(fields))
     known = _SHORT_GOOD | _UNCERTAIN | _SHORT_BAD
     return bool(words) and all(word in known or word.startswith(("good", "bad", "uncertain")) for word in words)
+
+
+def numbers_tell_quality(counts: Mapping[str, int]) -> bool:
+    """Whether all numbers among texts, each with how often it stands, are OPC's with good ones, or PROFIBUS's in
+    hexadecimal, of which most are good: set points are 150 and 192, and bits of states 0x80 and 0x00."""
+    numbers = {_word(text): times for text, times in counts.items() if is_number(text)}
+    if any(_number(word) in _GOOD_OF_OPC for word in numbers):
+        return all(map(_is_number_of_quality, numbers))
+    good = sum(times for word, times in numbers.items() if _tells_good(word))
+    return 2 * good > sum(numbers.values()) and all(map(_is_number_of_quality, numbers))
+
+
+def _is_number_of_quality(word: str) -> bool:
+    number = _number(word)
+    return number is not None and (_is_of_opc(number) or (word.startswith(_HEX) and _is_of_profibus(number)))
 
 
 def holds_good(fields: Iterable[str]) -> bool:
@@ -243,7 +255,7 @@ def are_mostly_good(fields: list[str]) -> bool:
     then what is wrong, as `Comm Fail` and `OOS` do. What is `OK` may be a state, but for one beside a bad quality."""
     words = list(map(_word, fields))
     good = [word for word in words if word in _SHORT_GOOD or word.startswith("good")]
-    for_sure = bool(set(good) - _OF_STATES_TOO) or any(word in _SHORT_BAD or word.startswith("bad") for word in words)
+    for_sure = bool(set(good) - _OF_STATES_TOO) or any(word in _OF_CENTUM or word.startswith("bad") for word in words)
     return for_sure and 2 * len(good) >= len(words) and not any(map(is_number, fields))
 
 
