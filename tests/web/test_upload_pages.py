@@ -90,6 +90,25 @@ def test_an_upload_that_failed_says_why_in_the_list(client, web_backend):
     assert len(cells[0]) <= len("failed: ") + 160
 
 
+def test_names_of_a_file_that_failed_are_no_markup_in_the_list(client, web_backend):
+    name = "<img src=x onerror=alert(1)>"
+    sent = f"Time;{name}.PV;{name}.OP\n06:00:00;1;2\n06:00:01;1;2\n".encode()
+    read_upload(web_backend, int(client.post("/v1/uploads", content=sent).json()["id"]), "test")
+    page = client.get("/uploads").text
+    assert "&lt;img src=x" in page
+    assert "<img src=x" not in page
+
+
+def test_a_zone_that_a_file_names_is_no_markup_in_its_notes(client, web_backend):
+    rows = "".join(f"2026-05-14 06:00:{k:02d},{k},{k % 7}\n" for k in range(60))
+    sent = f"Time zone: <img src=x onerror=alert(1)>\nTime,FIC7.PV,FIC7.OP\n{rows}".encode()
+    answer = client.post("/v1/uploads", content=sent).json()
+    read_upload(web_backend, int(answer["id"]), "test")
+    page = client.get(f"/uploads/{answer['id']}").text
+    assert "Time zone: &lt;img src=x" in page
+    assert "<img src=x" not in page
+
+
 def test_what_is_to_be_checked_first_stands_first_among_the_notes(client, web_backend):
     rows = "".join(f"2026-05-14 06:00:{k:02d},{k},{k % 7}\n" for k in range(59, -1, -1))
     sent = f"Time zone: UTC+02:00\nTime,FIC7.PV,FIC7.OP\n{rows}".encode()
