@@ -370,7 +370,7 @@ def test_alarms_lamps_and_bits_of_states_beside_a_value_refuse_nothing(
 
 
 @pytest.mark.parametrize("name", ["Status", "A.PV Status"])
-@pytest.mark.parametrize("alarm", ["HI", "LO", "HH", "DV-", "VEL+"])
+@pytest.mark.parametrize("alarm", ["HI", "LO", "HH", "MHI", "DV-", "VEL+"])
 def test_alarms_of_centum_below_the_name_of_a_status(read: Read, name: str, alarm: str) -> None:
     rows = (f"2026-03-01 00:{i:02d}:00,{i},{'NR' if i % 5 < 3 else alarm},{i % 9}" for i in range(60))
     assert refused(read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))) == []

@@ -38,7 +38,7 @@ _NOT_SET = frozenset(("0", "0.0", "false", "f", "no", "n", "off", "nein", "falsc
 _SHORT_GOOD = _GOOD - {"true", "normal", "raw", "interpolated"}
 _OF_STATES_TOO = frozenset(("ok", "valid", "g", "nr"))
 """Of a machine, of a lamp that is green, or of an alarm of CENTUM's, which is `NR` or `HI`."""
-_OF_LIMITS = frozenset(("hi", "lo", "hh", "ll", "hihi", "lolo", "dv+", "dv-", "vel+", "vel-"))
+_OF_LIMITS = frozenset(("hi", "lo", "hh", "ll", "hihi", "lolo", "mhi", "mlo", "dv+", "dv-", "vel+", "vel-"))
 """Alarms: what is beyond a limit is measured."""
 _OF_CENTUM = frozenset(("iop", "iop+", "iop-", "oop", "ptpf", "nrdy", "ncom", "nefv"))
 _SHORT_BAD = _OF_CENTUM.union(("b", "nok", "notok", "ng", "err", "error", "fail", "failed", "invalid", "nodata"))
