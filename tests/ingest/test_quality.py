@@ -376,6 +376,13 @@ def test_alarms_of_centum_below_the_name_of_a_status(read: Read, name: str, alar
     assert refused(read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))) == []
 
 
+@pytest.mark.parametrize("name", ["Status", "ST", "A.PV_ST"])
+@pytest.mark.parametrize("other", ["R", "RUN", "Ready"])
+def test_a_pump_that_is_not_running_is_no_status_of_centum(read: Read, name: str, other: str) -> None:
+    rows = (f"2026-03-01 00:{i:02d}:00,{i},{'NR' if i % 5 < 3 else other},{i % 9}" for i in range(60))
+    assert refused(read(f"Time,A.PV,{name},A.OP\n" + "\n".join(rows))) == []
+
+
 @pytest.mark.parametrize("column", ["Status", "Quality"])
 def test_alarms_of_centum_beside_rows_of_tags(read: Read, column: str) -> None:
     content = read(long("NR", "HI").replace("Quality", column))

@@ -201,8 +201,16 @@ class Quality:
 
 def tells_quality(fields: list[str]) -> bool:
     """Whether most of a column's fields are words or numbers that a quality has, and not the state of something."""
-    known = sum(_number(text) is not None or _is_known(_word(text)) for text in fields)
-    return 2 * known > len(fields)
+    words = list(map(_word, fields))
+    known = [word for word in words if is_number(word) or _is_known(word)]
+    if "nr" in known and not _is_of_centum(set(words).difference(known, _OF_LIMITS), known):
+        known = [word for word in known if word != "nr"]
+    return 2 * len(known) > len(words)
+
+
+def _is_of_centum(others: Collection[str], known: Collection[str]) -> bool:
+    """Whether `NR` is CENTUM's: beside `R` a pump is not running."""
+    return not others or not _OF_CENTUM.isdisjoint(others) or any(word.startswith("bad") for word in known)
 
 
 def are_flags(fields: list[str], rows: int, good_if_set: bool) -> bool:
