@@ -116,3 +116,9 @@ def test_a_clock_that_was_set_back_twice(read: Read, back_s: int) -> None:
     seconds = (10 * i - back_s * ((i >= 100) + (i >= 250)) for i in range(400))
     (note,) = told(read(wide([START + timedelta(seconds=one) for one in seconds])))
     assert "(and 1 time more)" in note
+
+
+def test_seconds_that_begin_again_are_those_of_another_run(read: Read) -> None:
+    rows = (f"{10 * i},{50 + i % 7}.{(i + run) % 10},{40 + i % 5}.5\n" for run in (0, 1) for i in range(60))
+    (note,) = told(read("Time [s],A.PV,A.OP\n" + "".join(rows)))
+    assert note.startswith(f"{TOLD} 10 minutes 590 s after the start, as where another run begins: rows of two")

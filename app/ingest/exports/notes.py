@@ -101,7 +101,7 @@ class NotesOfRows:
         notes = []
         if self.tally.spread:
             notes.append(SPREAD_NOTE)
-        notes += self.tally.set_back.notes()
+        notes += self.tally.set_back.notes(self.options.start_ns if self.plan.form.kind == "relative" else None)
         if self.tally.backward:
             notes.append("rows were not in order of time; they were sorted")
         if count := self.tally.in_other_order:

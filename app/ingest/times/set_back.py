@@ -34,14 +34,18 @@ class SetBack:
             if least <= -steps[at] < _LONGEST_NS and _lie_over_each_other(time_ns, values, at):
                 self.met[int(time_ns[at])] = int(-steps[at])
 
-    def notes(self) -> list[str]:
+    def notes(self, start_ns: int | None = None) -> list[str]:
+        """start_ns: where times are counted from a start, as which it was taken: a run may begin there again."""
         if not self.met:
             return []
         at_ns, length_ns = min(self.met.items())
         more = f" (and {counted(len(self.met) - 1, 'time')} more)" if len(self.met) > 1 else ""
+        where, why = f"at {_shown(at_ns)} UTC", "where a clock was set back"
+        if start_ns is not None:
+            where, why = f"{(at_ns - start_ns) / NS_PER_S:g} s after the start", "where another run begins"
         return [
-            f"check this first, time goes back by {_said(length_ns)} at {_shown(at_ns)} UTC{more}, as where a clock "
-            "was set back: rows of two stretches lie over each other there, and of two of a time the later one holds"
+            f"check this first, time goes back by {_said(length_ns)} {where}{more}, as {why}: rows of two stretches "
+            "lie over each other there, and of two of a time the later one holds"
         ]
 
 
