@@ -105,6 +105,12 @@ def test_tags_one_behind_the_other_in_columns_of_their_own_are_no_such_clock(rea
     assert told(read("Time,A.PV,A.OP\n" + "\n".join(rows))) == []
 
 
+def test_an_earlier_export_behind_a_later_one_that_it_overlaps_is_no_such_clock(read: Read) -> None:
+    rows = of_time(spans((95, 180), (0, 100)))
+    rows[-5:] = [row.rpartition(",")[0] + ",99.9" for row in rows[-5:]]
+    assert told(read("Time,A.PV,A.OP\n" + "\n".join(rows))) == []
+
+
 def test_an_export_whose_last_value_was_not_final_is_no_such_clock(read: Read) -> None:
     rows = of_time(spans((0, 100), (60, 200)))
     rows[99] = rows[99].rpartition(",")[0] + ",99.9"

@@ -54,6 +54,8 @@ def _lie_over_each_other(time_ns: TimeArray, values: FloatArray, at: int) -> boo
     a hole, are of an earlier part of the file, or of another tag. Rows that came already are no such ones."""
     behind = np.flatnonzero(time_ns[at + 1 :] <= time_ns[at]) + at + 1
     earlier, later = time_ns[: at + 1], time_ns[behind]
+    if time_ns[at + 1] < earlier.min():  # an earlier export behind a later one
+        return False
     before = np.flatnonzero((earlier >= later.min()) & (earlier <= later.max()))
     held = (np.sum(np.isfinite(values[rows]), axis=0) >= _FEWEST_ROWS for rows in (before, behind))
     return bool(np.any(np.logical_and(*held))) and not _came_already(time_ns, values, before, behind)
