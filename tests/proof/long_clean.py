@@ -5,6 +5,7 @@
 import argparse
 import sys
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,11 @@ class Loop:
     late: int
     kc: float
     ti: float
+
+    @cached_property
+    def stays(self) -> list[float]:
+        """What of each lag's level is left after a fine step."""
+        return np.exp(-1.0 / FINE / self.taus).tolist()
 
 
 def random_loop(rng: Generator) -> Loop:
@@ -66,7 +72,7 @@ def load_of(rng: Generator, e: FloatArray, kind: str, tau: float) -> FloatArray:
 
 def run(loop: Loop, sp: FloatArray, load: FloatArray, white: FloatArray) -> tuple[FloatArray, FloatArray]:
     """OP and PV (N,) of the closed loop."""
-    op, pv, levels, integral = np.zeros(len(sp)), np.zeros(len(sp)), np.zeros(len(loop.taus)), 0.0
+    op, pv, levels, integral = np.zeros(len(sp)), np.zeros(len(sp)), [0.0] * len(loop.taus), 0.0
     for t in range(len(sp)):
         pv[t] = levels[-1] + white[t]
         error = sp[t] - pv[t]
@@ -78,18 +84,19 @@ def run(loop: Loop, sp: FloatArray, load: FloatArray, white: FloatArray) -> tupl
 
 def simulated(loop: Loop, op: FloatArray) -> FloatArray:
     """(N,) the process along OP, as it is."""
-    trace, levels = np.zeros(len(op)), np.zeros(len(loop.taus))
+    trace, levels = np.zeros(len(op)), [0.0] * len(loop.taus)
     for t in range(len(op)):
         trace[t] = levels[-1]
         advance(loop, levels, loop.gain * (op[t - loop.late] if t >= loop.late else 0.0))
     return trace
 
 
-def advance(loop: Loop, levels: FloatArray, drive: float) -> None:
-    stays = np.exp(-1.0 / FINE / loop.taus)
+def advance(loop: Loop, levels: list[float], drive: float) -> None:
+    """Moves the levels by one sample, in place; by plain numbers, because each of numpy's takes ten times as long."""
+    drive = float(drive)
     for _ in range(FINE):
         before = drive
-        for k, stay in enumerate(stays):
+        for k, stay in enumerate(loop.stays):
             levels[k] = before = stay * levels[k] + (1.0 - stay) * before
 
 
