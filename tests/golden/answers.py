@@ -17,7 +17,7 @@ import numpy as np
 
 import app.engine as engine
 from app.engine.audit import audit
-from app.engine.mismatch import Comparison, LinearSimulation, explain
+from app.engine.mismatch import Comparison, Explanation, LinearSimulation, explain
 from app.engine.mismatch.compare.even_grid import comparison_of
 from app.engine.recording import Recording
 
@@ -197,8 +197,7 @@ def audited(recording: Recording) -> Answer:
     }
 
 
-def explained(compared: Comparison) -> Answer:
-    found = explain(compared)
+def explained(found: Explanation) -> Answer:
     return {
         "verdict": found.verdict,
         "effects": " ".join(effect.code for effect in found.effects),
@@ -208,12 +207,12 @@ def explained(compared: Comparison) -> Answer:
     }
 
 
-def sized(compared: Comparison) -> Answer:
+def sized(found: Explanation) -> Answer:
     """The same with the sizes of what was named, and how far their intervals reach."""
-    sizes = [(effect.code, one) for effect in explain(compared).effects for one in effect.parameters]
+    sizes = [(effect.code, one) for effect in found.effects for one in effect.parameters]
     told = {f"{code} {one.name}": one.value for code, one in sizes}
     wide = {f"{code} {one.name} is as wide as": one.high - one.low for code, one in sizes}
-    return {**explained(compared), **told, **wide}
+    return {**explained(found), **told, **wide}
 
 
 # Its lag is 5 s / -ln(0.8), its dead time the sample by which PV is behind the stem.
@@ -233,18 +232,21 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
         made = RECORDINGS[recording]
         yield (
             f"explain: {name}",
-            lambda made=made, given=simulation: explained(replace(comparison_of(made()), simulation=given)),
+            lambda made=made, given=simulation: explained(explain(replace(comparison_of(made()), simulation=given))),
         )
-    yield "explain: clipped, beside its simulation that swings", lambda: explained(swings(6.0))
-    yield "explain: passed on, beside its simulation that swings", lambda: explained(swings(60.0))
-    yield "explain: swings, beside a simulation that does not", lambda: explained(beside_no_resonance())
-    yield "explain: swings a sample later, beside two lags", lambda: explained(beside_two_lags())
-    yield "explain: up faster than down, beside its simulation", lambda: explained(travels(0.9, 0.6))
-    yield "explain: ends at a limit, beside its simulation", lambda: sized(ends_at_a_limit(stood=False))
-    yield "explain: freezes beside a little noise", lambda: explained(lags(freezes=True))
-    yield "explain: is later from a time on", lambda: explained(lags(later=True))
-    yield "explain: beside a load that comes and goes", lambda: explained(lags(loaded=True))
-    yield "explain: ends at a limit and stands, beside its simulation", lambda: sized(ends_at_a_limit(stood=True))
+    yield "explain: clipped, beside its simulation that swings", lambda: explained(explain(swings(6.0)))
+    yield "explain: passed on, beside its simulation that swings", lambda: explained(explain(swings(60.0)))
+    yield "explain: swings, beside a simulation that does not", lambda: explained(explain(beside_no_resonance()))
+    yield "explain: swings a sample later, beside two lags", lambda: explained(explain(beside_two_lags()))
+    yield "explain: up faster than down, beside its simulation", lambda: explained(explain(travels(0.9, 0.6)))
+    yield "explain: ends at a limit, beside its simulation", lambda: sized(explain(ends_at_a_limit(stood=False)))
+    yield "explain: freezes beside a little noise", lambda: explained(explain(lags(freezes=True)))
+    yield "explain: is later from a time on", lambda: explained(explain(lags(later=True)))
+    yield "explain: beside a load that comes and goes", lambda: explained(explain(lags(loaded=True)))
+    yield (
+        "explain: ends at a limit and stands, beside its simulation",
+        lambda: sized(explain(ends_at_a_limit(stood=True))),
+    )
 
 
 QUESTIONS = dict(asked())
