@@ -16,6 +16,7 @@ from app.engine.mismatch.loop.law import controller_of, identify_law, tried_on
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.errors import DataError
 
+pytestmark = pytest.mark.usefixtures("one_competition")
 N, TS = 1500, 2.0
 PLANT = Plant(K=1.4, tau=30.0, theta=6.0)
 RECORDED = Controller(0.9, 45.0)

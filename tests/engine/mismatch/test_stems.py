@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -34,6 +35,7 @@ from app.engine.valve import two_parameter_he
 from tests.engine.sticking_loop import SAMPLES, TS, compared, loop
 
 
+@cache
 def sticking(seed: int, S: float, J: float, noise: float = 0.2, **other: float) -> Comparison:
     return compared(loop(seed, S, J, noise=noise, **other))
 
@@ -45,6 +47,7 @@ def shaken(seed: int) -> Comparison:
     return compared(loop(seed, 0.0, 0.0, tuple(zip(at.tolist(), moves.tolist(), strict=True)), noise=0.2))
 
 
+@cache
 def own_loop(comparison: Comparison) -> Fit:
     return identify(record_of(comparison))
 
@@ -135,12 +138,15 @@ def test_samples_that_are_not_compared_say_nothing_of_a_stem() -> None:
 
 @pytest.mark.parametrize(("seed", "S", "noise", "Kc"), [(2, 6.0, 0.1, 1.0), (114, 12.0, 0.1, 0.6), (7, 6.0, 0.4, 1.5)])
 def test_a_stem_that_jumps_all_its_way_is_named_alone(seed: int, S: float, noise: float, Kc: float) -> None:
-    """These were a resonance beside a drift of the gain, a stem half as large beside a dead zone, and friction."""
+    """These were a resonance beside a drift of the gain, a stem half as large beside a dead zone, and friction. Found
+    from OP, our own loop had the stem's work in it: an S of 6 was 2.2 (1.1 to 3.0).
+    """
     recorded = sticking(seed, S, S, noise=noise, Kc=Kc)
     said = explain(recorded)
     assert codes(said) == ["valve.stiction"]
     size = {p.name: p for p in said.effects[0].parameters}
     assert abs(size["S"].value / S - 1.0) < 0.02
+    assert size["S"].low <= S <= size["S"].high
     assert size["J"].low <= S <= size["J"].high
     assert size["S"].high < 1.05 * S < float(np.ptp(recorded.op))
     assert said.fit.explained.rmse < 1.5 * noise

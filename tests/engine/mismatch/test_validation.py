@@ -15,6 +15,7 @@ from app.engine.mismatch.physics import library
 from app.errors import DataError
 from tests.engine.plain_loop import GIVEN, TS, N, moves, noise, recorded
 
+pytestmark = pytest.mark.usefixtures("one_competition")
 BAD = slice(700, 703)
 
 
