@@ -162,6 +162,22 @@ def empty_sqlite(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "loopaudit.db"
 
 
+MakeTables = Callable[[Settings], None]
+
+
+@pytest.fixture(scope="session")
+def make_tables(empty_sqlite: Path) -> MakeTables:
+    """Gives the folder of these settings, on the embedded default, what `migrate` would: it walks through every version
+    there ever was, for a tenth of a second.
+    """
+
+    def made(settings: Settings) -> None:
+        settings.prepare_folders()
+        shutil.copy(empty_sqlite, settings.data_dir / "loopaudit.db")
+
+    return made
+
+
 @pytest.fixture
 def redis_url(worker_id: str) -> Iterator[str]:
     """A data base of the local Redis server that is empty, and is emptied again."""
@@ -230,16 +246,19 @@ def _audited_once(recording: _Told[Recording], config: AuditConfig) -> Audit:
     return audit(recording.it, config)
 
 
-@pytest.fixture(autouse=True)
-def audits_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="session", autouse=True)
+def audits_are_made_once() -> Iterator[None]:
     """The engine is pure, and most tests of services audit the same few loops: one recording is audited once a session
-    under one configuration. Workers of their own process are not touched.
+    under one configuration, also in the plants that all tests of a module share. Workers of their own process are not
+    touched.
     """
 
     def once(recording: Recording, config: AuditConfig) -> Audit:
         return _audited_once(_Told((recording.fingerprint(), recording.name), recording), config)
 
-    monkeypatch.setattr(chunks, "audit", once)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chunks, "audit", once)
+        yield
 
 
 @lru_cache(maxsize=200)
@@ -247,10 +266,12 @@ def _explained_once(comparison: _Told[Comparison]) -> Explanation:
     return explain(comparison.it)
 
 
-@pytest.fixture(autouse=True)
-def explanations_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="session", autouse=True)
+def explanations_are_made_once() -> Iterator[None]:
     """As audits, on both data bases and by whatever way a comparison comes."""
-    monkeypatch.setattr(working, "explain", lambda it: _explained_once(_Told(pickle.dumps(it), it)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(working, "explain", lambda it: _explained_once(_Told(pickle.dumps(it), it)))
+        yield
 
 
 @pytest.fixture
@@ -262,13 +283,13 @@ def backend(settings: Settings) -> Iterator[Backend]:
 
 
 @pytest.fixture(scope="module")
-def open_plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Backend]]:
+def open_plant(tmp_path_factory: pytest.TempPathFactory, make_tables: MakeTables) -> Iterator[Callable[..., Backend]]:
     """Opens an empty plant on the embedded default, with given settings, until the module's last test has run."""
     with ExitStack() as stack:
 
         def opened(**settings: object) -> Backend:
             made = Settings(data_dir=tmp_path_factory.mktemp("plant"), **settings)
-            migrate(made)
+            make_tables(made)
             backend = Backend.open(made)
             stack.callback(backend.close)
             return backend

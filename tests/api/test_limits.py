@@ -21,15 +21,14 @@ from app.main import create_app
 from app.services import data_folder
 from app.services.intake import uploads
 from app.services.plant import reliability
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.conftest import listening
 
 
 @pytest.fixture
-def settings(tmp_path) -> Settings:
+def settings(tmp_path, make_tables) -> Settings:
     made = Settings(data_dir=tmp_path, idle_timeout_s=0.3, upload_deadline_s=1.0, max_uploads=2, max_requests=3)
-    migrate(made)
+    make_tables(made)
     return made
 
 
@@ -168,7 +167,7 @@ def test_a_login_has_few_bytes(client):
     assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
 
 
-def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch):
+def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, make_tables, monkeypatch):
     inside, most, lock, receive = set(), [], threading.Lock(), receiving.service.receive
 
     def counted(*arguments, **named):
@@ -182,7 +181,7 @@ def test_few_mappings_are_held_in_memory_at_a_time(serve, tmp_path, monkeypatch)
 
     monkeypatch.setattr(receiving.service, "receive", counted)
     made = Settings(data_dir=tmp_path)
-    migrate(made)
+    make_tables(made)
 
     def send(number: int) -> int:
         mapping = ("m.csv", b"tag,loop,signal\nT1,FIC1,PV\n")
@@ -224,10 +223,10 @@ def plant_mapping() -> str:
     return "\r\n".join((head, *rows))
 
 
-def test_the_mapping_of_a_whole_plant_is_taken_as_a_text_too(serve, tmp_path):
+def test_the_mapping_of_a_whole_plant_is_taken_as_a_text_too(serve, tmp_path, make_tables):
     made, mapping = Settings(data_dir=tmp_path), plant_mapping()
     assert len(mapping) > 4.8e6
-    migrate(made)
+    make_tables(made)
     with serve(create_app(made)) as client:
         first = client.post("/v1/uploads", files={"file": EXPORT, "mapping": (None, mapping)})
         assert first.status_code == 202, first.text

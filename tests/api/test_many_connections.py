@@ -7,7 +7,6 @@ import pytest
 
 from app.http import connections
 from app.main import create_app
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.conftest import listening
 
@@ -16,9 +15,9 @@ ASKED = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 
 
 @pytest.fixture
-def address(tmp_path) -> Iterator[tuple[str, int]]:
+def address(tmp_path, make_tables) -> Iterator[tuple[str, int]]:
     settings = Settings(data_dir=tmp_path)
-    migrate(settings)
+    make_tables(settings)
     with listening(create_app(settings), http=connections.HeadDeadline, limit_concurrency=MOST) as found:
         yield found
 

@@ -9,16 +9,15 @@ from app.cli.main import cli
 from app.errors import DataError
 from app.main import create_app
 from app.services.backend import Backend
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import loops
 from tests.cli.calling import as_program
 
 
 @pytest.fixture
-def service(serve, tmp_path):
+def service(serve, tmp_path, make_tables):
     settings = Settings(data_dir=tmp_path / "data")
-    migrate(settings)
+    make_tables(settings)
     backend = Backend.open(settings)
     with backend.database.write() as connection:
         loops.ensure(connection, ["FIC1", "FIC2"])

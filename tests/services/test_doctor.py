@@ -18,7 +18,6 @@ from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.intake import uploads
 from app.services.upkeep import doctor
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import schema, tables
 from tests.services.upkeep_plant import EXPORT, aged, audited_twice
@@ -105,9 +104,9 @@ def test_exports_that_are_gone_are_found(plant):
     assert fingerprint[:12] in check.found
 
 
-def test_an_upload_that_waits_for_room_is_named(tmp_path):
+def test_an_upload_that_waits_for_room_is_named(tmp_path, make_tables):
     settings = Settings(data_dir=tmp_path)
-    migrate(settings)
+    make_tables(settings)
     assert of("room", settings).state == "ok"
     backend = Backend.open(settings)
     for name in ("large.csv", "other.csv"):
@@ -132,27 +131,27 @@ def test_an_upload_that_waits_for_room_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("url", "state"), [("", "ok"), ("redis://127.0.0.1:1/0", "warning"), ("no-storage://127.0.0.1", "problem")]
 )
-def test_who_counts_the_limits_of_keys_is_looked_at(tmp_path, url, state):
+def test_who_counts_the_limits_of_keys_is_looked_at(tmp_path, make_tables, url, state):
     settings = Settings(data_dir=tmp_path, rate_limit_url=url)
-    migrate(settings)
+    make_tables(settings)
     check = of("rate limits", settings)
     assert check.state == state
     assert bool(check.advice) == (state != "ok")
 
 
 @pytest.mark.redis
-def test_limits_that_are_counted_together_are_well(tmp_path, redis_url):
+def test_limits_that_are_counted_together_are_well(tmp_path, make_tables, redis_url):
     settings = Settings(data_dir=tmp_path, rate_limit_url=redis_url)
-    migrate(settings)
+    make_tables(settings)
     assert of("rate limits", settings).state == "ok"
 
 
 @pytest.mark.redis
-def test_a_login_that_is_refused_where_limits_are_counted_is_told_as_that(tmp_path, redis_url):
+def test_a_login_that_is_refused_where_limits_are_counted_is_told_as_that(tmp_path, make_tables, redis_url):
     """It answers: whoever starts it again mends nothing."""
     wrong = redis_url.replace("//", "//nobody:hunter2@")
     settings = Settings(data_dir=tmp_path, rate_limit_url=wrong)
-    migrate(settings)
+    make_tables(settings)
     check = of("rate limits", settings)
     assert check.state == "warning"
     assert check.found == "the Redis that counts for all processes answers and refuses the login"
@@ -176,9 +175,9 @@ MAIL = {"digest_mail_to": "a@plant.example", "digest_smtp_host": "localhost", "d
         (MAIL | {"public_url": "https://plant.example", "digest_smtp_starttls": False}, "ok", "1 receiver"),
     ],
 )  # fmt: skip
-def test_how_the_digest_goes_out_is_looked_at(tmp_path, set_, state, found):
+def test_how_the_digest_goes_out_is_looked_at(tmp_path, make_tables, set_, state, found):
     settings = Settings(data_dir=tmp_path, **set_)
-    migrate(settings)
+    make_tables(settings)
     check = of("digest", settings)
     assert (check.state, check.found) == (state, found)
 
@@ -193,9 +192,9 @@ def test_a_data_base_of_an_older_version_is_a_problem(plant):
 
 
 @pytest.mark.parametrize(("at", "name"), [(0, "data base"), (8 * 4096, "integrity")])
-def test_a_damaged_sqlite_file_is_found_and_a_backup_advised(tmp_path, at, name):
+def test_a_damaged_sqlite_file_is_found_and_a_backup_advised(tmp_path, make_tables, at, name):
     settings = Settings(data_dir=tmp_path)
-    migrate(settings)
+    make_tables(settings)
     with (tmp_path / "loopaudit.db").open("r+b") as file:
         file.seek(at)
         file.write(b"\xff" * 3 * 4096)

@@ -8,7 +8,6 @@ import pytest
 from app.main import create_app
 from app.services.access import key_text
 from app.services.access.identity import Role
-from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.api.access.conftest import bearer
 
@@ -22,10 +21,10 @@ OTHER_SITES = [
 
 
 @pytest.fixture(scope="module")
-def open_client(serve, tmp_path_factory) -> Iterator[httpx.Client]:
+def open_client(serve, tmp_path_factory, make_tables) -> Iterator[httpx.Client]:
     """Without keys, as on loopback."""
     settings = Settings(data_dir=tmp_path_factory.mktemp("open"))
-    migrate(settings)
+    make_tables(settings)
     with serve(create_app(settings)) as connection:
         yield connection
 
@@ -82,9 +81,9 @@ def test_probes_need_no_allowed_host_but_the_address_of_the_machine(serve, setti
             assert client.get(path, headers={"Host": host}).status_code == status
 
 
-def test_what_does_not_listen_on_loopback_asks_for_keys(serve, tmp_path):
+def test_what_does_not_listen_on_loopback_asks_for_keys(serve, tmp_path, make_tables):
     settings = Settings(data_dir=tmp_path)
-    migrate(settings)
+    make_tables(settings)
     with serve(create_app(settings, keys_required=True)) as client:
         assert client.get("/v1/loops").status_code == 401
         assert client.get("/healthz").status_code == 200
@@ -118,8 +117,8 @@ def test_what_a_proxy_on_this_machine_passes_on_needs_a_key(open_client, headers
     assert open_client.get("/healthz", headers=headers).status_code == 200
 
 
-def test_what_is_forwarded_is_open_where_that_is_wanted(serve, tmp_path):
+def test_what_is_forwarded_is_open_where_that_is_wanted(serve, tmp_path, make_tables):
     settings = Settings(data_dir=tmp_path, allow_open=True)
-    migrate(settings)
+    make_tables(settings)
     with serve(create_app(settings)) as client:
         assert client.get("/v1/loops", headers=FORWARDED[0]).status_code == 200
