@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,8 +17,9 @@ from app.services.intake import uploads
 from app.services.results import UploadView
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests.workers.nursery import Born, Nursery
 
-SCRIPT = Path(__file__).with_name("run_process.py")
+NURSERY = Nursery()
 QUICK = {
     "LOOPAUDIT_SWEEP_S": "0.5",
     "LOOPAUDIT_STALLED_S": "1",
@@ -37,19 +37,16 @@ class Plant:
     backend: Backend
     environment: dict[str, str]
     log: Path
-    running: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    running: list[Born] = field(default_factory=list)
 
-    def start(self, what: str, **spoiled: str) -> subprocess.Popen[bytes]:
+    def start(self, what: str, **spoiled: str) -> Born:
         """Starts a worker or a beat in a session of its own."""
         environment = {**os.environ, **self.environment, **{f"SPOILED_{k}": v for k, v in spoiled.items()}}
-        with self.log.open("ab") as log:
-            process = subprocess.Popen(
-                [sys.executable, str(SCRIPT), what], env=environment, stdout=log, stderr=log, start_new_session=True
-            )
+        process = NURSERY.start(what, environment, self.log)
         self.running.append(process)
         return process
 
-    def kill(self, process: subprocess.Popen[bytes]) -> None:
+    def kill(self, process: Born) -> None:
         """As a power cut: the process with its children, at once."""
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
@@ -67,6 +64,12 @@ class Plant:
             if time.monotonic() > until or dead:
                 pytest.fail(f"{what}: not within {seconds} s; ended: {dead}\n{self.log.read_text()[-4000:]}")
             time.sleep(0.05)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nursery() -> Iterator[None]:
+    yield
+    NURSERY.close()
 
 
 @contextmanager

@@ -1,12 +1,14 @@
-"""Run as a script by the tests: a worker or the schedule, with an engine that may be slow or deadly for some loops.
+"""Run as a script by the tests: workers and schedules, with an engine that may be slow or deadly for some loops.
 
 SPOILED_SLOW_S: every audit and explanation takes this much longer. SPOILED_DEADLY: that of this loop kills its process.
 """
 
+import mmap
 import os
 import signal
-import sys
 import time
+
+from nursery import born
 
 from app.queue.running import run_beat, run_worker
 from app.settings import Settings, use_one_thread
@@ -37,10 +39,22 @@ def spoil() -> None:
     explaining.explain = spoiled_explain
 
 
-if __name__ == "__main__":
+def run(what: str) -> None:
+    from workers import process
+
     use_one_thread()
-    if sys.argv[1] == "worker":
+    process.ENDING = mmap.mmap(-1, 1)  # of this worker's processes, not of all that are born here
+    if what == "worker":
         spoil()
         run_worker(Settings(), log_level="INFO")
     else:
         run_beat(Settings(), log_level="INFO")
+
+
+if __name__ == "__main__":
+    use_one_thread()
+    from workers.process import load_or_compile
+
+    load_or_compile()
+    if order := born():
+        run(order.what)
