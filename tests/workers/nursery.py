@@ -31,6 +31,7 @@ class Nursery:
         if self._process is None:
             command = [sys.executable, str(SCRIPT)]
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        log.touch()
         order = {"what": what, "environment": dict(environment), "log": str(log)}
         os.write(self._process.stdin.fileno(), json.dumps(order).encode() + b"\n")
         while not self._born:
