@@ -10,6 +10,7 @@ from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import loops as loops_table
 from tests.services.audited_plant import AddLoops, audited
+from tests.services.kept_rows import made_once
 
 MINUTE = 60_000_000_000
 START_NS = 1_750_000_000_000_000_000
@@ -42,7 +43,11 @@ def add_loops(backend: Backend, warm_kernels: None) -> AddLoops:
 @pytest.fixture
 def two_runs(backend: Backend, add_loops: AddLoops) -> tuple[dict[str, int], int]:
     """Four loops audited twice, with the ids of the loops and of the first run."""
-    ids = add_loops("A", "B", "C", "D", n=600, unit="U1")
-    first = audited(backend)
-    audited(backend)
-    return ids, first
+
+    def make() -> tuple[dict[str, int], int]:
+        ids = add_loops("A", "B", "C", "D", n=600, unit="U1")
+        first = audited(backend)
+        audited(backend)
+        return ids, first
+
+    return made_once(backend, "two runs", make)

@@ -23,6 +23,7 @@ from app.storage.continuing import LONGEST_CHAIN, before_first_verdict, counts_i
 from app.storage.tables import audits, newest_rows, verdicts
 from app.storage.tables import loops as stored
 from tests.services.conftest import START_NS
+from tests.services.kept_rows import made_once
 from tests.services.spoiled import loop_id_of
 
 AddLoops = Callable[..., dict[str, int]]
@@ -33,21 +34,25 @@ LATER = datetime.now(UTC) + timedelta(days=9)
 @pytest.fixture
 def renamed(backend: Backend, add_loops: AddLoops) -> Backend:
     """FIC101 was audited, has settings, a work order and is shelved; FIC-101A is new."""
-    add_loops("FIC101", "FIC102", n=150)
-    properties.patch_loop(backend, "FIC101", KNOWN)
-    notes.add_note(backend, "FIC101", "", work_order="WO-9")
-    notes.add_note(backend, "FIC101", "in the shutdown", shelved_until=LATER)
-    run = start_audit(backend)
-    audit_chunk(backend, int(run.id), "test")
-    with backend.database.write() as connection:
-        past = datetime(2026, 3, 1, 2, tzinfo=UTC)
-        connection.execute(update(verdicts).values(audited_at=past))
-        connection.execute(update(audits).values(created_at=past))
-        connection.execute(update(stored).values(newest_ns=START_NS - 1, created_at=past))
-    add_loops("FIC-101A", n=150)
-    properties.patch_loop(backend, "FIC-101A", {"op_low": 10.0, "op_high": 90.0})
-    run = start_audit(backend)
-    audit_chunk(backend, int(run.id), "test")
+
+    def make() -> None:
+        add_loops("FIC101", "FIC102", n=150)
+        properties.patch_loop(backend, "FIC101", KNOWN)
+        notes.add_note(backend, "FIC101", "", work_order="WO-9")
+        notes.add_note(backend, "FIC101", "in the shutdown", shelved_until=LATER)
+        run = start_audit(backend)
+        audit_chunk(backend, int(run.id), "test")
+        with backend.database.write() as connection:
+            past = datetime(2026, 3, 1, 2, tzinfo=UTC)
+            connection.execute(update(verdicts).values(audited_at=past))
+            connection.execute(update(audits).values(created_at=past))
+            connection.execute(update(stored).values(newest_ns=START_NS - 1, created_at=past))
+        add_loops("FIC-101A", n=150)
+        properties.patch_loop(backend, "FIC-101A", {"op_low": 10.0, "op_high": 90.0})
+        run = start_audit(backend)
+        audit_chunk(backend, int(run.id), "test")
+
+    made_once(backend, "renamed", make)
     return backend
 
 

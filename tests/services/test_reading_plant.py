@@ -28,6 +28,7 @@ from app.storage import verdicts as stored_verdicts
 from app.storage.loops import ListFilter
 from app.storage.tables import audits as stored_audits
 from app.storage.tables import newest_rows, verdicts
+from tests.services.kept_rows import made_once
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = [f"FIC{i}" for i in range(7)]
@@ -44,22 +45,30 @@ def _audit(backend: Backend) -> str:
 @pytest.fixture
 def untouched(backend: Backend, add_loops: AddLoops) -> Backend:
     """Five audited loops, and one that was not audited."""
-    add_loops(*TAGS[:5], n=150)
-    _audit(backend)
-    add_loops("NEW1", n=150)
+
+    def make() -> None:
+        add_loops(*TAGS[:5], n=150)
+        _audit(backend)
+        add_loops("NEW1", n=150)
+
+    made_once(backend, "untouched", make)
     return backend
 
 
 @pytest.fixture
 def plant(backend: Backend, add_loops: AddLoops) -> Backend:
     """Seven audited loops with probabilities of our choice, some alike, some unknown."""
-    ids = add_loops(*TAGS, n=150)
-    _audit(backend)
-    with backend.database.write() as connection:
-        for tag, probability in zip(TAGS, PROBABILITIES, strict=True):
-            for rows in (verdicts, newest_rows):
-                mine = rows.c.loop_id == ids[tag]
-                connection.execute(update(rows).where(mine).values(stiction_probability=probability))
+
+    def make() -> None:
+        ids = add_loops(*TAGS, n=150)
+        _audit(backend)
+        with backend.database.write() as connection:
+            for tag, probability in zip(TAGS, PROBABILITIES, strict=True):
+                for rows in (verdicts, newest_rows):
+                    mine = rows.c.loop_id == ids[tag]
+                    connection.execute(update(rows).where(mine).values(stiction_probability=probability))
+
+    made_once(backend, "of all probabilities", make)
     return backend
 
 

@@ -26,6 +26,7 @@ from app.services.telling.next_steps import BY_CAUSE, Ask, next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops, newest_rows, verdicts
 from app.storage.tables import notes as notes_table
+from tests.services.kept_rows import made_once
 
 AddLoops = Callable[..., dict[str, int]]
 DAY = timedelta(days=1)
@@ -73,10 +74,14 @@ def worst_loops(backend: Backend) -> list[str]:
 @pytest.fixture
 def judged(backend: Backend, add_loops: AddLoops) -> Backend:
     """Three loops whose valves may stick; A is the worst of them."""
-    add_loops("A", "B", "C", n=600, unit="U1")
-    audit_chunk(backend, int(start_audit(backend).id), "test")
-    for number, tag in enumerate("ABC"):
-        say(backend, tag, **UNSURE | {"health": 20.0 + number})
+
+    def make() -> None:
+        add_loops("A", "B", "C", n=600, unit="U1")
+        audit_chunk(backend, int(start_audit(backend).id), "test")
+        for number, tag in enumerate("ABC"):
+            say(backend, tag, **UNSURE | {"health": 20.0 + number})
+
+    made_once(backend, "three unsure", make)
     return backend
 
 

@@ -35,6 +35,7 @@ from app.storage.audits import LoopFilter
 from app.storage.tables import newest_rows, verdicts
 from app.storage.unanswered import unanswered
 from tests.services.audited_plant import rewrite, rewrite_newest
+from tests.services.kept_rows import made_once
 from tests.services.standing_plant import SAMPLES, later, stored
 from tests.services.upkeep_plant import with_settings
 
@@ -80,9 +81,13 @@ def shelve(backend: Backend, tags: Iterable[str]) -> None:
 @pytest.fixture
 def plant(backend: Backend, warm_kernels: None) -> Backend:
     """Four loops of a unit that is shut down, in automatic, a transmitter that died hours before, and one at work."""
-    at = dict(zip(DOWN, (900, 905, 910, 915), strict=True)) | {"X1": 400, "R1": None}
-    stored(backend, at, {tag: "U1" if tag in DOWN else "U2" for tag in at})
-    audited(backend)
+
+    def make() -> None:
+        at = dict(zip(DOWN, (900, 905, 910, 915), strict=True)) | {"X1": 400, "R1": None}
+        stored(backend, at, {tag: "U1" if tag in DOWN else "U2" for tag in at})
+        audited(backend)
+
+    made_once(backend, "stood together", make)
     return backend
 
 

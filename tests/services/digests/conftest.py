@@ -23,6 +23,7 @@ from app.services.digests import deliveries
 from app.settings import Settings
 from app.storage.tables import deliveries as delivered
 from app.storage.tables import verdicts
+from tests.services.kept_rows import made_once
 
 AddLoops = Callable[..., dict[str, int]]
 HOSTILE = "<script>alert(1)</script>\r\nBcc: evil@example.com"
@@ -113,9 +114,14 @@ def settings(settings: Settings, mailbox: Mailbox, receiver: Receiver) -> Settin
 @pytest.fixture
 def night(backend: Backend, add_loops: AddLoops) -> str:
     """The second night of a plant of two units; a valve of U1 has begun to stick."""
-    ids = add_loops("A1", "A2", unit="U1") | add_loops("B1", HOSTILE, unit="U2")
-    first = start_audit(backend)
-    audit_chunk(backend, int(first.id), "test")
+
+    def make() -> tuple[dict[str, int], str]:
+        ids = add_loops("A1", "A2", unit="U1") | add_loops("B1", HOSTILE, unit="U2")
+        first = start_audit(backend)
+        audit_chunk(backend, int(first.id), "test")
+        return ids, first.id
+
+    ids, first = made_once(backend, "the night before", make)
     run = nightly(backend)
     audit_chunk(backend, int(run.id), "test")
     verdict = {"verdict": "stiction", "reliability": "reliable", "stiction_probability": 0.9}
@@ -123,7 +129,7 @@ def night(backend: Backend, add_loops: AddLoops) -> str:
         for tag in ("A1", HOSTILE):
             mine = (verdicts.c.audit_id == int(run.id), verdicts.c.loop_id == ids[tag])
             connection.execute(update(verdicts).where(*mine).values(**verdict))
-        others = (verdicts.c.audit_id == int(first.id), verdicts.c.loop_id == ids["A1"])
+        others = (verdicts.c.audit_id == int(first), verdicts.c.loop_id == ids["A1"])
         connection.execute(update(verdicts).where(*others).values(verdict="no_stiction"))
     return run.id
 
