@@ -133,11 +133,11 @@ def recording_files(paths: list[Path]) -> list[Path]:
     """The files to read, each once, folders in the order of their names, and what was named and is not there: that
     fails by itself. Raises where nothing is left.
     """
-    from app.ingest import is_export_name
-
     files = []
     for path in paths:
         if path.is_dir():
+            from app.ingest import is_export_name  # with all that reads files, which is not needed to send one
+
             files += sorted(file for file in path.iterdir() if is_export_name(file.name) and file.is_file())
         else:
             files.append(path)

@@ -20,12 +20,12 @@ MappingOption = Annotated[
 
 def mapping_bytes(file: Path | None) -> bytes | None:
     """What the file holds, checked as the service checks it. Raises DataError("no_such_file" or "bad_mapping")."""
-    from app.ingest import TagMapping
-
     if file is None:
         return None
     if not file.is_file():
         raise DataError("no_such_file", f"the mapping {file} is not there or not a file")
+    from app.ingest import TagMapping  # with all that reads files: who sends one without a mapping waits for none of it
+
     data = file.read_bytes()
     TagMapping.from_bytes(data)
     return data
