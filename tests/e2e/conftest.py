@@ -17,6 +17,8 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.cli.calling import run
+
 ROOT = Path(__file__).resolve().parents[2]
 REDIS_DATABASES = range(15, 8, -1)
 
@@ -137,6 +139,13 @@ def make_processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callabl
     yield make
     for processes in made:
         processes.stop_all()
+
+
+def simulated(file: Path, *options: str) -> Path:
+    """A recording as `loopaudit simulate` writes it, without a process of its own: that is asked in the guides."""
+    done = run("simulate", *options, "--out", file)
+    assert done.exit_code == 0, done.output
+    return file
 
 
 def wait_ready(client: httpx.Client, processes: Processes, seconds: float = 60) -> None:

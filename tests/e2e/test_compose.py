@@ -13,6 +13,8 @@ import httpx
 import pytest
 import yaml
 
+from tests.e2e.conftest import simulated
+
 ROOT = Path(__file__).resolve().parents[2]
 COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
 SERVICES = COMPOSE["services"]
@@ -50,14 +52,11 @@ def processes(make_processes, postgres_url, redis_url):
 
 
 @pytest.fixture(scope="module")
-def recordings(processes, tmp_path_factory) -> list[Path]:
-    """Three recordings of known valves. One is audited at once, so that the kernels are compiled once and not twice."""
+def recordings(warm_kernels, tmp_path_factory) -> list[Path]:
+    """Three recordings of known valves."""
     folder = tmp_path_factory.mktemp("recordings")
     for name, valve in VALVES.items():
-        done = processes.run("simulate", *valve, "--noise", "0.05", "--out", str(folder / f"{name}.csv"))
-        assert done.returncode == 0, done.stderr
-    compiled = processes.run("audit", str(folder / "STICKY.csv"), timeout=280)
-    assert compiled.returncode == 0, compiled.stderr
+        simulated(folder / f"{name}.csv", *valve, "--noise", "0.05")
     return sorted(folder.iterdir())
 
 

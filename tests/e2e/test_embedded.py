@@ -8,6 +8,8 @@ import time
 import httpx
 import pytest
 
+from tests.e2e.conftest import simulated
+
 pytestmark = pytest.mark.timeout(600)  # cold kernels on a busy machine
 
 
@@ -22,11 +24,8 @@ def service(make_processes, ready_service, free_port):
 @pytest.fixture(scope="module")
 def audited(service, tmp_path_factory):
     folder = tmp_path_factory.mktemp("exports")
-    sticky, plain = folder / "FIC 1.csv", folder / "=HYPERLINK.csv"
-    assert (
-        service.processes.run("simulate", "--valve", "he", "-S", "6", "-J", "2", "--out", str(sticky)).returncode == 0
-    )
-    assert service.processes.run("simulate", "--noise", "0.3", "--out", str(plain)).returncode == 0
+    simulated(folder / "FIC 1.csv", "--valve", "he", "-S", "6", "-J", "2")
+    simulated(folder / "=HYPERLINK.csv", "--noise", "0.3")
     url = str(service.client.base_url)
     done = service.processes.run("upload", str(folder), "--url", url, "--wait")
     assert done.returncode == 0, (done.stderr, service.processes.logs())
