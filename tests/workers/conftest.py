@@ -2,11 +2,12 @@
 
 import os
 import signal
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,10 @@ from app.services.intake import uploads
 from app.services.results import UploadView
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
-from tests.workers.nursery import Born, Nursery
+from tests.workers.run_process import run
 
-NURSERY = Nursery()
+FORKED = get_context("forkserver")
+FORKED.set_forkserver_preload(["tests.workers.loaded"])
 QUICK = {
     "LOOPAUDIT_SWEEP_S": "0.5",
     "LOOPAUDIT_STALLED_S": "1",
@@ -37,19 +39,23 @@ class Plant:
     backend: Backend
     environment: dict[str, str]
     log: Path
-    running: list[Born] = field(default_factory=list)
+    running: list[ForkServerProcess] = field(default_factory=list)
 
-    def start(self, what: str, **spoiled: str) -> Born:
+    def start(self, what: str, **spoiled: str) -> ForkServerProcess:
         """Starts a worker or a beat in a session of its own."""
         environment = {**os.environ, **self.environment, **{f"SPOILED_{k}": v for k, v in spoiled.items()}}
-        process = NURSERY.start(what, environment, self.log)
+        self.log.touch()  # it is read at once
+        process = FORKED.Process(target=run, name=what, args=(what, environment, self.log), daemon=True)
+        process.start()
+        while os.getsid(process.pid) != process.pid:
+            time.sleep(0.001)
         self.running.append(process)
         return process
 
-    def kill(self, process: Born) -> None:
+    def kill(self, process: ForkServerProcess) -> None:
         """As a power cut: the process with its children, at once."""
         os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        process.join()
         self.running.remove(process)
 
     def send(self, name: str, data: bytes) -> UploadView:
@@ -60,16 +66,16 @@ class Plant:
     def wait(self, what: str, true: Callable[[], bool], seconds: float = 120.0) -> None:
         until = time.monotonic() + seconds
         while not true():
-            dead = [process.args for process in self.running if process.poll() not in (None, 0)]
+            dead = [process for process in self.running if process.exitcode not in (None, 0)]
             if time.monotonic() > until or dead:
                 pytest.fail(f"{what}: not within {seconds} s; ended: {dead}\n{self.log.read_text()[-4000:]}")
             time.sleep(0.05)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def nursery() -> Iterator[None]:
-    yield
-    NURSERY.close()
+def ended_with(process: ForkServerProcess) -> int | None:
+    """Its exit code; None: it has not ended within a minute."""
+    process.join(60)
+    return process.exitcode
 
 
 @contextmanager
@@ -112,11 +118,10 @@ def plant(request: pytest.FixtureRequest, tmp_path: Path, warm_kernels: None) ->
     made = Plant(Backend.open(settings), environment, tmp_path / "processes.log")
     yield made
     for process in made.running:
-        process.send_signal(signal.SIGTERM)
+        process.terminate()
     for process in made.running:
-        try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
+        process.join(10)
+        if process.exitcode is None:
             os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+            process.join()
     made.backend.close()

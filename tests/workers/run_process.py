@@ -1,4 +1,5 @@
-"""Run as a script by the tests: workers and schedules, with an engine that may be slow or deadly for some loops.
+"""Run by the tests in processes of their own: a worker or the schedule, with an engine that may be slow or deadly for
+some loops.
 
 SPOILED_SLOW_S: every audit and explanation takes this much longer. SPOILED_DEADLY: that of this loop kills its process.
 """
@@ -7,11 +8,13 @@ import mmap
 import os
 import signal
 import time
-
-from nursery import born
+from collections.abc import Mapping
+from multiprocessing import parent_process
+from pathlib import Path
+from threading import Thread
 
 from app.queue.running import run_beat, run_worker
-from app.settings import Settings, use_one_thread
+from app.settings import Settings
 
 
 def spoil() -> None:
@@ -39,11 +42,18 @@ def spoil() -> None:
     explaining.explain = spoiled_explain
 
 
-def run(what: str) -> None:
+def run(what: str, environment: Mapping[str, str], log: Path) -> None:
+    """As a program of its own would: with a session, streams and an environment of its own."""
+    os.setsid()
+    file = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+    os.dup2(file, 1)
+    os.dup2(file, 2)
+    os.environ.clear()
+    os.environ.update(environment)
+    Thread(target=end_with_the_tests, daemon=True).start()
     from workers import process
 
-    use_one_thread()
-    process.ENDING = mmap.mmap(-1, 1)  # of this worker's processes, not of all that are born here
+    process.ENDING = mmap.mmap(-1, 1)  # of this worker's processes, not of all that are forked from one server
     if what == "worker":
         spoil()
         run_worker(Settings(), log_level="INFO")
@@ -51,10 +61,7 @@ def run(what: str) -> None:
         run_beat(Settings(), log_level="INFO")
 
 
-if __name__ == "__main__":
-    use_one_thread()
-    from workers.process import load_or_compile
-
-    load_or_compile()
-    if order := born():
-        run(order.what)
+def end_with_the_tests() -> None:
+    """Kills this session of processes once that of the tests was killed: nobody else would end it."""
+    parent_process().join()
+    os.killpg(0, signal.SIGKILL)

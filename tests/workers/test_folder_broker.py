@@ -151,5 +151,5 @@ def test_a_worker_whose_folder_is_away_for_a_while_goes_on(plant: Any, small_exp
         away.rename(data)
     second = plant.send("b.csv", small_export.replace(b"FIC", b"TIC"))
     plant.wait("the second upload", lambda: uploads.get_upload(plant.backend, second.id).state == "done")
-    assert worker.poll() is None
+    assert worker.exitcode is None
     assert plant.log.read_text().count("the folder of messages cannot be used") == 1

@@ -17,7 +17,7 @@ from app.queue.refusals import FULL
 from app.queue.steady import Scheduler
 from app.services.intake.uploads import get_upload
 from app.settings import Settings
-from tests.workers.conftest import Plant, plant_behind
+from tests.workers.conftest import Plant, ended_with, plant_behind
 from tests.workers.redis_server import RedisServer
 
 
@@ -95,7 +95,7 @@ def test_what_is_told_to_stop_meanwhile_stops(plant: Plant, server: RedisServer,
     process = plant.start(name)
     plant.wait("it says so twice", lambda: plant.log.read_text().count('"broker_refused"') >= 2)
     process.terminate()
-    assert process.wait(60) == 0
+    assert ended_with(process) == 0
     plant.running.remove(process)
     assert "Traceback" not in plant.log.read_text()
 

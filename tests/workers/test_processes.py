@@ -13,6 +13,7 @@ from app.services.intake import uploads
 from app.services.plant import loop_verdicts, reliability
 from app.storage.tables import audit_items, verdicts
 from app.storage.tables import loops as loops_table
+from tests.workers.conftest import ended_with
 
 LOOPS = 10
 
@@ -65,7 +66,7 @@ def test_from_upload_to_verdicts_with_lost_and_doubled_messages(plant: Any, smal
     assert re.search(r"nightly audit of \d{4}-\d\d-\d\d started, run \d+", log)
     for process in (worker, *beats):
         process.terminate()
-    assert [process.wait(60) for process in (worker, *beats)] == [0, 0, 0]
+    assert [ended_with(process) for process in (worker, *beats)] == [0, 0, 0]
 
 
 def test_a_killed_worker_and_a_deadly_loop_leave_a_run_that_ends(plant: Any, small_export: bytes) -> None:
@@ -90,7 +91,7 @@ def test_a_worker_that_is_told_to_stop_finishes_what_it_holds(plant: Any, small_
     run = audits.start_audit(plant.backend)
     plant.wait("claims", lambda: _claimed(plant, run.id) > 0)
     worker.terminate()
-    assert worker.wait(60) == 0
+    assert ended_with(worker) == 0
     plant.running.remove(worker)
     assert _claimed(plant, run.id) == 0
     plant.backend.queue.audit_chunks(int(run.id), 1)

@@ -14,7 +14,7 @@ from app.services.intake import uploads
 from app.services.upkeep.sweep import sweep
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
-from tests.workers.conftest import QUICK, Plant, export
+from tests.workers.conftest import QUICK, Plant, ended_with, export
 
 PLANTS = ("north", "south")
 
@@ -32,7 +32,7 @@ def plants(tmp_path: Path, redis_url: str) -> Iterator[list[Plant]]:
     for plant in made:
         for process in plant.running:
             os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+            process.join()
         plant.backend.close()
 
 
@@ -60,7 +60,7 @@ def test_a_worker_hears_its_own_plant_alone(plants: list[Plant], warm_kernels: N
     assert {state(south, one) for one in of_south} == {"received"}
     assert (waiting(north), waiting(south)) == (0, 3)
     worker.terminate()
-    worker.wait(60)
+    assert ended_with(worker) == 0
     north.running.remove(worker)
     south.start("worker")
     south.wait("the south's uploads", lambda: {state(south, one) for one in of_south} == {"done"})
