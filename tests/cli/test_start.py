@@ -7,6 +7,7 @@ import sys
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Timer
 
 import pytest
 from sqlalchemy import create_engine, make_url
@@ -103,11 +104,14 @@ def test_a_data_base_that_is_away_is_waited_for(tmp_path: Path, command: tuple[s
     """As after a power cut, when all start at once."""
     servers = {"database_url": "postgresql://127.0.0.1:1/plant", "broker_url": "redis://127.0.0.1:1/0"}
     with subprocess.Popen(line(*command), stderr=subprocess.PIPE, env=own(data_dir=tmp_path, **servers)) as running:
+        silent = Timer(60, running.kill)
+        silent.start()
         try:
             assert any(b"it is waited for" in said for said in running.stderr)
             with pytest.raises(subprocess.TimeoutExpired):
                 running.wait(2)
         finally:
+            silent.cancel()
             running.kill()
 
 
