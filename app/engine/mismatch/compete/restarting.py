@@ -2,6 +2,7 @@
 stem's work in it, a dead time and a lag that the process has not, and no fit of a stem leaves that hill.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from app.engine.mismatch.compete.ranking import best_of_each_code, by_worth
 from app.engine.mismatch.compete.searching import score_of, searched
 from app.engine.mismatch.compete.worth import worth
 from app.engine.mismatch.fit.fitting import Fit, fit, task_of
-from app.engine.mismatch.fit.free_run import runs_nearer, stem_swing
+from app.engine.mismatch.fit.free_run import by_free_run, runs_nearer, stem_swing
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.stems import ShownStem, shown_stems, walking
 from app.engine.mismatch.fit.task import OWN_DEVIATION, Given, Task, make_task, start_at
@@ -50,8 +51,21 @@ def takes_its_place(contender: Contender, known: Contender | None) -> bool:
     """Whether a stem with a loop of its own is believed before what is known of its code, or before none."""
     before = contender.over if known is None else known.fit
     likelier = contender.fit.score > before.score + LIKELIER
-    nearer = runs_nearer(contender.fit, before, stem_swing(contender.fit))
-    return likelier and nearer and worth(contender) > MORE_ASKED
+    return likelier and stands(contender.fit, before) and worth(contender) > MORE_ASKED
+
+
+def stands(found: Fit, before: Fit) -> bool:
+    """Whether the free run behind a stem is nearer to PV than another."""
+    return runs_nearer(found, before, stem_swing(found))
+
+
+def foremost(fits: Sequence[Fit], base: Fit) -> Fit:
+    """The likeliest of those stems that stand, of all where none does.
+
+    What a stem hides between two samples it may take a tiny slip and a huge gain to mimic: likelier by the noise that
+    this leaves, and refused for its free run. It must not displace one that stands.
+    """
+    return max(fits, key=lambda found: (stands(found, base), found.score))
 
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
@@ -65,12 +79,14 @@ def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     shown = shown_stems(record, base.noise) or shown_stems(record, walking(record))
     ended = behind_stems(base, shown, blocks)
     for _ in range(AGAIN if ended else 0):
-        best = max(ended, key=score_of)
+        best = foremost(ended, base)
         ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks)
-        if max(ended, key=score_of).score < best.score + LIKELIER:
+        if foremost(ended, base).score < best.score + LIKELIER:
             break
-    of_each = {found.parts[-1].block.code: found for found in sorted(ended, key=score_of)}
-    return tuple(pursued(base, found, blocks) for found in of_each.values())
+    of_each: dict[str, list[Fit]] = {}
+    for found in ended:
+        of_each.setdefault(found.parts[-1].block.code, []).append(found)
+    return tuple(pursued(base, foremost(fits, base), blocks) for fits in of_each.values())
 
 
 def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...]) -> list[Fit]:
@@ -81,7 +97,7 @@ def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, .
         block = named.get(STICKS if stem.share > 0.0 else BACKLASH)
         if block is not None:
             begun.append(descended(*begun_at(base, stem, block), STEPS))
-    return [to_its_end(first) for first in sorted(begun, key=score_of)[-PURSUED:]]
+    return [to_its_end(first) for first in sorted(begun, key=lambda f: (stands(f, base), f.score))[-PURSUED:]]
 
 
 def begun_at(base: Fit, stem: ShownStem, block: Block) -> tuple[Task, FloatArray]:
@@ -101,17 +117,20 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Contender:
     for again on a fine grid.
     """
     stem = first.parts[-1]
-    walked = over_its_slips(first)
+    walked = over_its_slips(first, base)
     moved = signal_after(walked.record, walked.plant, walked.parts, walked.parts[-1]) + walked.record.op_mid
     given = replace(identify(base.record.with_op(moved)).given, behind_stem=True)
     task = make_task(base.record, given, (stem.block,))
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
-    best = max((walked, other), key=score_of)
+    best = foremost((walked, other), base)
     alone = Contender(stem.block, best, best.likelihood - base.likelihood, base)
-    return max((alone, searched(alone, blocks)), key=score_of)
+    again = searched(alone, blocks)
+    ended = (alone.fit, again.fit) if stands(alone.fit, base) else (alone.fit, again.fit, by_free_run(again.fit))
+    found = foremost(ended, base)
+    return Contender(found.parts[-1].block, found, found.likelihood - base.likelihood, base)
 
 
-def over_its_slips(found: Fit) -> Fit:
+def over_its_slips(found: Fit, base: Fit) -> Fit:
     """The best fit with another size of slip: each stem that slips first where this one does, the gain in proportion.
     From one to the next the first slip falls into other samples unless all of them move together, which no descent
     does.
@@ -123,7 +142,7 @@ def over_its_slips(found: Fit) -> Fit:
             plant = found.plant.changed(K=found.plant.K * values[1] / share)
             begun += [descended(task, start_at(task, plant, other), STEPS) for other in slipping_as(values, share)]
         ended = [to_its_end(first) for first in sorted(begun, key=score_of)[-OF_A_WALK:]]
-        best = max((found, *ended), key=score_of)
+        best = foremost((found, *ended), base)
         if best is found:
             break
         found = best
