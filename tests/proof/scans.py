@@ -1,9 +1,9 @@
 """What `explain` says where a controller scans several times between two samples of the record: `python scans.py
 [--scans N...] [--count N] [--seed N] [--kinds K...] [--out FILE]`.
 
-Loops of one lag or two under PI control and a load, of which one scan in N is recorded: valves that stick by five forms,
-with a backlash, sound ones, and further effects; each beside a right simulation but for what is missing, and beside
-none.
+Loops of one lag or two under PI control and a load, of which one scan in N is recorded: valves that stick by five
+forms, with a backlash, sound ones, and further effects; each beside a simulation that is right but for what is missing,
+and beside none.
 """
 
 import argparse
@@ -41,7 +41,10 @@ RIGHT = {
 SURE = 0.9
 STICKS = ("limit cycle", "valve.stiction")
 # What a load that steps or wanders is rightly called too.
-OF_LOADS = {1: ("disturbance.ramp", "sensor.drift", "disturbance.step", "sensor.step"), 2: ("disturbance.step", "sensor.step")}
+OF_LOADS = {
+    1: ("disturbance.ramp", "sensor.drift", "disturbance.step", "sensor.step"),
+    2: ("disturbance.step", "sensor.step"),
+}
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,12 @@
 import json
 
 import numpy as np
+import pytest
 
 from app.engine.mismatch.loop.plant import Plant, run_process
 from tests.proof.plants import SUBSTEPS, ExactLags
+from tests.proof.scans import made
+from tests.proof.scans import told as told_of_scans
 from tests.proof.sizes import blind, limit_cycles, told
 from tests.proof.tables import of_pairs, of_single, rows_of
 
@@ -51,3 +54,20 @@ def test_two_lags_and_a_zero_of_the_own_form_answer_as_the_engine_s():
     answer = run_process(op, Plant(K=1.0, tau=13.3, theta=3.0, tau2=4.0, zero=6.5), 1.0)
     settled = slice(250, None)
     np.testing.assert_allclose(pv[settled], answer[settled], atol=1e-6)
+
+
+def test_what_is_said_of_loops_with_scans_between_is_counted():
+    row = {"kind": "limit cycle", "given": False, "scans": 5, "right": True, "first": True,
+           "said": [["valve.stiction"]], "false": 0, "sure": 0, "held": True}  # fmt: skip
+    lost = {**row, "right": False, "first": False, "said": [["sensor.saturation"]], "false": 1, "held": None}
+    (line,) = told_of_scans([row, lost])
+    assert line == (
+        "limit cycle, no simulation, 5 scans: named 1 of 2 (first of its alternatives 1), nothing 0, false names 1 "
+        "(0 of p > 0.9); S held by 1 of 1"
+    )
+
+
+def test_a_loop_swings_alike_however_often_its_controller_scans():
+    few, many = (made("limit cycle", 0, 7, scans).comparison for scans in (1, 5))
+    assert len(few.pv) == len(many.pv)
+    assert np.std(many.op) == pytest.approx(np.std(few.op), rel=0.2)

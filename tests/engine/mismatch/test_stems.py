@@ -113,7 +113,7 @@ def test_all_sizes_of_slip_are_walked_from_a_wrong_one() -> None:
     block = next(block for block in library(base.record) if block.name == STICKS)
     wrong = ShownStem(8.0, 0.2, 0.0, 100.0, Plant(3.0, 20.0, 2.0))
     first = to_its_end(descended(*begun_at(base, wrong, block), 6))
-    walked = over_its_slips(first)
+    walked = over_its_slips(first, base)
     assert walked.score > first.score + 20.0
     assert walked.parts[-1].values[1] == pytest.approx(0.75, abs=0.1)
 

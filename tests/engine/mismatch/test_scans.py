@@ -1,0 +1,48 @@
+"""Loops whose controller scans five times between two samples: what the stem does there no free run knows, and a stem
+of next to no slip behind a gain many times the true one explains the samples best, with a free run that is far off.
+"""
+
+import numpy as np
+
+from app.engine.mismatch import explain
+from app.engine.mismatch.compare.comparison import record_of
+from app.engine.mismatch.compete.competition import descended
+from app.engine.mismatch.compete.restarting import (
+    STICKS,
+    begun_at,
+    foremost,
+    restarted,
+    stands,
+    takes_its_place,
+    to_its_end,
+)
+from app.engine.mismatch.fit.given import identify
+from app.engine.mismatch.fit.stems import ShownStem
+from app.engine.mismatch.loop.plant import Plant
+from app.engine.mismatch.physics import fixed
+from tests.proof.scans import made
+
+SEED, SCANS = 7, 5
+
+
+def test_a_stem_that_stands_is_not_displaced_by_a_likelier_one_that_is_refused() -> None:
+    loop = made("limit cycle", 12, SEED, SCANS)
+    base = identify(record_of(loop.comparison))
+    (sticks,) = (stem for stem in restarted(base, fixed()) if stem.block.code == "valve.stiction")
+    assert takes_its_place(sticks, None)
+    assert abs(sticks.fit.parts[0].values[0] / loop.S - 1.0) < 0.1
+    block = next(block for block in fixed() if block.name == STICKS)
+    mimic = ShownStem(3.66, 0.01, 0.0, 100.0, Plant(3.7, 20.5, 8.0))  # for a gain of 1 and S of 4.14
+    refused = to_its_end(descended(*begun_at(base, mimic, block), 6))
+    assert refused.score > sticks.fit.score
+    assert not stands(refused, base)
+    assert foremost((refused, sticks.fit), base) is sticks.fit
+    assert foremost((refused,), base) is refused
+
+
+def test_a_limit_cycle_with_scans_between_its_samples_is_named() -> None:
+    loop = made("limit cycle", 1, SEED, SCANS)
+    said = explain(loop.comparison)
+    assert said.effects[0].code == "valve.stiction"
+    size = next(p.value for p in said.effects[0].parameters if p.name == "S")
+    np.testing.assert_allclose(size, loop.S, rtol=0.1)
