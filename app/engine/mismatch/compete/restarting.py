@@ -12,7 +12,7 @@ from app.engine.mismatch.compete.ranking import best_of_each_code, by_worth
 from app.engine.mismatch.compete.searching import score_of, searched
 from app.engine.mismatch.compete.worth import worth
 from app.engine.mismatch.fit.fitting import Fit, fit, task_of
-from app.engine.mismatch.fit.free_run import by_free_run, runs_nearer, stem_swing
+from app.engine.mismatch.fit.free_run import runs_nearer, stem_swing
 from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.stems import ShownStem, shown_stems, walking
 from app.engine.mismatch.fit.task import OWN_DEVIATION, Given, Task, make_task, start_at
@@ -60,12 +60,21 @@ def stands(found: Fit, before: Fit) -> bool:
 
 
 def foremost(fits: Sequence[Fit], base: Fit) -> Fit:
-    """The likeliest of those stems that stand, of all where none does.
+    return by_standing(fits, base)[0]
+
+
+def by_standing(fits: Sequence[Fit], base: Fit) -> list[Fit]:
+    """Stems, the likeliest first; those that stand before all others where one of them slips.
 
     What a stem hides between two samples it may take a tiny slip and a huge gain to mimic: likelier by the noise that
-    this leaves, and refused for its free run. It must not displace one that stands.
+    this leaves, and refused for its free run. It must not displace one that stands. Where none that stands slips it may:
+    a load alone brings the free run of a stem that only lags behind OP nearer, in loops with a sound valve too.
     """
-    return max(fits, key=lambda found: (stands(found, base), found.score))
+    standing = [found for found in fits if stands(found, base)]
+    if all(stem_swing(found) is None for found in standing):
+        standing = []
+    others = [found for found in fits if not any(found is one for one in standing)]
+    return [found for some in (standing, others) for found in sorted(some, key=score_of, reverse=True)]
 
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
@@ -81,7 +90,8 @@ def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     for _ in range(AGAIN if ended else 0):
         best = foremost(ended, base)
         ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks)
-        if foremost(ended, base).score < best.score + LIKELIER:
+        again = foremost(ended, base)
+        if again.score < best.score + LIKELIER and stands(again, base) == stands(best, base):
             break
     of_each: dict[str, list[Fit]] = {}
     for found in ended:
@@ -97,7 +107,7 @@ def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, .
         block = named.get(STICKS if stem.share > 0.0 else BACKLASH)
         if block is not None:
             begun.append(descended(*begun_at(base, stem, block), STEPS))
-    return [to_its_end(first) for first in sorted(begun, key=lambda f: (stands(f, base), f.score))[-PURSUED:]]
+    return [to_its_end(first) for first in by_standing(begun, base)[:PURSUED]]
 
 
 def begun_at(base: Fit, stem: ShownStem, block: Block) -> tuple[Task, FloatArray]:
@@ -124,9 +134,7 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Contender:
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
     best = foremost((walked, other), base)
     alone = Contender(stem.block, best, best.likelihood - base.likelihood, base)
-    again = searched(alone, blocks)
-    ended = (alone.fit, again.fit) if stands(alone.fit, base) else (alone.fit, again.fit, by_free_run(again.fit))
-    found = foremost(ended, base)
+    found = foremost((alone.fit, searched(alone, blocks).fit), base)
     return Contender(found.parts[-1].block, found, found.likelihood - base.likelihood, base)
 
 
