@@ -162,6 +162,27 @@ def lags(freezes: bool = False, later: bool = False, loaded: bool = False) -> Co
     return Comparison("made up", INTERVAL_S, np.array(op), np.array(seen), simulation=SIMULATION)
 
 
+def scanned(S: float, J: float, samples: int = 420, scans: int = 5) -> Comparison:
+    """A loop whose valve sticks, He's, and whose controller scans five times between two samples of what is recorded;
+    its load steps twice.
+    """
+    true, stem, pushed, integral, op, before = 50.0, 50.0, 0.0, 50.0, 50.0, 50.0
+    seen = []
+    for t, drawn in enumerate(noise(samples * scans)):
+        pushed, before = pushed + op - before, op
+        if abs(pushed) > 0.5 * (S + J):
+            left = 0.5 * (S - J) if pushed > 0.0 else -0.5 * (S - J)
+            stem, pushed = stem + pushed - left, left
+        load = (0.7 if t < 60 * scans else -0.7) + (2.0 if t > 200 * scans else 0.0)
+        true += 0.2 / scans * (stem + load - true)
+        pv = true + 0.2 * drawn
+        integral += 0.3 / scans * (50.0 - pv)
+        op = min(max(integral + 1.5 * (50.0 - pv), 0.0), 100.0)
+        seen.append((op, pv))
+    ops, pvs = np.array(seen[scans - 1 :: scans]).T
+    return Comparison("made up", INTERVAL_S, ops, pvs, np.full(samples, 50.0))
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "sticks": lambda: loop(S=6.0, J=2.0),
     "sticks and jumps": lambda: loop(S=3.0, J=3.0),
@@ -247,6 +268,7 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
         "explain: ends at a limit and stands, beside its simulation",
         lambda: sized(explain(ends_at_a_limit(stood=True))),
     )
+    yield "explain: sticks between its samples", lambda: explained(explain(scanned(S=7.0, J=4.2)))
 
 
 QUESTIONS = dict(asked())

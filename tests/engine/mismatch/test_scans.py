@@ -3,6 +3,7 @@ of next to no slip behind a gain many times the true one explains the samples be
 """
 
 import numpy as np
+import pytest
 
 from app.engine.mismatch import explain
 from app.engine.mismatch.compare.comparison import record_of
@@ -21,6 +22,7 @@ from app.engine.mismatch.fit.stems import ShownStem
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics import fixed
 from tests.proof.scans import made
+from tests.proof.stems import healthy
 
 SEED, SCANS = 7, 5
 
@@ -38,6 +40,21 @@ def test_a_stem_that_stands_is_not_displaced_by_a_likelier_one_that_is_refused()
     assert not stands(refused, base)
     assert foremost((refused, sticks.fit), base) is sticks.fit
     assert foremost((refused,), base) is refused
+
+
+def test_stems_are_looked_for_again_behind_the_first_that_stands() -> None:
+    loop = made("limit cycle", 6, 333, SCANS)  # a likelier one that was refused had ended the search
+    base = identify(record_of(loop.comparison))
+    (size,) = (stem.fit.parts[0].values[0] for stem in restarted(base, fixed()) if takes_its_place(stem, None))
+    np.testing.assert_allclose(size, loop.S, rtol=0.05)
+
+
+@pytest.mark.parametrize("seed", [9301, 9315], ids=["triangle", "square"])
+def test_a_load_that_swings_makes_no_stem_of_a_sound_valve(seed: int) -> None:
+    base = identify(record_of(healthy(seed)))
+    stems = restarted(base, fixed())
+    assert stems
+    assert not [stem for stem in stems if takes_its_place(stem, None)]
 
 
 def test_a_limit_cycle_with_scans_between_its_samples_is_named() -> None:
