@@ -67,8 +67,8 @@ def by_standing(fits: Sequence[Fit], base: Fit) -> list[Fit]:
     """Stems, the likeliest first; those that stand before all others where one of them slips.
 
     What a stem hides between two samples it may take a tiny slip and a huge gain to mimic: likelier by the noise that
-    this leaves, and refused for its free run. It must not displace one that stands. Where none that stands slips it may:
-    a load alone brings the free run of a stem that only lags behind OP nearer, in loops with a sound valve too.
+    this leaves, and refused for its free run. It must not displace one that stands. Where none that stands slips it
+    may: a load alone brings the free run of a stem that only lags behind OP nearer, with a sound valve too.
     """
     standing = [found for found in fits if stands(found, base)]
     if all(stem_swing(found) is None for found in standing):
