@@ -27,6 +27,7 @@ STEPS, ROUNDS = 6, 3
 OTHER_SLIPS, WALKS = np.linspace(0.05, 1.0, 20), 2
 LIKELIER = 1.0  # nat
 AGAIN = 3
+SLIPS_WELL = 0.4  # J / S. Measured: docs/PROOF.md
 MORE_ASKED = 25.0
 """What a stem beside a loop found behind it has to be worth, nat: that loop was chosen among many, one for each stem.
 Measured on healthy and sticking loops: docs/PROOF.md."""
@@ -64,17 +65,22 @@ def foremost(fits: Sequence[Fit], base: Fit) -> Fit:
 
 
 def by_standing(fits: Sequence[Fit], base: Fit) -> list[Fit]:
-    """Stems, the likeliest first; those that stand before all others where one of them slips.
+    """Stems, the likeliest first; those that stand before all others where one of them slips well.
 
     What a stem hides between two samples it may take a tiny slip and a huge gain to mimic: likelier by the noise that
-    this leaves, and refused for its free run. It must not displace one that stands. Where none that stands slips it
-    may: a load alone brings the free run of a stem that only lags behind OP nearer, with a sound valve too.
+    this leaves, and refused for its free run. It must not displace one that stands. Where none that stands slips well
+    it may: a load alone brings the free run of a stem that only lags behind OP nearer, with a sound valve too.
     """
     standing = [found for found in fits if stands(found, base)]
-    if all(stem_swing(found) is None for found in standing):
+    if not any(slips_well(found) for found in standing):
         standing = []
     others = [found for found in fits if not any(found is one for one in standing)]
     return [found for some in (standing, others) for found in sorted(some, key=score_of, reverse=True)]
+
+
+def slips_well(found: Fit) -> bool:
+    """Whether a stem slips by much of its band, and makes edges that no load makes."""
+    return stem_swing(found) is not None and bool(found.parts[-1].values[1] >= SLIPS_WELL)
 
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
