@@ -11,7 +11,7 @@ from app.engine.mismatch.compete.competition import descended
 from app.engine.mismatch.compete.restarting import (
     STICKS,
     begun_at,
-    foremost,
+    by_standing,
     restarted,
     stands,
     takes_its_place,
@@ -38,8 +38,8 @@ def test_a_stem_that_stands_is_not_displaced_by_a_likelier_one_that_is_refused()
     refused = to_its_end(descended(*begun_at(base, mimic, block), 6))
     assert refused.score > sticks.fit.score
     assert not stands(refused, base)
-    assert foremost((refused, sticks.fit), base) is sticks.fit
-    assert foremost((refused,), base) is refused
+    assert by_standing((refused, sticks.fit), base)[0] is sticks.fit
+    assert by_standing((refused,), base)[0] is refused
 
 
 def test_stems_are_looked_for_again_behind_the_first_that_stands() -> None:

@@ -15,6 +15,7 @@ from app.engine.mismatch.compete.competition import Contender, descended
 from app.engine.mismatch.compete.restarting import (
     STICKS,
     begun_at,
+    by_likelihood,
     may_hide_a_stem,
     over_its_slips,
     restarted,
@@ -113,7 +114,7 @@ def test_all_sizes_of_slip_are_walked_from_a_wrong_one() -> None:
     block = next(block for block in library(base.record) if block.name == STICKS)
     wrong = ShownStem(8.0, 0.2, 0.0, 100.0, Plant(3.0, 20.0, 2.0))
     first = to_its_end(descended(*begun_at(base, wrong, block), 6))
-    walked = over_its_slips(first, base)
+    walked = over_its_slips(first, base, by_likelihood)
     assert walked.score > first.score + 20.0
     assert walked.parts[-1].values[1] == pytest.approx(0.75, abs=0.1)
 

@@ -2,7 +2,7 @@
 stem's work in it, a dead time and a lag that the process has not, and no fit of a stem leaves that hill.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -60,8 +60,8 @@ def stands(found: Fit, before: Fit) -> bool:
     return runs_nearer(found, before, stem_swing(found))
 
 
-def foremost(fits: Sequence[Fit], base: Fit) -> Fit:
-    return by_standing(fits, base)[0]
+def by_likelihood(fits: Sequence[Fit], base: Fit) -> list[Fit]:
+    return sorted(fits, key=score_of, reverse=True)
 
 
 def by_standing(fits: Sequence[Fit], base: Fit) -> list[Fit]:
@@ -75,7 +75,11 @@ def by_standing(fits: Sequence[Fit], base: Fit) -> list[Fit]:
     if not any(slips_well(found) for found in standing):
         standing = []
     others = [found for found in fits if not any(found is one for one in standing)]
-    return [found for some in (standing, others) for found in sorted(some, key=score_of, reverse=True)]
+    return [*by_likelihood(standing, base), *by_likelihood(others, base)]
+
+
+Order = Callable[[Sequence[Fit], Fit], list[Fit]]
+"""Which of some stems are foremost."""
 
 
 def slips_well(found: Fit) -> bool:
@@ -84,28 +88,38 @@ def slips_well(found: Fit) -> bool:
 
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
-    """Of each code the best stem that the record shows, beside the linear loop behind it. Stems are looked for again
-    as long as that brings a better one: near its loop and under its noise they stand out more sharply. None where a
-    simulation was given.
+    """Of each code the best stem that the record shows, beside the linear loop behind it: the likeliest ones, or, where
+    each of these is refused, those whose free run stands. None where a simulation was given.
     """
     if not may_hide_a_stem(base):
         return ()
+    likeliest = looked_for(base, blocks, by_likelihood)
+    if not likeliest or any(takes_its_place(stem, None) for stem in likeliest):
+        return likeliest
+    standing = looked_for(base, blocks, by_standing)
+    return standing if any(takes_its_place(stem, None) for stem in standing) else likeliest
+
+
+def looked_for(base: Fit, blocks: tuple[Block, ...], order: Order) -> tuple[Contender, ...]:
+    """Stems are looked for again as long as that brings a better one: near its loop and under its noise they stand out
+    more sharply.
+    """
     record = base.record
     shown = shown_stems(record, base.noise) or shown_stems(record, walking(record))
-    ended = behind_stems(base, shown, blocks)
+    ended = behind_stems(base, shown, blocks, order)
     for _ in range(AGAIN if ended else 0):
-        best = foremost(ended, base)
-        ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks)
-        again = foremost(ended, base)
-        if again.score < best.score + LIKELIER and stands(again, base) == stands(best, base):
+        best = order(ended, base)[0]
+        ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks, order)
+        again = order(ended, base)[0]
+        if abs(again.score - best.score) < LIKELIER:
             break
     of_each: dict[str, list[Fit]] = {}
     for found in ended:
         of_each.setdefault(found.parts[-1].block.code, []).append(found)
-    return tuple(pursued(base, foremost(fits, base), blocks) for fits in of_each.values())
+    return tuple(pursued(base, order(fits, base)[0], blocks, order) for fits in of_each.values())
 
 
-def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...]) -> list[Fit]:
+def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...], order: Order) -> list[Fit]:
     """The foremost of some stems fitted to their end, each with the linear loop behind it."""
     named = {block.name: block for block in blocks}
     begun = []
@@ -113,7 +127,7 @@ def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, .
         block = named.get(STICKS if stem.share > 0.0 else BACKLASH)
         if block is not None:
             begun.append(descended(*begun_at(base, stem, block), STEPS))
-    return [to_its_end(first) for first in by_standing(begun, base)[:PURSUED]]
+    return [to_its_end(first) for first in order(begun, base)[:PURSUED]]
 
 
 def begun_at(base: Fit, stem: ShownStem, block: Block) -> tuple[Task, FloatArray]:
@@ -128,23 +142,23 @@ def to_its_end(found: Fit) -> Fit:
     return fit(task_of(found), found.x, found.noise, ROUNDS, STEPS)
 
 
-def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...]) -> Contender:
+def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...], order: Order) -> Contender:
     """A stem over all sizes of its slip, beside the loop that it began with and beside another order of it, and looked
     for again on a fine grid.
     """
     stem = first.parts[-1]
-    walked = over_its_slips(first, base)
+    walked = over_its_slips(first, base, order)
     moved = signal_after(walked.record, walked.plant, walked.parts, walked.parts[-1]) + walked.record.op_mid
     given = replace(identify(base.record.with_op(moved)).given, behind_stem=True)
     task = make_task(base.record, given, (stem.block,))
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
-    best = foremost((walked, other), base)
+    best = order((walked, other), base)[0]
     alone = Contender(stem.block, best, best.likelihood - base.likelihood, base)
-    found = foremost((alone.fit, searched(alone, blocks).fit), base)
+    found = order((alone.fit, searched(alone, blocks).fit), base)[0]
     return Contender(found.parts[-1].block, found, found.likelihood - base.likelihood, base)
 
 
-def over_its_slips(found: Fit, base: Fit) -> Fit:
+def over_its_slips(found: Fit, base: Fit, order: Order) -> Fit:
     """The best fit with another size of slip: each stem that slips first where this one does, the gain in proportion.
     From one to the next the first slip falls into other samples unless all of them move together, which no descent
     does.
@@ -156,7 +170,7 @@ def over_its_slips(found: Fit, base: Fit) -> Fit:
             plant = found.plant.changed(K=found.plant.K * values[1] / share)
             begun += [descended(task, start_at(task, plant, other), STEPS) for other in slipping_as(values, share)]
         ended = [to_its_end(first) for first in sorted(begun, key=score_of)[-OF_A_WALK:]]
-        best = foremost((found, *ended), base)
+        best = order((found, *ended), base)[0]
         if best is found:
             break
         found = best
