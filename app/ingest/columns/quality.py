@@ -145,15 +145,16 @@ def _by_name(
         if found is None:
             continue
         fields = head.column(index, first_row)
+        are_qualities = _are_qualities(fields)
         if found.re is _CONFIDENCE:
             judges = _are_confidences(fields) and not _follows(
                 head, first_row, index, by_tag.get(found[1].casefold(), index)
             )
         else:
-            judges = found.re is _ENDING or _are_qualities(fields)
+            judges = found.re is _ENDING or are_qualities
         if judges:
             judging.setdefault(found[1].casefold(), index)
-            for_sure |= {index} if _are_qualities(fields) else set()
+            for_sure |= {index} if are_qualities else set()
         elif found.re is _SHORT_ENDING and may_be_qualities(fields):
             late.setdefault(found[1].casefold(), index)
     sure = {name: index for name, index in judging.items() if index in for_sure}

@@ -140,10 +140,8 @@ class TableExport(Export):
         self._tally = tally
         self._log = RejectLog(self._options.max_rejects)
         self._grouping = Grouping(head.stem, self._mapping)
-        self._plan: Plan = prepared(
-            judged_by(as_mapped(self._source.plan, self._is_mapped), tally.judging),
-            *(self._grouping, head, self._options, self._log),
-        )
+        plan = judged_by(as_mapped(self._source.plan, self._is_mapped), tally.judging)
+        self._plan: Plan = prepared(plan, self._grouping, head, self._options, self._log)
 
     def _is_mapped(self, name: str) -> bool:
         """To a signal of a loop."""

@@ -93,23 +93,24 @@ def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     """
     if not may_hide_a_stem(base):
         return ()
-    likeliest = looked_for(base, blocks, by_likelihood)
+    record = base.record
+    begun = begun_behind(base, shown_stems(record, base.noise) or shown_stems(record, walking(record)), blocks)
+    likeliest = looked_for(base, begun, blocks, by_likelihood)
     if not likeliest or any(takes_its_place(stem, None) for stem in likeliest):
         return likeliest
-    standing = looked_for(base, blocks, by_standing)
+    standing = looked_for(base, begun, blocks, by_standing)
     return standing if any(takes_its_place(stem, None) for stem in standing) else likeliest
 
 
-def looked_for(base: Fit, blocks: tuple[Block, ...], order: Order) -> tuple[Contender, ...]:
+def looked_for(base: Fit, begun: list[Fit], blocks: tuple[Block, ...], order: Order) -> tuple[Contender, ...]:
     """Stems are looked for again as long as that brings a better one: near its loop and under its noise they stand out
     more sharply.
     """
-    record = base.record
-    shown = shown_stems(record, base.noise) or shown_stems(record, walking(record))
-    ended = behind_stems(base, shown, blocks, order)
+    ended = to_their_end(base, begun, order)
     for _ in range(AGAIN if ended else 0):
         best = order(ended, base)[0]
-        ended += behind_stems(base, shown_stems(record, best.noise, best.plant), blocks, order)
+        nearer = begun_behind(base, shown_stems(base.record, best.noise, best.plant), blocks)
+        ended += to_their_end(base, nearer, order)
         again = order(ended, base)[0]
         if abs(again.score - best.score) < LIKELIER:
             break
@@ -119,14 +120,19 @@ def looked_for(base: Fit, blocks: tuple[Block, ...], order: Order) -> tuple[Cont
     return tuple(pursued(base, order(fits, base)[0], blocks, order) for fits in of_each.values())
 
 
-def behind_stems(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...], order: Order) -> list[Fit]:
-    """The foremost of some stems fitted to their end, each with the linear loop behind it."""
+def begun_behind(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...]) -> list[Fit]:
+    """A few steps of a fit from each stem, with the linear loop behind it."""
     named = {block.name: block for block in blocks}
     begun = []
     for stem in stems:
         block = named.get(STICKS if stem.share > 0.0 else BACKLASH)
         if block is not None:
             begun.append(descended(*begun_at(base, stem, block), STEPS))
+    return begun
+
+
+def to_their_end(base: Fit, begun: list[Fit], order: Order) -> list[Fit]:
+    """The foremost ones."""
     return [to_its_end(first) for first in order(begun, base)[:PURSUED]]
 
 
