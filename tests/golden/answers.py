@@ -162,7 +162,7 @@ def lags(freezes: bool = False, later: bool = False, loaded: bool = False) -> Co
     return Comparison("made up", INTERVAL_S, np.array(op), np.array(seen), simulation=SIMULATION)
 
 
-def scanned(S: float, J: float, samples: int = 420, scans: int = 5) -> Comparison:
+def scanned(S: float, J: float, samples: int = 500, scans: int = 5) -> Comparison:
     """A loop whose valve sticks, He's, and whose controller scans five times between two samples of what is recorded;
     its load steps twice.
     """
@@ -268,7 +268,7 @@ def asked() -> Iterator[tuple[str, Callable[[], Answer]]]:
         "explain: ends at a limit and stands, beside its simulation",
         lambda: sized(explain(ends_at_a_limit(stood=True))),
     )
-    yield "explain: sticks between its samples", lambda: explained(explain(scanned(S=7.0, J=4.2)))
+    yield "explain: sticks and slips between its samples", lambda: explained(explain(scanned(S=6.0, J=3.6)))
 
 
 QUESTIONS = dict(asked())
