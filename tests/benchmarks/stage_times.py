@@ -87,7 +87,7 @@ def _stages(
             "two-parameter",
             "reference",
             last.two is not None,
-            lambda: hammerstein.identify_two_parameter(record, space, config.hammerstein),
+            lambda: hammerstein.Identification(record, config.hammerstein).two_parameter(space),
         ),
         ("size", None, answer.stiction_size is not None, lambda: quantify(record, oscillation)),
         ("episodes", None, True, lambda: find(audited, oscillation, config.episodes)),

@@ -12,7 +12,7 @@ import pytest
 
 from app.engine.armax import Order, SearchSpace, refine, search_orders
 from app.engine.recording import UniformRecord
-from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
+from app.engine.reference.hammerstein import Identification
 from app.engine.valve import one_parameter, two_parameter_he
 from app.lab.bench.measure import median_s
 
@@ -118,8 +118,8 @@ def test_identification(fc145):
     for bounds in ((2, 2, 2), (5, 5, 5), (5, 5, 10), (5, 5, 25), (10, 10, 25), (25, 25, 25)):
         space = SearchSpace(*bounds)
         one, two = (
-            1e3 * median_s(lambda f=identify, s=space: f(fc145, s, HammersteinConfig()), 5)
-            for identify in (identify_one_parameter, identify_two_parameter)
+            1e3 * median_s(lambda f=identify, s=space: f(Identification(fc145), s), 5)
+            for identify in (Identification.one_parameter, Identification.two_parameter)
         )
         print(f"\nidentification in {bounds}: one-parameter {one:.1f} ms, two-parameter {two:.1f} ms", end="")
         assert two < 10.0 * one

@@ -14,7 +14,8 @@ from app.engine.corroborate.movement_patterns import rho_3
 from app.engine.corroborate.sigmoid import fitted_correlation
 from app.engine.oscillation import Oscillation, detect
 from app.engine.recording import UniformRecord
-from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, figure_ten, integrator, simulate_loop
+from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, integrator, simulate_loop
+from tests.golden.systems import figure_ten
 
 T = np.arange(1600) / 41.3
 SIN, COS = np.sin(2 * np.pi * T), np.cos(2 * np.pi * T)

@@ -9,16 +9,12 @@ from scipy.signal import lfilter
 from app.engine.armax import Order, SearchSpace
 from app.engine.recording import UniformRecord
 from app.engine.reference import hammerstein
-from app.engine.reference.hammerstein import (
-    HammersteinConfig,
-    Identification,
-    identify_one_parameter,
-    identify_two_parameter,
-)
+from app.engine.reference.hammerstein import HammersteinConfig, Identification, identify_one_parameter
 from app.engine.valve import one_parameter, two_parameter_he
 from app.errors import DataError
 
 SPACE = SearchSpace(3, 3, 3)
+BOTH = [Identification.one_parameter, Identification.two_parameter]
 
 
 def record_behind(valve, samples=1200, noise=0.02, seed=1):
@@ -34,7 +30,7 @@ def record_behind(valve, samples=1200, noise=0.02, seed=1):
 
 def test_a_linear_loop_has_no_band():
     record = record_behind(lambda op: op)
-    one, two = identify_one_parameter(record, SPACE), identify_two_parameter(record, SPACE)
+    one, two = (identify(Identification(record), SPACE) for identify in BOTH)
     assert (one.stiction, one.d_best, one.best) == (False, 0.0, 0)
     assert (two.stiction, two.S_best, two.J_best, two.best) == (False, 0.0, 0.0, 0)
     assert one.model is one.model_without_stiction
@@ -67,7 +63,7 @@ def test_a_band_on_the_grid_is_found(share):
 @pytest.mark.parametrize(("S", "J"), [(0.32, 0.0), (0.32, 0.08), (0.2, 0.2)])
 def test_a_point_of_the_surface_is_found(S, J):
     record = record_behind(sticky(S, J))
-    result = identify_two_parameter(record, SPACE)
+    result = Identification(record).two_parameter(SPACE)
     assert result.stiction
     assert (result.S_best, result.J_best) == pytest.approx((S * np.ptp(record.op), J * np.ptp(record.op)))
 
@@ -75,7 +71,7 @@ def test_a_point_of_the_surface_is_found(S, J):
 def test_deadband_between_grid_points_is_found_and_stick_slip_need_not_be():
     """A deadband's positions change little with S; a slip resets the stem, so a band slightly off slips elsewhere."""
     record = record_behind(sticky(0.3, 0.0))
-    result = identify_two_parameter(record, SPACE)
+    result = Identification(record).two_parameter(SPACE)
     assert result.S_best == pytest.approx(0.3 * np.ptp(record.op), abs=0.04 * np.ptp(record.op))
     off_grid = identify_one_parameter(record_behind(sticky(0.13, 0.13)), SPACE)
     assert off_grid.rmse_best > 3.0 * 0.02
@@ -84,16 +80,16 @@ def test_deadband_between_grid_points_is_found_and_stick_slip_need_not_be():
 @pytest.mark.parametrize("model", ["he", "choudhury", "kano"])
 def test_backlash_is_found_by_all_three_models(model):
     record = record_behind(sticky(0.32, 0.0))
-    result = identify_two_parameter(record, SPACE, HammersteinConfig(valve_model=model))
+    result = Identification(record, HammersteinConfig(valve_model=model)).two_parameter(SPACE)
     assert (result.S_best, result.J_best) == pytest.approx((0.32 * np.ptp(record.op), 0.0))
 
 
-@pytest.mark.parametrize("identify", [identify_one_parameter, identify_two_parameter])
+@pytest.mark.parametrize("identify", BOTH)
 @pytest.mark.parametrize(("pv_factor", "op_factor"), [(-1.0, 1.0), (1024.0, -1.0), (0.125, 0.25)])
 def test_units_and_signs_change_only_units(identify, pv_factor, op_factor):
     record = record_behind(sticky(0.2, 0.2), samples=500)
     changed = replace(record, pv=pv_factor * record.pv, op=op_factor * record.op)
-    plain, result = identify(record, SPACE), identify(changed, SPACE)
+    plain, result = (identify(Identification(one), SPACE) for one in (record, changed))
     assert result.best == plain.best
     assert result.model.order == plain.model.order
     assert result.rmse_best == pytest.approx(abs(pv_factor) * plain.rmse_best, rel=1e-6)
@@ -119,7 +115,7 @@ def test_the_model_is_in_engineering_units():
 def test_the_grid_is_as_configured():
     record = record_behind(lambda op: op, samples=400)
     config = HammersteinConfig(points_d=4, d_max_share=0.3, points_S=2, S_max_share=0.4, jump_shares=(0.0, 0.5, 1.5))
-    one, two = (f(record, SPACE, config) for f in (identify_one_parameter, identify_two_parameter))
+    one, two = (identify(Identification(record, config), SPACE) for identify in BOTH)
     span = np.ptp(record.op)
     assert np.allclose(one.d, span * np.array([0.0, 0.1, 0.2, 0.3]))
     assert np.allclose(two.S, span * np.array([0.0, 0.2, 0.2, 0.2, 0.4, 0.4, 0.4]))
@@ -167,7 +163,7 @@ def test_a_stem_that_both_valve_models_lay_is_identified_once(monkeypatch):
     one, two = identification.one_parameter(SPACE), identification.two_parameter(SPACE)
     stems = np.concatenate([one_parameter(record.op, one.d), two_parameter_he(record.op, two.S, two.J)])
     assert sum(map(len, asked)) == len(np.unique(stems, axis=0)) <= len(stems) - 6
-    alone = identify_two_parameter(record, SPACE, config)
+    alone = Identification(record, config).two_parameter(SPACE)
     assert two.best == alone.best
     assert np.array_equal(two.rmse, alone.rmse)
     assert np.array_equal(two.rmse_refined, alone.rmse_refined, equal_nan=True)

@@ -25,7 +25,6 @@ from app.engine.simulate import (
     TwoParameterValve,
     Wave,
     first_order,
-    from_zeros_poles,
     integrator,
     second_order,
     simulate_loop,
@@ -63,7 +62,7 @@ def test_a_signal_steps_at_its_times_in_whatever_order_they_are_told() -> None:
 @pytest.mark.parametrize(("order", "tau_s", "step_s"), [(3, 3600.0, 360.0), (4, 600.0, 60.0)])
 def test_slow_lags_of_high_order_settle_where_they_must(order: int, tau_s: float, step_s: float) -> None:
     """Their discrete form has entries of very different size, and the least of them hold the gain."""
-    plant = from_zeros_poles((), (-1.0 / tau_s,) * order, tau_s**-order)
+    plant = Plant((tau_s**-order,), tuple(np.poly((-1.0 / tau_s,) * order)))
     loop = simulate_loop(open_loop(plant), 400.0 * step_s, step_s)
     t = loop.time_s / tau_s
     rising = 1.0 - np.exp(-t) * sum(t**k / math.factorial(k) for k in range(order))
@@ -89,11 +88,8 @@ def test_integrator_ramps_with_its_gain_after_the_dead_time() -> None:
     assert loop.spec.plant.integrating
 
 
-def test_zeros_and_poles_give_the_plant_of_their_polynomials() -> None:
-    plant = from_zeros_poles((-2.0,), (-1.0, -3.0), 4.0)
-    assert plant.numerator == pytest.approx((4.0, 8.0))
-    assert plant.denominator == pytest.approx((1.0, 4.0, 3.0))
-    assert plant.gain == pytest.approx(8.0 / 3.0)
+def test_the_gain_of_a_plant_is_that_of_its_zeros_over_that_of_its_poles() -> None:
+    assert Plant((4.0, 8.0), (1.0, 4.0, 3.0)).gain == pytest.approx(4.0 * 2.0 / (1.0 * 3.0))
 
 
 @pytest.mark.parametrize(

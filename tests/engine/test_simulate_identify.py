@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from app.engine.armax import SearchSpace
 from app.engine.recording import UniformRecord
-from app.engine.reference.hammerstein import HammersteinConfig, identify_one_parameter, identify_two_parameter
+from app.engine.reference.hammerstein import HammersteinConfig, Identification, identify_one_parameter
 from app.engine.simulate import (
     LinearValve,
     LoopSpec,
@@ -60,7 +60,7 @@ def test_one_parameter_band_on_the_grid_is_recovered(d: float, tau_s: float, see
 def test_two_parameter_bands_on_the_grid_are_recovered(S: float, slip: float, tau_s: float, seed: int) -> None:
     record = loop_with(TwoParameterValve(S, slip * S), tau_s, seed)
     config = HammersteinConfig(S_max_share=2.0 * S / np.ptp(record.op))
-    found = identify_two_parameter(record, SPACE, config)
+    found = Identification(record, config).two_parameter(SPACE)
     assert found.stiction
     assert found.S_best == pytest.approx(S)
     assert found.J_best == pytest.approx(slip * S)

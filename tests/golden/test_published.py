@@ -15,13 +15,13 @@ from app.engine.recording import UniformRecord
 from app.engine.reference import yper
 from app.engine.reference.hammerstein import (
     HammersteinConfig,
+    Identification,
     OneParameterResult,
     TwoParameterResult,
     identify_one_parameter,
-    identify_two_parameter,
 )
 from app.engine.reference.reliability import LadderConfig, climb
-from app.engine.simulate import Scenario, figure_ten, system_one, system_two
+from tests.golden.systems import Scenario, figure_ten, system_one, system_two
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "app" / "engine" / "REPRODUCTION.md"
@@ -104,7 +104,8 @@ def recording(shared: Path, name: str, samples: int | None = None) -> UniformRec
 
 def identify(case: Case, record: UniformRecord) -> tuple[OneParameterResult, TwoParameterResult]:
     space = SearchSpace(*case.space)
-    return identify_one_parameter(record, space, case.config), identify_two_parameter(record, space, case.config)
+    identification = Identification(record, case.config)
+    return identification.one_parameter(space), identification.two_parameter(space)
 
 
 def measured(case: Case, record: UniformRecord) -> Case:
@@ -199,7 +200,7 @@ def test_fc445_and_fc525_have_significant_yper_and_a_sticky_two_parameter_model(
     record = recording(shared_dir, name)
     for scaling in ("raw", "std", "range"):
         assert yper.compute(record.pv, record.op, 1.0, scaling).yper_pct > yper.SIGNIFICANT_PCT
-    assert identify_two_parameter(record, SearchSpace(5, 5, 10), WIDE).stiction
+    assert Identification(record, WIDE).two_parameter(SearchSpace(5, 5, 10)).stiction
 
 
 @pytest.mark.parametrize("seed", range(4))

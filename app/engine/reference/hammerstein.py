@@ -199,13 +199,6 @@ def identify_one_parameter(
     return Identification(record, config).one_parameter(space, points)
 
 
-def identify_two_parameter(
-    record: UniformRecord, space: SearchSpace, config: HammersteinConfig = HammersteinConfig()
-) -> TwoParameterResult:
-    """`Identification.two_parameter` of a record in one search space."""
-    return Identification(record, config).two_parameter(space)
-
-
 class _Stems:
     """The distinct stems that were searched in one space, in the order in which they were met.
 

@@ -11,8 +11,7 @@ from app.engine.simulate.actuator import (
 from app.engine.simulate.compression import Compression, keep, rebuild
 from app.engine.simulate.controller import Controller, LinearController, Manual, Pid
 from app.engine.simulate.loop import LoopSpec, SimulatedLoop, simulate_loop
-from app.engine.simulate.plant import Plant, first_order, from_zeros_poles, integrator, second_order
-from app.engine.simulate.presets import Scenario, figure_ten, system_one, system_two
+from app.engine.simulate.plant import Plant, first_order, integrator, second_order
 from app.engine.simulate.signals import Signal, Wave
 
 __all__ = [
@@ -26,21 +25,16 @@ __all__ = [
     "PhysicalActuator",
     "Pid",
     "Plant",
-    "Scenario",
     "Signal",
     "SimulatedLoop",
     "StuckValve",
     "TwoParameterValve",
     "Valve",
     "Wave",
-    "figure_ten",
     "first_order",
-    "from_zeros_poles",
     "integrator",
     "keep",
     "rebuild",
     "second_order",
     "simulate_loop",
-    "system_one",
-    "system_two",
 ]

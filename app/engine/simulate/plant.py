@@ -58,14 +58,6 @@ def integrator(K: float, theta_s: float = 0.0, tau_s: float = 0.0) -> Plant:
     return Plant((K,), (tau_s, 1.0, 0.0) if tau_s else (1.0, 0.0), theta_s)
 
 
-def from_zeros_poles(
-    zeros: tuple[complex, ...], poles: tuple[complex, ...], gain: float, dead_time_s: float = 0.0
-) -> Plant:
-    """gain prod(s - z) / prod(s - p) e^(-theta s). zeros, poles in rad/s (complex ones in conjugate pairs)."""
-    numerator, denominator = scipy.signal.zpk2tf(zeros, poles, gain)
-    return Plant(tuple(np.atleast_1d(numerator).tolist()), tuple(denominator.tolist()), dead_time_s)
-
-
 class DiscretePlant(NamedTuple):
     """x(k+1) = phi x(k) + gamma_now v(k-m) + gamma_before v(k-m-1), y(k) = c x(k); m = delay_steps.
 

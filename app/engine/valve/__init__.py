@@ -7,7 +7,7 @@ from app.engine.valve.choudhury import choudhury_start, choudhury_stem, choudhur
 from app.engine.valve.he import he_stem, he_step, two_parameter_he
 from app.engine.valve.kano import kano_start, kano_step, two_parameter_kano
 from app.engine.valve.one_parameter import one_parameter, one_parameter_step
-from app.engine.valve.physical import CLASSIC, PACKED, PhysicalValve, physical_step, simulate_physical
+from app.engine.valve.physical import CLASSIC, PACKED, PhysicalValve, physical_step
 
 __all__ = [
     "CLASSIC",
@@ -25,7 +25,6 @@ __all__ = [
     "one_parameter",
     "one_parameter_step",
     "physical_step",
-    "simulate_physical",
     "two_parameter_choudhury",
     "two_parameter_he",
     "two_parameter_kano",

@@ -6,8 +6,6 @@ import numpy as np
 from numba import njit
 
 from app.engine.recording import FloatArray
-from app.engine.valve.grid import check_signal
-from app.errors import DataError
 
 SUBSTEPS_PER_TIME_CONSTANT = 25
 """Backward Euler is stable at any step; this many steps in the stem's slow time constant keep its error below 2 %."""
@@ -119,30 +117,3 @@ def _velocity_after(r: float, before: float, a: float, F_c: float, F_s: float, v
             break
         v = following
     return side * v
-
-
-@njit(cache=True, nogil=True)
-def _run(op: FloatArray, parameters: FloatArray, sampling_interval: float) -> FloatArray:
-    v = np.empty(len(op))
-    state = np.zeros(2)
-    state[0] = op[0]
-    for t in range(len(op)):
-        v[t] = physical_step(op[t], state, parameters, sampling_interval)
-    return v
-
-
-def simulate_physical(op_pct: FloatArray, sampling_interval_s: float, valve: PhysicalValve = CLASSIC) -> FloatArray:
-    """Stem position, (N,) in per cent of travel, of a physical valve whose OP is held between samples.
-
-    op_pct: (N,) controller output in per cent of its span. sampling_interval_s: Ts > 0 in seconds; the model takes
-    substeps of its own within it. The position at sample t is the one reached a sampling interval after OP took its
-    value. The stem starts at rest at OP. No end stops: the equations are in deviations.
-    Raises DataError("op_not_a_signal") unless OP is one finite row, DataError("sampling_interval") unless Ts > 0.
-
-    Source: the force balance and the classic set in Choudhury, Thornhill, Shah 2005,
-    doi 10.1016/j.conengprac.2004.05.005; sticking as in Karnopp 1985, doi 10.1115/1.3140698.
-    """
-    check_signal(op_pct)
-    if not sampling_interval_s > 0.0:
-        raise DataError("sampling_interval", f"the sampling interval must be above 0 s, got {sampling_interval_s}")
-    return _run(np.ascontiguousarray(op_pct, dtype=np.float64), valve.parameters(), float(sampling_interval_s))

@@ -186,7 +186,6 @@ _SIMULATED = {
     "no_simulation": "The CSV has times and nothing beside them; add a column PV_sim.",
     "op_not_a_signal": "The OP that a valve is to follow must be one row of finite samples; fill its gaps first.",
     "plant_improper": "The numerator of the plant is not of lower degree than its denominator; give one that is.",
-    "sampling_interval": "The sampling interval of a valve that is simulated must be above 0 s; give such a one.",
     "simulation_constant": "The simulation does not move, so that no model is behind it; look at how it was made.",
     "simulation_is_pv": "The simulation is PV itself, sample for sample; name the simulated one.",
     "simulation_length": (

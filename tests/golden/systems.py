@@ -8,11 +8,19 @@ doi 10.1021/acs.iecr.5b00939.
 
 from dataclasses import dataclass, replace
 
-from app.engine.simulate.actuator import PhysicalActuator, TwoParameterValve
-from app.engine.simulate.controller import LinearController, Pid
-from app.engine.simulate.loop import LoopSpec, SimulatedLoop, simulate_loop
-from app.engine.simulate.plant import Plant, first_order
-from app.engine.simulate.signals import Signal, Wave
+from app.engine.simulate import (
+    LinearController,
+    LoopSpec,
+    PhysicalActuator,
+    Pid,
+    Plant,
+    Signal,
+    SimulatedLoop,
+    TwoParameterValve,
+    Wave,
+    first_order,
+    simulate_loop,
+)
 from app.engine.valve import CLASSIC
 
 
