@@ -12,24 +12,22 @@ from app.errors import DataError
 
 FASTEST_TRACKING_STEPS = 1.0
 """Anti-windup faster than one step would not be stable in discrete time."""
+FILTER_N = 10.0
 
 
 @dataclass(frozen=True)
 class Pid:
-    """OP = Kc [ (b SP - PV) + integral of (SP - PV) / Ti - Td dPV/dt ], Kc in unit of OP per unit of PV.
+    """OP = Kc [ (SP - PV) + integral of (SP - PV) / Ti - Td dPV/dt ], Kc in unit of OP per unit of PV.
 
     Kc: controller gain; negative for a plant with negative gain.
     Ti_s: integral time in s; inf for a P controller.
-    Td_s: derivative time in s, on PV, filtered with Td/filter_N; 0 for PI.
-    set_point_weight: b, 0..1.
+    Td_s: derivative time in s, on PV, filtered with Td / 10; 0 for PI.
     tracking_s: time in s within which the integral follows a limited OP (anti-windup); None: Ti.
     """
 
     Kc: float
     Ti_s: float = float("inf")
     Td_s: float = 0.0
-    set_point_weight: float = 1.0
-    filter_N: float = 10.0
     tracking_s: float | None = None
 
 
@@ -82,9 +80,9 @@ def _pid(pid: Pid, step_s: float) -> DiscreteController:
     if pid.Ti_s <= 0:
         raise DataError("integral_time", f"the integral time must be positive (inf for P control), got {pid.Ti_s} s")
     per_step = pid.Kc * step_s / pid.Ti_s
-    # States: the integral part in units of OP, and PV filtered by Td/N, from which the derivative is taken.
-    filter_pole = np.exp(-step_s * pid.filter_N / pid.Td_s) if pid.Td_s else 0.0
-    derivative = pid.Kc * pid.filter_N if pid.Td_s else 0.0
+    # States: the integral part in units of OP, and PV filtered by Td/FILTER_N, from which the derivative is taken.
+    filter_pole = np.exp(-step_s * FILTER_N / pid.Td_s) if pid.Td_s else 0.0
+    derivative = pid.Kc * FILTER_N if pid.Td_s else 0.0
     tracking_s = pid.Ti_s if pid.tracking_s is None else pid.tracking_s
     share = min(1.0 / FASTEST_TRACKING_STEPS, step_s / tracking_s)
     return DiscreteController(
@@ -92,7 +90,7 @@ def _pid(pid: Pid, step_s: float) -> DiscreteController:
         b_sp=np.array([per_step, 0.0]),
         b_pv=np.array([-per_step, 1.0 - filter_pole]),
         c=np.array([1.0, derivative]),
-        d_sp=pid.Kc * pid.set_point_weight,
+        d_sp=pid.Kc,
         d_pv=-pid.Kc - derivative,
         tracking=np.array([share, 0.0]),
     )
