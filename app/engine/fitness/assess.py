@@ -17,7 +17,6 @@ from app.engine.fitness.signals import (
     at_extremes,
     newest_long_run,
     run_lengths,
-    runs_of,
     still_at_its_end,
     usable_values,
 )
@@ -25,6 +24,7 @@ from app.engine.fitness.skew import skew_of, without_skew
 from app.engine.fitness.standstill import Standstill, as_far_as_ever, standstill
 from app.engine.oscillation import Oscillation
 from app.engine.recording import BoolArray, FloatArray, Recording, UniformRecord
+from app.engine.signals.runs import runs_of
 from app.errors import DataError
 
 LATER_CHECKS: tuple[CheckCode, ...] = (

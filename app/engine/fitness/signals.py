@@ -9,6 +9,7 @@ from scipy.ndimage import median_filter
 from app.engine.fitness.config import LIMIT_BAND, FitnessConfig
 from app.engine.fitness.resample import lasting
 from app.engine.recording import BoolArray, FloatArray, IntArray, Span, known_span
+from app.engine.signals.runs import runs_of
 from app.engine.signals.sampled import at_ends
 
 # Beyond this a number is a bad-value marker of some system or an overflow on its way: its square is not finite.
@@ -155,12 +156,6 @@ def set_point_activity(sp: FloatArray | None, pv: FloatArray) -> float | None:
     if sp is None or spread <= resolution(pv):
         return None
     return float(np.std(sp)) / spread
-
-
-def runs_of(mask: BoolArray) -> tuple[IntArray, IntArray]:
-    """First samples (K,) of the runs of True in `mask` (N,), and those behind their last (K,)."""
-    edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 def newest_long_run(mask: BoolArray, share: float, least: int, counted: BoolArray | None = None) -> slice:

@@ -19,13 +19,16 @@ from app.engine.mismatch.loop.block import Context, Parameter, Part
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.stem import NAME as STEM_START
+from app.engine.mismatch.physics.valve_deadband import DEADBAND
+from app.engine.mismatch.physics.valve_stiction import CHOUDHURY, HE
+from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 from app.engine.recording import FloatArray
 
 CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
 UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
-OF_ONE_STEM = ("valve.stiction/he", "valve.stiction/choudhury", "valve.deadband")  # the same all along the record
+OF_ONE_STEM = (HE.name, CHOUDHURY.name, DEADBAND.name)  # the same all along the record
 MOMENTS = ("start", "end", "lasting")
 LIMIT = "limit"
 PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
@@ -130,7 +133,7 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     spread = deviations(found)
     index = next(k for k, p in enumerate(found.parts) if p is part)
     mids = {"OP level": found.record.op_mid, "PV level": found.record.pv_mid}
-    said, sticks = [], part.block.code == "valve.stiction"  # whose sizes are tried together
+    said, sticks = [], part.block.code == STICTION  # whose sizes are tried together
     for p in part.block.parameters(Context(found.record, found.given.plant)):
         bends = p.name in MOMENTS or (part.block.rough and not (p.linear or sticks))
         ends = interval_tried if bends else interval

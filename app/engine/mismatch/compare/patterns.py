@@ -12,6 +12,7 @@ from app.engine.mismatch.compare.widths import Width, band_of, door_of, unbounde
 from app.engine.mismatch.fit.levels import level_spacing
 from app.engine.mismatch.loop.block import Block, Part
 from app.engine.mismatch.loop.experiment import Experiment
+from app.engine.mismatch.physics.additive import LOAD_STEP
 from app.engine.mismatch.physics.sample_hold import SAMPLE_HOLD
 from app.engine.mismatch.physics.sensor_pattern import (
     COMPRESSION,
@@ -24,6 +25,7 @@ from app.engine.mismatch.physics.sensor_pattern import (
     STUCK,
 )
 from app.engine.recording import BoolArray, FloatArray, IntArray
+from app.engine.signals.runs import runs_of
 
 LEAST_RUN = 10
 LEAST_AT_LIMIT, LEAST_FREE = 12, 25
@@ -34,7 +36,7 @@ NEAR_EXTREME = 0.02
 JUMP = 2.0
 MOST_STUCK = 5
 REGULAR, HOLDS = 0.95, 0.4
-LOST_OR = ("sensor.stuck", "disturbance.step")
+LOST_OR = (STUCK.code, LOAD_STEP.code)
 LOST = 0.9
 """How sure a lost signal is. Where a process is about as fast as the samples are apart, a sensor that stuck in the
 midst of a move looks the same if PV is elsewhere when it comes free: 17 of 1296 did, of which two thirds stuck where it
@@ -89,9 +91,8 @@ def equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:
     repeats nothing.
     """
     known = record.usable[1:] & record.usable[:-1]
-    same = np.concatenate(([False], known & (np.abs(np.diff(record.pv)) <= tolerance), [False]))
-    edges = np.flatnonzero(np.diff(same.astype(np.int8)))
-    return tuple(Run(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+    same = known & (np.abs(np.diff(record.pv)) <= tolerance)
+    return tuple(Run(int(a), int(b)) for a, b in zip(*runs_of(same), strict=True))
 
 
 def find_patterns(record: Experiment) -> tuple[Pattern, ...]:

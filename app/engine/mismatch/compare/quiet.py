@@ -6,6 +6,7 @@ from scipy.ndimage import uniform_filter1d
 from app.engine.mismatch.loop import causing
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.recording import BoolArray, FloatArray
+from app.engine.signals.runs import runs_of
 
 WINDOW = 15  # samples over which noise is looked at
 LEAST = 2 * WINDOW
@@ -30,8 +31,8 @@ def quiet_stretches(record: Experiment) -> tuple[tuple[int, int], ...]:
     quiet = noise < QUIET * usual
     if not quiet.any() or np.mean(quiet) > MOST_QUIET or np.quantile(noise[heard & ~quiet], 0.1) < STEADY * usual:
         return ()
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
-    cores = zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True)
+    starts, ends = runs_of(quiet)
+    cores = zip(starts.tolist(), (ends - 1).tolist(), strict=True)
     found = dict.fromkeys(_grown(record, first, last) for first, last in cores)
     stand = [(a, b) for a, b in found if b - a >= LEAST and _stands(record, a, b)]
     most = QUIET * _unforeseen(record, stand) if stand else 0.0

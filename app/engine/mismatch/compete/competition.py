@@ -7,6 +7,7 @@ import numpy as np
 from app.engine.mismatch.fit.fitting import Fit, descend, finish, fit, noise_left, polish, quiet_noise, task_of
 from app.engine.mismatch.fit.scan import Start, at_given, ground, scan, task_with
 from app.engine.mismatch.fit.task import Task, start_at
+from app.engine.mismatch.fit.unlike import unlike_better_ones
 from app.engine.mismatch.loop.block import Block, Context, Part, values_in
 from app.engine.recording import FloatArray
 
@@ -167,18 +168,9 @@ def finalists(starts: tuple[Start, ...], block: Block, context: Context, most: i
     """The best points of a scan that are not neighbours, as many as the block has finalists."""
     most = block.finalists if most is None else most
     ranges = [p.high - p.low + 1e-300 for p in block.parameters(context)]
-    kept: list[Start] = []
-    places: list[list[float]] = []
-    for start in starts:
-        place = start.values.tolist()
-        if all(apart(place, other, ranges) for other in places):
-            kept.append(start)
-            places.append(place)
-        if len(kept) == most:
-            break
-    return tuple(kept)
+    places = ((start, start.values.tolist()) for start in starts)
 
+    def neighbours(one: tuple[Start, list[float]], other: tuple[Start, list[float]]) -> bool:
+        return not any(abs(a - b) / reach > NEIGHBOURS for a, b, reach in zip(one[1], other[1], ranges, strict=True))
 
-def apart(a: list[float], b: list[float], ranges: list[float]) -> bool:
-    """Whether two points (P,) are far from each other in any of the parameters' ranges."""
-    return any(abs(one - other) / reach > NEIGHBOURS for one, other, reach in zip(a, b, ranges, strict=True))
+    return tuple(start for start, _ in unlike_better_ones(places, neighbours, most))

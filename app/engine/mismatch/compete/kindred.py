@@ -10,13 +10,16 @@ from app.engine.mismatch.fit.scan import task_with
 from app.engine.mismatch.fit.task import start_at
 from app.engine.mismatch.loop.block import Block, Context, grid
 from app.engine.mismatch.physics import LATE
+from app.engine.mismatch.physics.additive import LEVELLING, LOAD_STEP, SENSOR_DRIFT, SENSOR_STEP
 from app.engine.mismatch.physics.moments import EDGE
 from app.engine.mismatch.physics.scales import slowness
+from app.engine.mismatch.physics.valve_stiction import CHOUDHURY_SETS_IN, SETS_IN
+from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 from app.engine.recording import FloatArray
 
 ROUNDS, STEPS = 2, 6
-STEPS_IN_TIME, SET_IN = ("disturbance.step", "sensor.step"), ("sensor.drift", "sensor.drift/levelling")
-STICKS, STICKS_SINCE = "valve.stiction", ("valve.stiction/sets_in", "valve.stiction/choudhury_sets_in")
+STEPS_IN_TIME, SET_IN = (LOAD_STEP.name, SENSOR_STEP.name), (SENSOR_DRIFT.name, LEVELLING.name)
+STICKS_SINCE = (SETS_IN.name, CHOUDHURY_SETS_IN.name)
 MOMENTS = np.linspace(EDGE, 1.0 - EDGE, 9)  # of the record
 SIZES, SLIPS = np.exp(np.linspace(-0.2, 0.3, 6)), np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the size found; J / S
 LASTING = (2.0, 5.0)  # of the process's slowest time
@@ -40,7 +43,7 @@ def alike(block: Block, best: Contender) -> tuple[FloatArray, ...]:
     if {block.code, best.block.code} <= LATE and block.code != best.block.code:
         count = len(block.parameters(context))
         return (np.full(count, float(np.sum(found)) / count),)
-    if best.block.code == STICKS and block.name in STICKS_SINCE and block.name != best.block.name:
+    if best.block.code == STICTION and block.name in STICKS_SINCE and block.name != best.block.name:
         return since_when(block, best)
     if best.block.name in STEPS_IN_TIME and block.name in SET_IN:
         return tuple(np.array([found[0], lasting * slowness(context), found[1]]) for lasting in LASTING)

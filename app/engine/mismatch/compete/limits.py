@@ -8,10 +8,14 @@ from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.noise import compared_samples, whiten
 from app.engine.mismatch.fit.windows import active_mask
 from app.engine.mismatch.loop.block import Part
+from app.engine.mismatch.physics import valve_saturation
+from app.engine.mismatch.physics.sensor_limit import CODE as SENSOR_LIMIT
+from app.engine.mismatch.physics.vessel import OVERFLOW
 from app.engine.recording import FloatArray
 
-QUIETED = ("process.overflow", "sensor.saturation")
-LIMITED = (*QUIETED, "valve.saturation")
+LIMITS_OF_PV = frozenset((OVERFLOW, SENSOR_LIMIT))
+"""One limit of PV is one effect, whichever of these it is called."""
+LIMITED = LIMITS_OF_PV | {valve_saturation.HIGH.code}
 NEARLY_ALWAYS = 0.9
 LEAST_SAMPLES = 25
 MOST = 5.0
@@ -36,7 +40,7 @@ def limit_bonus(fit: Fit, part: Part) -> float:
     """Log-likelihood (nat) that a limited part earns because the noise is smaller where it acts; negative for a
     sensor that is not.
     """
-    if part.block.code not in QUIETED:
+    if part.block.code not in LIMITS_OF_PV:
         return 0.0
     active, compared = active_mask(fit, part), compared_samples(fit.record.usable)
     inside, outside = active & compared, ~active & compared
@@ -44,6 +48,6 @@ def limit_bonus(fit: Fit, part: Part) -> float:
         return 0.0
     e = whiten(fit.residual, fit.record.usable, fit.noise)
     share = spread(e[inside]) / spread(e[outside])
-    if part.block.code == "sensor.saturation" and share > SENSOR_LETS_THROUGH:
+    if part.block.code == SENSOR_LIMIT and share > SENSOR_LETS_THROUGH:
         return -SENSOR_FAULT
     return float(np.clip(-inside.sum() * np.log(share), 0.0, MOST)) if share < 1.0 else 0.0

@@ -10,8 +10,12 @@ from app.engine.mismatch.compete.worth import worth
 from app.engine.mismatch.fit.refitting import CODE as PARAMETERS
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.physics import CLOSE, NEAR, NEAR_SHARE, TWINS
+from app.engine.mismatch.physics.additive import LEVELLING, LOAD_DRIFT, LOAD_STEP, SENSOR_DRIFT
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
+from app.engine.mismatch.physics.process_dynamics import EXTRA_LAG, INVERSE_RESPONSE
 from app.engine.mismatch.physics.scales import slowness
+from app.engine.mismatch.physics.valve_deadband import DEADBAND
+from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 
 INDISTINCT = 5.0
 MOST_ALTERNATIVES = 2
@@ -19,7 +23,7 @@ SMALL_SLIP = 0.35
 AT_BOUND = 1.01  # times the least that a ramp may last
 SMALL_ZERO = 0.45  # of the lag beside it
 OWN_SHARE = 0.35
-RAMPS = ("sensor.drift", "disturbance.ramp", "sensor.drift/levelling")
+RAMPS = (SENSOR_DRIFT.name, LOAD_DRIFT.name, LEVELLING.name)
 ANSWERED = 3.0  # times the process' slowest time: by then a step has come through it
 # What is no physics is no alternative to any: it only makes a name less sure.
 UNSAID = (UNNAMED, PARAMETERS)
@@ -68,7 +72,7 @@ def own_doubt(best: Contender) -> float:
 
 def hardly_slips(contender: Contender) -> bool:
     """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
-    return contender.block.code == "valve.stiction" and float(contender.fit.parts[-1].values[1]) < SMALL_SLIP
+    return contender.block.code == STICTION and float(contender.fit.parts[-1].values[1]) < SMALL_SLIP
 
 
 def hardly_lasts(contender: Contender) -> bool:
@@ -87,7 +91,7 @@ def hardly_turns_back(contender: Contender) -> bool:
     have the mean delay and the spread of one lag with a zero of (n - 1) / (n + 1) of it, two those of a third.
     """
     values = contender.fit.parts[-1].values
-    return contender.block.code == "process.inverse_response" and bool(values[0] < SMALL_ZERO * values[1])
+    return contender.block.code == INVERSE_RESPONSE.code and bool(values[0] < SMALL_ZERO * values[1])
 
 
 def twins_of(contender: Contender) -> tuple[str, ...]:
@@ -96,9 +100,9 @@ def twins_of(contender: Contender) -> tuple[str, ...]:
     return (
         *TWINS.get(code, ()),
         *CLOSE.get(code, ()),
-        *(("valve.deadband",) if hardly_slips(contender) else ()),
-        *(("process.extra_lag",) if hardly_turns_back(contender) else ()),
-        *(("disturbance.step",) if hardly_lasts(contender) else ()),
+        *((DEADBAND.code,) if hardly_slips(contender) else ()),
+        *((EXTRA_LAG.code,) if hardly_turns_back(contender) else ()),
+        *((LOAD_STEP.code,) if hardly_lasts(contender) else ()),
     )
 
 

@@ -18,10 +18,11 @@ from app.engine.mismatch.fit.stems import ShownStem, shown_stems, walking
 from app.engine.mismatch.fit.task import OWN_DEVIATION, Given, Task, make_task, start_at
 from app.engine.mismatch.loop.block import Block
 from app.engine.mismatch.loop.chain import signal_after
-from app.engine.mismatch.physics.valve_stiction import slipping_as
+from app.engine.mismatch.physics.valve_deadband import DEADBAND
+from app.engine.mismatch.physics.valve_stiction import HE, slipping_as
 from app.engine.recording import FloatArray
 
-STICKS, BACKLASH = "valve.stiction/he", "valve.deadband"
+STICKS, BACKLASH = HE.name, DEADBAND.name
 PURSUED, OF_A_WALK = 4, 3  # of those begun, how many are fitted to their end
 STEPS, ROUNDS = 6, 3
 OTHER_SLIPS, WALKS = np.linspace(0.05, 1.0, 20), 2

@@ -3,6 +3,7 @@ was beside a loop without it, and a step of its grid passes over what jumps.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,13 +12,15 @@ from app.engine.mismatch.compete.pairing import alone_as, fit_again, placed, wit
 from app.engine.mismatch.compete.worth import makes_sense
 from app.engine.mismatch.fit.fitting import Fit, fit
 from app.engine.mismatch.fit.scan import Start, ground, scan
+from app.engine.mismatch.fit.unlike import unlike_better_ones
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part
+from app.engine.mismatch.physics.oscillation import WAVE
 from app.engine.recording import FloatArray
 
 # Where a valve jumps hangs on thousandths of its band, and the likelihood has an optimum for each such band: in which
 # of them a descent ends hangs on the last bits of where it began.
 WIDTH, POINTS, MOMENTS = 0.3, 121, 241
-WAVE, TURN_POINTS, ENDS_MOVED = "disturbance.oscillation", 60, 4
+TURN_POINTS, ENDS_MOVED = 60, 4
 LEAST_MOVED = 0.1  # nat
 PURSUED, NEAR, NEAR_OTHERWISE = 3, 0.01, 0.15
 STEPS = 6
@@ -36,7 +39,7 @@ def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
     where nothing jumps and where nothing better is there.
     """
     found, context = contender.fit, Context(contender.fit.record, contender.fit.plant)
-    if contender.block.code == WAVE:
+    if contender.block.code == WAVE.code:
         return between_its_ends(contender)
     if not jumps(contender.block, context):
         return contender
@@ -132,16 +135,11 @@ def at_other_moments(part: Part, context: Context) -> FloatArray:
 
 def foremost(points: list[Begun], context: Context) -> list[Begun]:
     """The best points that are not neighbours."""
-    kept: list[Begun] = []
-    for point in sorted(points, key=lambda point: point.form.penalty - point.start.gain):
-        if not any(neighbours(point, other, context) for other in kept):
-            kept.append(point)
-        if len(kept) == PURSUED:
-            break
-    return kept
+    best_first = sorted(points, key=lambda point: point.form.penalty - point.start.gain)
+    return unlike_better_ones(best_first, partial(neighbours, context), PURSUED)
 
 
-def neighbours(one: Begun, other: Begun, context: Context) -> bool:
+def neighbours(context: Context, one: Begun, other: Begun) -> bool:
     """Whether two points are nearly one: in the logarithm of the size, and in the range that each other parameter has,
     which depends on no unit.
     """

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from app.engine.mismatch.compete.competition import Contender, Scanned, survey
+from app.engine.mismatch.compete.limits import LIMITS_OF_PV
 from app.engine.mismatch.compete.looking_ahead import looked_ahead
 from app.engine.mismatch.compete.naming import Believed, believed
 from app.engine.mismatch.compete.pairing import coupled, couples
@@ -38,10 +39,8 @@ CARRIED = 3
 MOST_HIDDEN = 2
 ROUNDS = 2
 LEAST_MARGIN = -2.9  # a probability of 0.05
-# One limit of PV is one effect, whichever of these it is called.
-LIMITS = {"process.overflow", "sensor.saturation"}
 # Codes of which one pair holds one only.
-APART = (frozenset(LIMITS), *(frozenset((code, *twins)) for code, twins in TWINS.items()))
+APART = (LIMITS_OF_PV, *(frozenset((code, *twins)) for code, twins in TWINS.items()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +150,8 @@ def leaders(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:
 def seconds(contender: Contender, alone: tuple[Contender, ...], blocks: tuple[Block, ...]) -> Places:
     """What competes for the place beside a contender; names that did well alone begin from their values there too."""
     named = {contender.block.code, *TWINS.get(contender.block.code, ())}
-    if contender.block.code in LIMITS:
-        named |= LIMITS
+    if contender.block.code in LIMITS_OF_PV:
+        named |= LIMITS_OF_PV
     carried = tuple(r.fit.parts[-1] for r in alone if r.block.code not in named and worth(r) > 0.0)[:CARRIED]
     return Places(
         contender, ranked(contender.fit, tuple(block for block in blocks if block.code not in named), carried)

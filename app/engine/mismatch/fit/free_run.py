@@ -11,6 +11,7 @@ from app.engine.mismatch.fit.fitting import STILL, Fit, descend, finish, noise_l
 from app.engine.mismatch.fit.noise import NoiseModel, whiten
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.chain import signal_after
+from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 from app.engine.recording import BoolArray, FloatArray
 
 SLOW_POLE, SETTLED = 0.9, 0.85
@@ -75,7 +76,7 @@ def stem_swing(found: Fit) -> int | None:
     that was found from OP has as much of the load as OP could take. None too where noise turns the stem every few
     samples: less their median over so few nothing tells two free runs apart.
     """
-    stems = [part for part in found.parts if part.block.code == "valve.stiction" and part.values[1] >= SLIPS]
+    stems = [part for part in found.parts if part.block.code == STICTION and part.values[1] >= SLIPS]
     if not stems or not found.given.behind_stem:
         return None
     moves = np.diff(signal_after(found.record, found.plant, found.parts, stems[0]))

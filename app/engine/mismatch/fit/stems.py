@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from app.engine.mismatch.fit.noise import POLE_MAX, Four, NoiseModel, compared_samples, settling_samples, whiten
+from app.engine.mismatch.fit.unlike import unlike_better_ones
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.valve_stiction import reach
@@ -134,14 +135,10 @@ def sizes_of(S: FloatArray, shares: FloatArray | list[float], starts: FloatArray
 
 def apart(found: list[ShownStem]) -> list[ShownStem]:
     """The stems in the order of their gain without those that are nearly a better one."""
-    kept: list[ShownStem] = []
-    for stem in sorted(found, key=lambda stem: -stem.gain):
-        if not any(alike(stem, other) for other in kept):
-            kept.append(stem)
-    return kept
+    return unlike_better_ones(sorted(found, key=lambda stem: -stem.gain), nearly_one)
 
 
-def alike(one: ShownStem, other: ShownStem) -> bool:
+def nearly_one(one: ShownStem, other: ShownStem) -> bool:
     return abs(np.log(one.S / other.S)) < ALIKE_S and abs(one.share - other.share) < ALIKE_SHARE
 
 

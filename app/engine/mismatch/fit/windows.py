@@ -9,6 +9,7 @@ from app.engine.mismatch.loop.block import Context, Part
 from app.engine.mismatch.loop.chain import signal_after, signal_before
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.recording import BoolArray
+from app.engine.signals.runs import runs_of
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,10 @@ def within(record: Experiment, start_s: float, end_s: float) -> Window:
 
 def windows_along(record: Experiment, mask: BoolArray, least: int = 2) -> tuple[Window, ...]:
     """The stretches of a record (N,), of at least `least` samples, where the mask (N,) is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     first_s, ts = record.first_s, record.sampling_interval_s
     return tuple(
         within(record, first_s + float(a * ts), first_s + float(b * ts))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        for a, b in zip(*runs_of(mask), strict=True)
         if b - a >= least
     )
 

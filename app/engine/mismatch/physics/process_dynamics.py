@@ -95,9 +95,21 @@ def turns_back(values: FloatArray, context: Context) -> bool:
 
 
 ALWAYS = "while OP moves"
+EXTRA_LAG = Block("process.extra_lag", "process", "process", ALWAYS, lag_time, lags, alter=lagged, penalty=13.0)
+INVERSE_RESPONSE = Block(
+    "process.inverse_response",
+    "process",
+    "process",
+    ALWAYS,
+    zero_and_lag,
+    zeros_and_lags,
+    alter=inverse,
+    penalty=18.0,
+    sensible=turns_back,
+)
 BLOCKS = (
     Block("process.dead_time", "process", "process", ALWAYS, extra_delay, delays, alter=later, penalty=13.0),
-    Block("process.extra_lag", "process", "process", ALWAYS, lag_time, lags, alter=lagged, penalty=13.0),
+    EXTRA_LAG,
     Block(
         "process.integrating",
         "process",
@@ -122,15 +134,5 @@ BLOCKS = (
         penalty=18.0,
         suits=settles,
     ),
-    Block(
-        "process.inverse_response",
-        "process",
-        "process",
-        ALWAYS,
-        zero_and_lag,
-        zeros_and_lags,
-        alter=inverse,
-        penalty=18.0,
-        sensible=turns_back,
-    ),
+    INVERSE_RESPONSE,
 )

@@ -6,6 +6,8 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter
 from app.engine.mismatch.physics.corners import beyond_limit, limited_at
 from app.engine.recording import FloatArray
 
+CODE = "sensor.saturation"
+
 
 def _block(sign: float, soft: bool) -> Block:
     def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -22,7 +24,7 @@ def _block(sign: float, soft: bool) -> Block:
 
     side = "high" if sign > 0 else "low"
     return Block(
-        "sensor.saturation",
+        CODE,
         "sensor",
         "sensor",
         "above a PV limit" if sign > 0 else "below a PV limit",

@@ -13,6 +13,7 @@ from numba import njit
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.loop.plant import Plant, delay
 from app.engine.mismatch.physics.scales import depth
+from app.engine.mismatch.physics.vessel import OVERFLOW
 from app.engine.recording import FloatArray
 
 STEPS = 4
@@ -100,7 +101,7 @@ BLOCKS = (
         penalty=30.0,
         frees_gain=True,
         suits=two_lags,
-        brings=("process.overflow",),
+        brings=(OVERFLOW,),
         steps=25,
     ),
 )

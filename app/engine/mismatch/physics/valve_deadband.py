@@ -2,6 +2,8 @@
 valve wears, the band becomes wider along the record.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
 
@@ -53,28 +55,24 @@ def _within(op: FloatArray, half: FloatArray, x: float) -> FloatArray:
     return v
 
 
-BLOCKS = (
-    Block(
-        "valve.deadband",
-        "valve",
-        "valve",
-        "after OP reversals",
-        parameters,
-        starts,
-        apply=backlash,
-        penalty=15.0 + PENALTY,
-        rough=True,
-    ),
-    Block(
-        "valve.deadband",
-        "valve",
-        "valve",
-        "after OP reversals, more and more",
-        grows_parameters,
-        grows_starts,
-        apply=grows,
-        form="grows",
-        penalty=17.0 + PENALTY,
-        rough=True,
-    ),
+DEADBAND = Block(
+    "valve.deadband",
+    "valve",
+    "valve",
+    "after OP reversals",
+    parameters,
+    starts,
+    apply=backlash,
+    penalty=15.0 + PENALTY,
+    rough=True,
 )
+GROWS = replace(
+    DEADBAND,
+    condition="after OP reversals, more and more",
+    parameters=grows_parameters,
+    starts=grows_starts,
+    apply=grows,
+    form="grows",
+    penalty=17.0 + PENALTY,
+)
+BLOCKS = (DEADBAND, GROWS)

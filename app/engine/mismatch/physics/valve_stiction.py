@@ -14,6 +14,8 @@ from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.valve import choudhury_stem, he_stem
 
+CODE = "valve.stiction"
+
 Sizes = TypeVar("Sizes", float, FloatArray)
 Stem = Callable[[FloatArray, float, float, float], FloatArray]
 
@@ -121,7 +123,7 @@ def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
 
 
 SETS_IN = Block(
-    "valve.stiction",
+    CODE,
     "valve",
     "valve",
     "after OP reversals, from a time on",
@@ -137,23 +139,21 @@ SETS_IN = Block(
 )
 CHOUDHURY_SETS_IN = replace(SETS_IN, starts=fewer_sizes, apply=choudhury_sets_in, form="choudhury_sets_in")
 
-BLOCKS = (
-    *(
-        Block(
-            "valve.stiction",
-            "valve",
-            "valve",
-            "after OP reversals",
-            parameters,
-            starts,
-            apply=model,
-            form=form,
-            penalty=18.0 + PENALTY,
-            rough=True,
-            finalists=4,
-        )
-        for form, model in (("he", he), ("choudhury", choudhury))
-    ),
-    SETS_IN,
-    CHOUDHURY_SETS_IN,
+HE, CHOUDHURY = (
+    Block(
+        CODE,
+        "valve",
+        "valve",
+        "after OP reversals",
+        parameters,
+        starts,
+        apply=model,
+        form=form,
+        penalty=18.0 + PENALTY,
+        rough=True,
+        finalists=4,
+    )
+    for form, model in (("he", he), ("choudhury", choudhury))
 )
+
+BLOCKS = (HE, CHOUDHURY, SETS_IN, CHOUDHURY_SETS_IN)

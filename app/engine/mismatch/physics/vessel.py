@@ -10,6 +10,7 @@ from app.engine.mismatch.loop.plant import Plant, delay
 from app.engine.mismatch.physics.scales import depth
 from app.engine.recording import BoolArray, FloatArray
 
+OVERFLOW = "process.overflow"
 CLEAR = 2.0
 WEIR, NOTCH = 1.5, 2.5
 
@@ -64,7 +65,7 @@ def _overflow(sign: float) -> Block:
 
     side, condition = ("high", "at high level") if sign > 0 else ("low", "at low level")
     return Block(
-        "process.overflow",
+        OVERFLOW,
         "process",
         "process",
         condition,
