@@ -19,6 +19,7 @@ from app.engine.mismatch.physics.moments import (
     rise,
     since,
     slopes_at,
+    stretches,
 )
 from app.engine.mismatch.physics.scales import size, slowness
 from app.engine.recording import FloatArray
@@ -84,15 +85,13 @@ def pulse_parameters(context: Context) -> tuple[Parameter, ...]:
 
 
 def pulse_starts(context: Context, _: FloatArray) -> FloatArray:
-    times = context.record.duration_s * np.linspace(0.02, 0.98, 25)
-    return np.array([(a, b, 0.0) for i, a in enumerate(times) for b in times[i + 1 :]])
+    return stretches(context.record.duration_s * np.linspace(0.02, 0.98, 25))
 
 
 def sensor_pulse_starts(context: Context, innovations: FloatArray) -> FloatArray:
     """Evenly spread stretches, and those between any two jumps of PV."""
-    sharp = jumps(context, innovations, SHARPEST)
-    between_jumps = np.array([(a, b, 0.0) for i, a in enumerate(sharp) for b in sharp[i + 1 :]])
-    return np.concatenate((pulse_starts(context, innovations), between_jumps.reshape(-1, 3)))
+    between_jumps = stretches(jumps(context, innovations, SHARPEST))
+    return np.concatenate((pulse_starts(context, innovations), between_jumps))
 
 
 def pulse(context: Context, values: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum, grid, no_scan
-from app.engine.mismatch.physics.moments import between, jumps_at, moment, ramp, since
+from app.engine.mismatch.physics.moments import between, jumps_at, moment, ramp, since, stretches
 from app.engine.recording import FloatArray
 
 EDGE = 0.03
@@ -53,8 +53,7 @@ def held_parameters(context: Context) -> tuple[Parameter, ...]:
 
 
 def held_starts(context: Context, _: FloatArray) -> FloatArray:
-    times = context.record.duration_s * np.linspace(0.0, 1.0, 9)
-    return np.array([(a, b, 0.0) for i, a in enumerate(times) for b in times[i + 1 :]])
+    return stretches(context.record.duration_s * np.linspace(0.0, 1.0, 9))
 
 
 def held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
@@ -67,8 +66,7 @@ def passing(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
 
 
 def passing_starts(context: Context, _: FloatArray) -> FloatArray:
-    times = context.record.duration_s * np.linspace(0.04, 0.96, 24)
-    return np.array([(a, b, 0.0) for i, a in enumerate(times) for b in times[i + 2 :]])
+    return stretches(context.record.duration_s * np.linspace(0.04, 0.96, 24), 2)
 
 
 def comes_and_goes(values: FloatArray, context: Context) -> bool:

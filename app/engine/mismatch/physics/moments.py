@@ -14,6 +14,14 @@ def moment(name: str, context: Context) -> Parameter:
     return Parameter(name, "s", 0.0, context.record.duration_s, 0.2 * context.record.duration_s)
 
 
+def stretches(moments: FloatArray, apart: int = 1) -> FloatArray:
+    """(M, 3) the stretches from each of some moments, s in order, to those that are so many further on or more; of size
+    0.
+    """
+    pairs = [(a, b, 0.0) for i, a in enumerate(moments) for b in moments[i + apart :]]
+    return np.array(pairs).reshape(-1, 3)
+
+
 def ramp(context: Context, begin_s: float, end_s: float) -> FloatArray:
     """0 before begin_s, 1 after end_s, straight between them; (N,)."""
     return _ramp(context.time_s, float(begin_s), max(float(end_s - begin_s), context.record.sampling_interval_s))

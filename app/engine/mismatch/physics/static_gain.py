@@ -5,6 +5,8 @@ Liptak, Control Valve Selection, equal percentage R^(x - 1). Process: gain linea
 (Hammerstein) or after it (Wiener).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
@@ -32,34 +34,19 @@ def exponential(signal: FloatArray, values: FloatArray, context: Context) -> Flo
     return np.expm1(np.minimum(c * signal, MOST_EXPONENT)) / c if abs(values[0]) > 1e-6 else signal
 
 
-def curvature(context: Context) -> tuple[Parameter, ...]:
-    return (Parameter("curvature", "1/OP span", -3.0, 3.0, 1.0, linear=True),)
+def powers(of: str, most: float, count: int) -> Callable[[Context], tuple[Parameter, ...]]:
+    """How much of the square, and of the third power, stands beside a signal over its span: so many of the two."""
+    each = (("curvature", f"1/{of} span", most), ("third", f"1/{of} span^2", 2.0 * most))
+    parameters = tuple(Parameter(name, unit, -high, high, 1.0, linear=True) for name, unit, high in each[:count])
+    return lambda _: parameters
 
 
-def none_at_first(_: Context, __: FloatArray) -> FloatArray:
-    return np.zeros((1, 1))
+def none_at_first(count: int) -> Callable[[Context, FloatArray], FloatArray]:
+    return lambda _, __: np.zeros((1, count))
 
 
 def quadratic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     return signal + values[0] / context.record.op_span * (signal * signal - MEAN_SQUARE * context.record.op_span**2)
-
-
-def cubic_parameters(context: Context) -> tuple[Parameter, ...]:
-    return (*curvature(context), Parameter("third", "1/OP span^2", -6.0, 6.0, 1.0, linear=True))
-
-
-def zeros_of_two(_: Context, __: FloatArray) -> FloatArray:
-    return np.zeros((1, 2))
-
-
-def cubic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    x = signal / context.record.op_span
-    square = x * x
-    return context.record.op_span * (x + values[0] * (square - MEAN_SQUARE) + values[1] * square * x)
-
-
-def wiener_parameters(_: Context) -> tuple[Parameter, ...]:
-    return (Parameter("curvature", "1/PV span", -1.5, 1.5, 1.0, linear=True),)
 
 
 def wiener(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
@@ -67,14 +54,18 @@ def wiener(signal: FloatArray, values: FloatArray, context: Context) -> FloatArr
     return context.record.pv_span * (x + values[0] * (x * x - MEAN_SQUARE))
 
 
-def wiener_cubic_parameters(context: Context) -> tuple[Parameter, ...]:
-    return (*wiener_parameters(context), Parameter("third", "1/PV span^2", -3.0, 3.0, 1.0, linear=True))
+def cubic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return _cubic(signal, values, context.record.op_span)
 
 
 def wiener_cubic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    x = signal / context.record.pv_span
+    return _cubic(signal, values, context.record.pv_span)
+
+
+def _cubic(signal: FloatArray, values: FloatArray, span: float) -> FloatArray:
+    x = signal / span
     square = x * x
-    return context.record.pv_span * (x + values[0] * (square - MEAN_SQUARE) + values[1] * square * x)
+    return span * (x + values[0] * (square - MEAN_SQUARE) + values[1] * square * x)
 
 
 def rises(values: FloatArray, context: Context) -> bool:
@@ -116,8 +107,8 @@ BLOCKS = (
         "process",
         "input",
         WHERE,
-        curvature,
-        none_at_first,
+        powers("OP", 3.0, 1),
+        none_at_first(1),
         apply=quadratic,
         penalty=12.0,
         frees_gain=True,
@@ -127,8 +118,8 @@ BLOCKS = (
         "process",
         "output",
         WHERE,
-        wiener_parameters,
-        none_at_first,
+        powers("PV", 1.5, 1),
+        none_at_first(1),
         apply=wiener,
         form="wiener",
         penalty=12.5,
@@ -139,8 +130,8 @@ BLOCKS = (
         "process",
         "output",
         WHERE,
-        wiener_cubic_parameters,
-        zeros_of_two,
+        powers("PV", 1.5, 2),
+        none_at_first(2),
         apply=wiener_cubic,
         form="wiener-cubic",
         sensible=rises,
@@ -153,8 +144,8 @@ BLOCKS = (
         "process",
         "input",
         WHERE,
-        cubic_parameters,
-        zeros_of_two,
+        powers("OP", 3.0, 2),
+        none_at_first(2),
         apply=cubic,
         form="cubic",
         penalty=15.0,
