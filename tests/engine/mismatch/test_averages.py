@@ -163,8 +163,8 @@ def test_a_name_that_the_whole_record_does_not_bear_goes_with_a_reason() -> None
     record = record_of(experiment_of(1200))
     base = fit_linear(record, Given(Plant(1.0, 60.0, 0.0)))
     block = next(block for block in library(record) if block.name == "sensor.step")
-    fitted = replace(base, parts=(Part(block, np.array([600.0, 0.0])),))
-    effect = Believed(block.code, (), 20.0, 20.0, Contender(block, fitted, 20.0, base))
+    fitted = replace(base, likelihood=base.likelihood + 20.0, parts=(Part(block, np.array([600.0, 0.0])),))
+    effect = Believed(block.code, (), 20.0, 20.0, Contender(fitted, base))
     found = refined(base, Selection(fitted, (effect,), ()))
     assert not found.selection.effects
     assert [reason.code for reason in found.lost] == ["whole_disagrees"]

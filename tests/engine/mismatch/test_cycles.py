@@ -11,6 +11,7 @@ from app.engine.mismatch.compete.selection import LEAST_MARGIN, Selection, stand
 from app.engine.mismatch.fit.fitting import fit_linear
 from app.engine.mismatch.fit.free_run import free_run_error
 from app.engine.mismatch.fit.task import Given
+from app.engine.mismatch.loop.block import Part
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.law import identify_law
 from app.engine.mismatch.loop.plant import Plant
@@ -64,7 +65,8 @@ def test_no_name_stands_that_another_one_beats_in_its_place() -> None:
     def named(margin: float) -> Selection:
         return Selection(base, (Believed(block.code, (), 60.0, margin, contender),), ())
 
-    contender = Contender(block, base, 60.0, base)
+    found = replace(base, likelihood=base.likelihood + 60.0, parts=(Part(block, np.ones(3)),))
+    contender = Contender(found, base)
     assert stands(named(LEAST_MARGIN + 0.1))
     assert not stands(named(LEAST_MARGIN - 0.1))
     assert probability_of(named(LEAST_MARGIN + 0.01).effects[0]) >= 0.05

@@ -386,12 +386,13 @@ def test_what_richer_noise_would_take_is_no_gain() -> None:
     record = experiment(TS, 40.0 + op, recorded(op))
     fitted = fit_linear(record, Given(TRUE))
     poor = replace(fitted, noise=NoiseModel(deviation=float(np.std(fitted.residual))))
-    block = replace(valve_deadband.BLOCKS[0], place="disturbance")  # what answers OP: test_richer_noise
+    block = replace(valve_deadband.DEADBAND, place="disturbance")  # what answers OP: test_richer_noise
+    with_it = (Part(block, np.ones(2)),)
     assert predictable(fitted) < 15.0 < predictable(poor)
-    assert taken_by_noise(Contender(block, fitted, 20.0, poor)) == pytest.approx(
+    assert taken_by_noise(Contender(replace(fitted, parts=with_it), poor)) == pytest.approx(
         predictable(poor) - predictable(fitted)
     )
-    assert taken_by_noise(Contender(block, poor, 20.0, fitted)) == 0.0
+    assert taken_by_noise(Contender(replace(poor, parts=with_it), fitted)) == 0.0
 
 
 def test_two_effects_neither_of_which_pays_alone_are_both_named() -> None:

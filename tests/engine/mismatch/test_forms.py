@@ -136,7 +136,7 @@ def test_dry_friction_is_said_beside_a_deadband_that_explains_hardly_more(
     base = fit_linear(record, Given(PLANT.changed(tau2=10.0), second_order=True))
     monkeypatch.setattr(Fit, "beside_richer_noise", property(lambda fit: fit))  # made-up fits cannot be fitted again
     best, other = (
-        Contender(block, replace(base, likelihood=base.likelihood + gain, parts=(Part(block, values),)), gain, base)
+        Contender(replace(base, likelihood=base.likelihood + gain, parts=(Part(block, values),)), base)
         for block, values, gain in (
             (by_name(record)["valve.deadband"], np.array([1.0]), 115.0),
             (by_name(record)["process.friction"], np.array([1.0, 0.0]), 19.0 + 100.0 * share),

@@ -24,7 +24,7 @@ def twins(name: str, lasting_s: float, tau_s: float = TAU) -> tuple[str, ...]:
     base = fit_linear(experiment(TS, 40.0 + u, run_process(u, plant, TS) + open_loop.noise(N)), Given(plant))
     block = next(block for block in additive.BLOCKS if block.name == name)
     found = finish(*placed(base, (Part(block, np.array([500.0, lasting_s, 2.0])),)), base.noise)
-    return twins_of(Contender(block, found, 50.0, base))
+    return twins_of(Contender(found, base))
 
 
 @pytest.mark.parametrize("name", ["disturbance.ramp", "sensor.drift", "sensor.drift/levelling"])

@@ -98,7 +98,7 @@ def test_the_foremost_is_looked_for_beside_what_did_not_compete(both: Fit) -> No
     blocks = tuple(block for block in library(both.record) if block.code in {"valve.deadband", "sensor.drift"})
     surveyed = survey(both, blocks)
     alone = fitted(both, (backlash(),))
-    first = Contender(DEADBAND, alone, alone.likelihood - both.likelihood, both)
+    first = Contender(alone, both)
     promising = (Couple((backlash(), drift()), 0.0),)
     found = looked_ahead(both, surveyed, promising, (first,), ())
     assert [{part.block.code for part in couple.parts} for couple in found] == [{"valve.deadband", "sensor.drift"}]
@@ -119,13 +119,13 @@ def test_the_order_of_a_couple_changes_nothing_but_its_order(both: Fit) -> None:
 def test_a_pair_is_compared_with_what_says_nothing_by_score(both: Fit, behind: float, pairs: int) -> None:
     """What has no name explains more here than the pair, and pays for it: it has to be 4 nats behind by score."""
     one, two = fitted(both, (backlash(),)), fitted(both, (backlash(), drift()))
-    first = Contender(DEADBAND, one, one.likelihood - both.likelihood, both)
-    second = Contender(RAMP, two, two.likelihood - one.likelihood, one)
+    first = Contender(one, both)
+    second = Contender(two, one)
     unnamed = generic.BLOCKS[0]
     said = two.score + unnamed.penalty - behind
     nothing = replace(one, parts=(Part(unnamed, np.zeros(0)),), likelihood=said)
     assert nothing.likelihood > two.likelihood
-    alone = (Contender(unnamed, nothing, said - both.likelihood, both), first)
+    alone = (Contender(nothing, both), first)
     assert len(Places(first, (second,)).pairs(alone)) == pairs
 
 
@@ -137,7 +137,7 @@ def slow_part(noise: NoiseModel) -> float:
 def test_what_slow_noise_hid_counts_half(both: Fit) -> None:
     first = fitted(both, (drift(),))
     second = fitted(both, (drift(), backlash()))
-    contender = Contender(DEADBAND, second, second.likelihood - first.likelihood, first)
+    contender = Contender(second, first)
     under_both = gain_under(second, first)
     assert slow_part(second.noise) < 0.1 * slow_part(first.noise)
     assert under_both > contender.gain
@@ -147,7 +147,12 @@ def test_what_slow_noise_hid_counts_half(both: Fit) -> None:
 def test_time_alone_is_paid_for_nothing_that_slow_noise_hid(both: Fit) -> None:
     first, second = fitted(both, (backlash(),)), fitted(both, (backlash(), drift()))
     assert gain_under(second, first) > second.likelihood - first.likelihood
-    assert hidden_gain(Contender(RAMP, second, second.likelihood - first.likelihood, first)) == 0.0
+    assert hidden_gain(Contender(second, first)) == 0.0
+
+
+def gaining(gain: float, found: Fit, over: Fit) -> Contender:
+    """A contender that gains so much (nat) over such a fit."""
+    return Contender(found, replace(over, likelihood=found.likelihood - gain))
 
 
 def test_a_small_second_must_run_nearer(both: Fit) -> None:
@@ -155,17 +160,17 @@ def test_a_small_second_must_run_nearer(both: Fit) -> None:
     first = fitted(both, (drift(),))
     known, pv = fitted(both, (drift(), backlash())), first.record.pv_deviation
     second = replace(known, simulated=pv - 0.99 * first.residual)
-    contender = Contender(DEADBAND, second, 60.0, replace(first, likelihood=first.likelihood - 60.0))
-    assert pays_beside(contender, Contender(RAMP, first, 300.0, both))
-    assert not pays_beside(contender, Contender(RAMP, first, 500.0, both))
+    contender = gaining(60.0, second, first)
+    assert pays_beside(contender, gaining(300.0, first, both))
+    assert not pays_beside(contender, gaining(500.0, first, both))
     close = replace(second, simulated=pv - 0.7 * first.residual)
-    assert pays_beside(replace(contender, fit=close), Contender(RAMP, first, 500.0, both))
+    assert pays_beside(replace(contender, fit=close), gaining(500.0, first, both))
 
 
 def test_nothing_is_hidden_of_what_hardly_gains_or_runs_no_nearer(both: Fit) -> None:
     first, second = fitted(both, (drift(),)), fitted(both, (drift(), backlash()))
-    assert hidden_gain(Contender(DEADBAND, second, 0.5 * DEADBAND.penalty, first)) == 0.0
-    assert hidden_gain(Contender(DEADBAND, second, 100.0, second)) == 0.0
+    assert hidden_gain(gaining(0.5 * DEADBAND.penalty, second, first)) == 0.0
+    assert hidden_gain(gaining(100.0, second, second)) == 0.0
 
 
 def test_a_fault_that_leaves_few_samples_leaves_some_of_them_to_fit() -> None:
@@ -222,7 +227,7 @@ def test_what_stands_beside_a_second_still_is_what_its_code_says(both: Fit, last
     pulse = next(block for block in additive.BLOCKS if block.name == "sensor.step/pulse")
     beside = finish(*placed(both, (Part(pulse, np.array([600.0, 600.0 + lasts * TS, 0.1])),)), both.noise)
     second = finish(*placed(beside, (*beside.parts, backlash())), both.noise)
-    assert makes_sense(Contender(DEADBAND, second, second.likelihood - beside.likelihood, beside)) is sensible
+    assert makes_sense(Contender(second, beside)) is sensible
 
 
 def test_a_drift_is_where_it_was_put(both: Fit) -> None:
@@ -244,8 +249,8 @@ def against(base: Fit, first: Fit) -> Contender | None:
     found = fitted(base, (backlash(), drift()))
     # As beside what stands for the whole process: the numbers of its linear plant mean nothing.
     found = replace(found, plant=found.plant.changed(tau=400.0, theta=30.0))
-    alone = Contender(DEADBAND, first, first.likelihood - base.likelihood, base)
-    second = Contender(RAMP, found, found.likelihood - first.likelihood, first)
+    alone = Contender(first, base)
+    second = Contender(found, first)
     return paying_alone(Pair(alone, second, 1000.0, ()), base, (alone,), (DEADBAND,))
 
 
@@ -266,7 +271,7 @@ def test_two_that_pay_beside_each_other_stay(both: Fit) -> None:
 def test_a_band_is_looked_for_again_where_its_first_scan_passed_over_it() -> None:
     base = fit_linear(recorded((backlash(),), 0.01), Given(PLANT))
     poor = begun(base, Part(DEADBAND, np.array([1.7, 0.0])))
-    again = searched(Contender(DEADBAND, poor, poor.likelihood - base.likelihood, base), (DEADBAND,))
+    again = searched(Contender(poor, base), (DEADBAND,))
     assert again.gain == pytest.approx(again.fit.likelihood - base.likelihood)
     assert again.fit.parts[0].values[0] == pytest.approx(2.0, rel=0.01)
 
@@ -305,12 +310,12 @@ def said_for(best: Contender, alone: Contender) -> Contender:
 def deadband() -> Contender:
     base = fit_linear(recorded((backlash(),)), Given(PLANT))
     found = fitted(base, (backlash(),))
-    return Contender(DEADBAND, found, found.likelihood - base.likelihood, base)
+    return Contender(found, base)
 
 
 def test_one_of_a_refused_pair_is_named_alone_where_it_is_worth_as_much_as_the_best(deadband: Contender) -> None:
-    better, equal = replace(deadband, gain=deadband.gain), replace(deadband)
-    best = replace(deadband, gain=deadband.gain - 1.0)
+    better, equal = replace(deadband), replace(deadband)
+    best = gaining(deadband.gain - 1.0, deadband.fit, deadband.over)
     assert worth(best) < worth(better)
     assert said_for(best, better) is better
     assert said_for(deadband, equal) is equal
@@ -318,16 +323,15 @@ def test_one_of_a_refused_pair_is_named_alone_where_it_is_worth_as_much_as_the_b
 
 def test_the_best_effect_stays_where_one_of_a_refused_pair_is_worth_less(deadband: Contender) -> None:
     """By less than what another name would have to be better by."""
-    less = replace(deadband, gain=deadband.gain - 1.0)
+    less = gaining(deadband.gain - 1.0, deadband.fit, deadband.over)
     assert 0.0 < worth(less) < worth(deadband)
     assert said_for(deadband, less) is deadband
 
 
 def test_the_best_effect_stays_where_one_of_a_refused_pair_makes_no_sense(deadband: Contender) -> None:
-    senseless = replace(deadband, block=replace(DEADBAND, sensible=lambda *_: False))
-    task = make_task(deadband.over.record, deadband.over.given, (senseless.block,))
-    astray = finish(task, deadband.fit.x, deadband.fit.noise)
-    senseless = replace(senseless, fit=astray)
+    block = replace(DEADBAND, sensible=lambda *_: False)
+    task = make_task(deadband.over.record, deadband.over.given, (block,))
+    senseless = Contender(finish(task, deadband.fit.x, deadband.fit.noise), deadband.over)
     assert worth(senseless) == -np.inf
     assert said_for(deadband, senseless) is deadband
 

@@ -28,6 +28,7 @@ from app.engine.mismatch.fit.given import identify
 from app.engine.mismatch.fit.noise import settling_samples, whiten
 from app.engine.mismatch.fit.stems import DELAYS, LAGS, ShownStem, followed, loops_near, seen_under, shown_stems
 from app.engine.mismatch.fit.task import GIVEN_DEVIATION
+from app.engine.mismatch.loop.block import Part
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.mismatch.physics import library
 from app.engine.mismatch.physics.valve_stiction import slipping_as
@@ -206,7 +207,8 @@ def test_a_healthy_loop_under_a_wave_shows_no_stem() -> None:
 def test_a_given_simulation_is_not_found_again() -> None:
     base = own_loop(sticking(3, 8.0, 4.0))
     given = replace(base, given=replace(base.given, deviation=GIVEN_DEVIATION))
-    ranking = (Contender(library(base.record)[0], base, 1.0, base),)
+    block = library(base.record)[0]
+    ranking = (Contender(replace(base, parts=(Part(block, np.ones(3)),)), base),)
     assert restarted(given, library(base.record)) == ()
     assert with_stems_shown(ranking, restarted(given, library(base.record))) is ranking
 

@@ -20,12 +20,19 @@ PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A block fitted beside what was found so far (over); gain: log-likelihood (nat) over that, without penalty."""
+    """A fit whose last part competes for a place beside what was found so far (over)."""
 
-    block: Block
     fit: Fit
-    gain: float
     over: Fit
+
+    @property
+    def block(self) -> Block:
+        return self.fit.parts[-1].block
+
+    @property
+    def gain(self) -> float:
+        """Log-likelihood (nat) over what was found so far, without penalty."""
+        return self.fit.likelihood - self.over.likelihood
 
     @property
     def score(self) -> float:
@@ -72,7 +79,7 @@ def contenders(
     for (block, fits), score in zip(begun, scores, strict=True):
         hard = block.rough or (block.distant and score > found.likelihood)
         best = pursue(block, fits) if score > asked or hard else fits[0]
-        entered.append(Contender(block, best, best.likelihood - found.likelihood, found))
+        entered.append(Contender(best, found))
     return tuple(sorted(entered, key=lambda contender: -contender.score))
 
 

@@ -68,5 +68,4 @@ def begun_at(block: Block, best: Contender, values: FloatArray) -> Contender:
     """A block beside the same fit as the best one, begun at these values (P,) where that one stands."""
     start, task = best.fit, task_with(best.over, block)
     x = start_at(task, start.plant, np.concatenate((*(part.values for part in start.parts[:-1]), values)))
-    found = fit(task, x, start.noise, ROUNDS, STEPS)
-    return Contender(block, found, found.likelihood - best.over.likelihood, best.over)
+    return Contender(fit(task, x, start.noise, ROUNDS, STEPS), best.over)

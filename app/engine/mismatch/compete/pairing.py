@@ -150,7 +150,7 @@ def alone_as(part: Part, base: Fit, plant: Plant) -> Contender:
     task = task_with(base, part.block)
     values = [*(known.values for known in base.parts), values_in(part, Context(base.record, base.given.plant))]
     alone = fit(task, start_at(task, plant, np.concatenate(values)), None, 2, 6)
-    return Contender(part.block, alone, alone.likelihood - base.likelihood, base)
+    return Contender(alone, base)
 
 
 def reordered(found: Fit, order: tuple[int, int]) -> Fit:

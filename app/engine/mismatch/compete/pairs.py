@@ -88,7 +88,7 @@ def pairs_of(found: Fit, base: Fit, ranking: tuple[Contender, ...]) -> tuple[Pai
     alone = [known.get(part.block.name) or alone_as(part, base, found.plant) for part in found.parts[-2:]]
     order = (0, 1) if alone[0].fit.likelihood >= alone[1].fit.likelihood else (1, 0)
     first, both = alone[order[0]], reordered(found, order)
-    second = reconciled(Contender(both.parts[-1].block, both, both.likelihood - first.fit.likelihood, first.fit))
+    second = reconciled(Contender(both, first.fit))
     return Places(first, (second,)).pairs(best_of_each_code(ranking))
 
 
@@ -99,8 +99,7 @@ def paying_alone(pair: Pair, base: Fit, ranking: tuple[Contender, ...], blocks: 
     found = pair.second.fit
     known = {contender.block.name: contender for contender in reversed(ranking)}
     first, second = (best_alone(p, found, base, known.get(p.block.name), blocks) for p in found.parts[-2:])
-    gain = found.likelihood - first.fit.likelihood
-    beside = reconciled(Contender(pair.second.block, found, gain, first.fit))
+    beside = reconciled(Contender(found, first.fit))
     singles = (*best_of_each_code(ranking), *(contender for contender in (first, second) if makes_sense(contender)))
     if Places(first, (beside,)).pairs(singles):
         return None

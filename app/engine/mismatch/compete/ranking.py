@@ -1,7 +1,5 @@
 """Contenders in the order of what they are worth, each as near to PV as its likelihood allows."""
 
-from dataclasses import replace
-
 from app.engine.mismatch.compete.competition import Contender, Scanned, contenders
 from app.engine.mismatch.compete.kindred import with_kindred
 from app.engine.mismatch.compete.worth import no_worse, worth
@@ -33,10 +31,9 @@ def reconciled(contender: Contender) -> Contender:
     """
     if no_worse(contender.fit, contender.over) or contender.score <= 0.0:
         return contender
-    other = by_free_run(contender.fit)
-    gain = other.likelihood - contender.over.likelihood
-    better = no_worse(other, contender.over) and gain > contender.block.penalty
-    return replace(contender, fit=other, gain=gain) if better else contender
+    other = Contender(by_free_run(contender.fit), contender.over)
+    better = no_worse(other.fit, other.over) and other.gain > contender.block.penalty
+    return other if better else contender
 
 
 def best_of_each_code(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:

@@ -160,9 +160,7 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...], order: Order) -> C
     task = make_task(base.record, given, (stem.block,))
     other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
     best = order((walked, other), base)[0]
-    alone = Contender(stem.block, best, best.likelihood - base.likelihood, base)
-    found = order((alone.fit, searched(alone, blocks).fit), base)[0]
-    return Contender(found.parts[-1].block, found, found.likelihood - base.likelihood, base)
+    return Contender(order((best, searched(Contender(best, base), blocks).fit), base)[0], base)
 
 
 def over_its_slips(found: Fit, base: Fit, order: Order) -> Fit:

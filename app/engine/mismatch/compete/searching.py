@@ -50,8 +50,12 @@ def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
     best = max((found, *fits), key=score_of)
     if best is found:
         return contender
-    best = max((best, fit_again(best)), key=score_of)
-    again = Contender(best.parts[-1].block, best, best.likelihood - contender.over.likelihood, contender.over)
+    return as_sensible(max((best, fit_again(best)), key=score_of), contender)
+
+
+def as_sensible(found: Fit, contender: Contender) -> Contender:
+    """A contender in this fit; as it was where it makes sense and this fit does not."""
+    again = Contender(found, contender.over)
     return again if makes_sense(again) or not makes_sense(contender) else contender
 
 
@@ -65,10 +69,7 @@ def between_its_ends(contender: Contender) -> Contender:
         if not moved.score > found.score + LEAST_MOVED:
             break
         found = moved
-    if found is contender.fit:
-        return contender
-    again = Contender(contender.block, found, found.likelihood - contender.over.likelihood, contender.over)
-    return again if makes_sense(again) or not makes_sense(contender) else contender
+    return contender if found is contender.fit else as_sensible(found, contender)
 
 
 def from_other_ends(found: Fit) -> Fit:

@@ -85,8 +85,7 @@ def without_name(base: Fit, terms: tuple[Pays, ...]) -> Contender | None:
     known = [part.values for part in base.parts]
     x = start_at(task, base.plant, np.concatenate((*known, np.zeros(len(terms)))))
     found = fit(task, x, base.noise, 3, 6)
-    contender = Contender(block, found, found.likelihood - base.likelihood, base)
-    return contender if no_worse(found, base) else None
+    return Contender(found, base) if no_worse(found, base) else None
 
 
 def in_place_of(selection: Selection, unnamed: Contender, named: float) -> Believed:
