@@ -1,5 +1,6 @@
 """What is compared: a recording and a simulation of it, checked before anything is computed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +28,9 @@ LEAST_TIME_CONSTANT = 0.05
 NO_LAG = 1e-9  # s: so short a lag is none, as the plant runs it
 MOST_LAGS, LONGEST_LAG = 2, 1000.0  # so many records long; a longer one is no other than an integrator
 MOST_DAMPING = 10.0  # more is two lags of which one is as good as none
+
+Through = Callable[[FloatArray], FloatArray]
+"""A signal (N,) as another (M,)."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +72,29 @@ class Comparison:
 
     def part(self, which: slice) -> "Comparison":
         """Those samples alone, at second 0 again."""
+        return self.through(lambda signal: signal[which], lambda pv: pv[which], lambda known: known[which])
+
+    def through(
+        self,
+        drive: Through,
+        response: Through,
+        known: Callable[[BoolArray], BoolArray],
+        sp: Through | None = None,
+        trace: Through | None = None,
+        times: float = 1.0,
+    ) -> "Comparison":
+        """Its signals, each (N,), as others (M,): OP and what is measured by `drive`, PV by `response`, SP and the
+        trace as PV where nothing else is said. times: how much longer the interval is.
+        """
         return replace(
             self,
-            op=self.op[which],
-            pv=self.pv[which],
-            sp=None if self.sp is None else self.sp[which],
-            measured=tuple((name, signal[which]) for name, signal in self.measured),
-            known=None if self.known is None else self.known[which],
-            trace=None if self.trace is None else self.trace[which],
+            sampling_interval_s=self.sampling_interval_s * times,
+            op=drive(self.op),
+            pv=response(self.pv),
+            sp=None if self.sp is None else (sp or response)(self.sp),
+            measured=tuple((name, drive(signal)) for name, signal in self.measured),
+            known=None if self.known is None else known(self.known),
+            trace=None if self.trace is None else (trace or response)(self.trace),
         )
 
 
@@ -354,15 +373,11 @@ def at_interval(comparison: Comparison, factor: int) -> Comparison:
     """The comparison at `factor` times its interval."""
     if factor <= 1:
         return comparison
-    return replace(
-        comparison,
-        sampling_interval_s=comparison.sampling_interval_s * factor,
-        op=held_means(comparison.op, factor),
-        pv=centred_means(comparison.pv, factor),
-        sp=None if comparison.sp is None else centred_means(comparison.sp, factor),
-        measured=tuple((name, held_means(signal, factor)) for name, signal in comparison.measured),
-        known=None if comparison.known is None else centred_all(comparison.known, factor),
-        trace=None if comparison.trace is None else centred_means(comparison.trace, factor),
+    return comparison.through(
+        lambda signal: held_means(signal, factor),
+        lambda pv: centred_means(pv, factor),
+        lambda known: centred_all(known, factor),
+        times=factor,
     )
 
 

@@ -116,16 +116,12 @@ def at_instants(comparison: Comparison, hold: Hold) -> Comparison:
     def until_next(signal: FloatArray) -> FloatArray:
         return means_from(signal, hold.instants, hold.interval)
 
-    trace, samples = comparison.trace, np.arange(len(comparison.pv))
-    return replace(
-        comparison,
-        sampling_interval_s=comparison.sampling_interval_s * hold.interval,
-        op=until_next(comparison.op),
-        pv=comparison.pv[hold.shown],
-        sp=None if comparison.sp is None else until_next(comparison.sp),
-        measured=tuple((name, until_next(signal)) for name, signal in comparison.measured),
-        known=None if comparison.known is None else comparison.known[hold.shown],
-        trace=None if trace is None else np.interp(hold.instants, samples, trace),
+    def at_them(signal: FloatArray) -> FloatArray:
+        return np.interp(hold.instants, np.arange(len(signal)), signal)
+
+    shown = hold.shown
+    return comparison.through(
+        until_next, lambda pv: pv[shown], lambda known: known[shown], sp=until_next, trace=at_them, times=hold.interval
     )
 
 
