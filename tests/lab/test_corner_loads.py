@@ -1,5 +1,7 @@
 """The bench of loads in corners from elsewhere."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,8 @@ def test_a_load_comes_and_goes_about_once_a_cycle(name):
 
 def test_verdicts_are_counted_by_kind(monkeypatch):
     said = {False: ("stiction", "not_reliable"), True: ("stiction", "reliable")}
-    monkeypatch.setattr(corner_loads, "said_of", lambda kind, seed, sticks: said[sticks])
+    monkeypatch.setattr(corner_loads, "record", lambda kind, seed, sticks: said[sticks])
+    monkeypatch.setattr(corner_loads, "tallied", Counter)
     head, rule, *lines = report(range(1, 5))
     assert head.count("|") == rule.count("|") == lines[0].count("|")
     assert lines[: len(HEALTHY)] == [f"| healthy | {kind} | 4 | 4 | 0 | 0 |" for kind in HEALTHY]

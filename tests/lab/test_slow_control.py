@@ -1,5 +1,7 @@
 """The bench of sluggish loops under a load that wanders."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,8 @@ def test_a_loop_is_the_same_for_a_seed_and_its_valve_sticks_where_it_should(kind
 
 def test_verdicts_are_counted_by_kind(monkeypatch):
     said = {False: ("no_stiction", "reliable"), True: ("stiction", "not_reliable")}
-    monkeypatch.setattr(slow_control, "said_of", lambda kind, seed, sticks: said[sticks])
+    monkeypatch.setattr(slow_control, "record", lambda kind, seed, sticks: said[sticks])
+    monkeypatch.setattr(slow_control, "tallied", Counter)
     head, rule, *lines = report(range(1, 5))
     assert head.count("|") == rule.count("|") == lines[0].count("|")
     assert lines == [f"| {kind} (4, 4) | 0 | 0 | 4 | 4 | 0 | 0 |" for kind in KINDS]

@@ -6,15 +6,13 @@ up to half of S. Prints how often the audit accuses and clears which, reliably. 
 """
 
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from app.engine.audit import audit
 from app.engine.recording import FloatArray, Recording
-from app.lab.testbench.seeded import accused_and_cleared, print_report
+from app.lab.testbench.seeded import accused_and_cleared, print_report, tallied
 from app.lab.testbench.wiring import Lag, Level, Pi, Valve, Wandering
 
 INTERVAL_S, SETTLING = 5.0, 500
@@ -166,23 +164,17 @@ def _outside(kind: str, rng: np.random.Generator, settles_s: float, scans: int, 
     return LOADS[name](Course(rng, float(np.clip(period_s, 12 * INTERVAL_S, scans * INTERVAL_S / 10)), size, scans))
 
 
-def said_of(kind: str, seed: int, sticks: bool) -> tuple[str, str]:
-    """Verdict and reliability."""
-    judgement = audit(record(kind, seed, sticks)).judgement
-    return judgement.verdict, judgement.reliability
-
-
 def report(seeds: range) -> Iterator[str]:
     yield "| valve | load | loops | accused | reliably | cleared reliably |"
     yield "|---|---|---|---|---|---|"
     for sticks, kinds in ((False, HEALTHY), (True, STICKING)):
         for kind in kinds:
-            said = Counter(said_of(kind, seed, sticks) for seed in seeds)
+            said = tallied(record(kind, seed, sticks) for seed in seeds)
             yield f"| {'sticks' if sticks else 'healthy'} | {kind} | {len(seeds)} | {accused_and_cleared(said)} |"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    return print_report("corner_loads", __doc__, report, arguments, loops=60)
+    return print_report("corner_loads", __doc__, report, arguments, many=60)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,8 @@ plant are heard beside each other: each plant for itself, then all of them as on
 by chance.
 """
 
-import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from app.engine.audit import Audit, audit
 from app.engine.plant_wide.groups import Candidate, groups
 from app.engine.recording import FloatArray
 from app.engine.simulate import LoopSpec, Pid, Signal, SimulatedLoop, TwoParameterValve, first_order, simulate_loop
+from app.lab.testbench.seeded import print_report
 from app.services.auditing.hearing import neighbours_doubts
 
 SOURCE = "source"
@@ -122,16 +122,18 @@ def report(heard: list[Heard], sources: int) -> str:
     )
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.neighbours", description=__doc__)
-    parser.add_argument("--plants", type=int, default=60)
-    parser.add_argument("--seed", type=int, default=1000)
-    options = parser.parse_args(arguments)
-    plants = [audited(options.seed + 10 * k) for k in range(options.plants)]
-    sys.stdout.write(report([hear(one) for one in plants], len(plants)) + "\n")
+def apart_and_together(seeds: range) -> Iterator[str]:
+    """Plants are ten seeds apart, of which their loops take some."""
+    plants = [audited(seeds.start + 10 * k) for k in range(len(seeds))]
+    yield report([hear(one) for one in plants], len(plants))
     together = {tag: found for one in plants for tag, found in one.items()}
-    sys.stdout.write(f"as one plant of {len(together)} loops: {report([hear(together)], len(plants))}\n")
-    return 0
+    yield f"as one plant of {len(together)} loops: {report([hear(together)], len(plants))}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    return print_report(
+        "neighbours", __doc__, apart_and_together, arguments, many=60, seed=1000, of="plants", kinds=None
+    )
 
 
 if __name__ == "__main__":

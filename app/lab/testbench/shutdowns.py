@@ -6,7 +6,6 @@ and one transmitter of another unit dies some hours before; or ten die at random
 said that PV stands, of how many that they came to stand together, and whether the one that died by itself is apart.
 """
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ import numpy as np
 from app.engine.fitness import assess
 from app.engine.plant_wide.stood_together import Stand, stood_together
 from app.engine.recording import Recording
+from app.lab.testbench.seeded import print_report
 from app.lab.testbench.standstills import HOUR, INTERVAL_S, PROCESSES, SAMPLES, Plant
 
 BEFORE_END, ALONE_BEFORE_END = 20 * HOUR, 33 * HOUR
@@ -93,25 +93,19 @@ def _stand(tag: str, made: Made, at: int, seed: int, number: int) -> Stand | Non
     return Stand(tag, stands.since_s, SAMPLES * INTERVAL_S, INTERVAL_S)
 
 
-def report(plants: int, seed: int) -> Iterator[str]:
+def report(seeds: range) -> Iterator[str]:
+    plants = len(seeds)
     yield "| what happened | PV stands | of these told of together | groups | the one alone in a group |"
     yield "|---|---|---|---|---|"
     for name, kind in KINDS.items():
-        found = [told(kind, seed + k) for k in range(plants)]
+        found = [told(kind, seed) for seed in seeds]
         loops, stand, together = (sum(getattr(one, what) for one in found) for what in ("loops", "stand", "together"))
         groups, alone = sum(one.groups for one in found), sum(one.alone_in_group for one in found)
         yield f"| {name} | {stand} of {loops} | {together} | {groups} in {plants} plants | {alone} of {plants} |"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m app.lab.testbench.shutdowns", description=__doc__)
-    parser.add_argument("--plants", type=int, default=6, help="of each kind")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args(arguments)
-    for row in report(options.plants, options.seed):
-        sys.stdout.write(f"{row}\n")
-        sys.stdout.flush()
-    return 0
+    return print_report("shutdowns", __doc__, report, arguments, many=6, seed=0, of="plants")
 
 
 if __name__ == "__main__":

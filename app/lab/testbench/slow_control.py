@@ -5,15 +5,13 @@ corners, by chance. Prints how often the audit accuses valves, healthy and stick
 """
 
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 
-from app.engine.audit import audit
 from app.engine.recording import FloatArray, Recording
-from app.lab.testbench.seeded import accused_and_cleared, print_report
+from app.lab.testbench.seeded import accused_and_cleared, print_report, tallied
 from app.lab.testbench.wiring import Lag, Level, Pi, Valve, Wandering
 
 Kind = Literal["flow", "filtered flow", "level"]
@@ -54,27 +52,17 @@ def _scans(kind: Kind, rng: np.random.Generator, sticks: bool, samples: int) -> 
         yield 50.0 + deviation, op
 
 
-def said_of(kind: Kind, seed: int, sticks: bool) -> tuple[str, str]:
-    """Verdict and reliability."""
-    judgement = audit(record(kind, seed, sticks)).judgement
-    return judgement.verdict, judgement.reliability
-
-
-def tallied(kind: Kind, sticks: bool, seeds: range) -> Counter[tuple[str, str]]:
-    """How often which verdict with which reliability."""
-    return Counter(said_of(kind, seed, sticks) for seed in seeds)
-
-
 def report(seeds: range) -> Iterator[str]:
     yield "| loop | healthy: accused | reliably | cleared reliably | sticking: accused | reliably | cleared reliably |"
     yield "|---|---|---|---|---|---|---|"
     for kind in KINDS:
-        cells = [accused_and_cleared(tallied(kind, sticks, seeds)) for sticks in (False, True)]
+        said = [tallied(record(kind, seed, sticks) for seed in seeds) for sticks in (False, True)]
+        cells = [accused_and_cleared(each) for each in said]
         yield f"| {kind} ({len(seeds)}, {len(seeds)}) | {' | '.join(cells)} |"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    return print_report("slow_control", __doc__, report, arguments, loops=100)
+    return print_report("slow_control", __doc__, report, arguments, many=100)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from app.engine.fitness import assess
 from app.engine.judged import ends_with
 from app.engine.recording import BoolArray, FloatArray, Recording
 from app.engine.simulate import Compression, keep, rebuild
+from app.lab.testbench.seeded import write_lines
 from app.lab.testbench.wiring import Lag, Pi, Valve, Wandering
 
 INTERVAL_S, SAMPLES = 10.0, 29_880
@@ -341,9 +342,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kinds", default="", help="those only whose name has this in it")
     options = parser.parse_args(arguments)
-    for row in report(options.loops, options.seed, options.kinds):
-        sys.stdout.write(f"{row}\n")
-        sys.stdout.flush()
+    write_lines(report(options.loops, options.seed, options.kinds))
     return 0
 
 

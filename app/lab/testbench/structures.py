@@ -312,7 +312,7 @@ def _cells(said: Counter[str]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    return print_report("structures", __doc__, lambda seeds: report(tallied(seeds)), arguments, loops=30, seed=1000)
+    return print_report("structures", __doc__, lambda seeds: report(tallied(seeds)), arguments, many=30, seed=1000)
 
 
 if __name__ == "__main__":
