@@ -41,8 +41,8 @@ def sticking(backend: Backend, shelved: Shelf, counted: int, most: int = MOST) -
     """counted: how many there are in the plant, without those apart. Shelved ones are among them, and say so."""
     asked = RowFilter(verdict=("stiction",), reliability="reliable")
     found = table(backend, most, filters=asked, shelved=shelved).rows
-    apart = [row for row in found if _of_then(row)]
-    rows = [row for row in found if not _of_then(row)]
+    apart = [row for row in found if _is_past(row)]
+    rows = [row for row in found if not _is_past(row)]
     valves = [StickingValve(row["loop"], row["unit"], size_with_interval(row), row) for row in rows]
     # A sort keeps the order within a unit; loops that name none stand last.
     by_unit = sorted(valves, key=lambda valve: (valve.unit is None, valve.unit or ""))
@@ -50,7 +50,7 @@ def sticking(backend: Backend, shelved: Shelf, counted: int, most: int = MOST) -
     return Sticking(units, max(0, counted - len(rows)), apart)
 
 
-def _of_then(row: Mapping[str, Any]) -> bool:
+def _is_past(row: Mapping[str, Any]) -> bool:
     return bool(row["of_before_repair"] or row[OLD])
 
 

@@ -131,7 +131,7 @@ def worst_of_old(
     if since_ns is None:
         return []
     asked = RowFilter(recorded_before_ns=since_ns, left_out=together.left_out)
-    return [_of_then(row) for row in not_shelved(backend, limit, asked, shelved)]
+    return [_marked_old(row) for row in not_shelved(backend, limit, asked, shelved)]
 
 
 def complaints_of_units(
@@ -155,10 +155,10 @@ def complaints_of_old(
     left_out = (*shelved.left_out, *together.left_out)
     with backend.database.read() as connection:
         placed = plant.worst_of_old(connection, limit, since_ns, left_out)
-    return [_of_then(row) for row in _rows_of(backend, placed, shelved, since_ns)]
+    return [_marked_old(row) for row in _rows_of(backend, placed, shelved, since_ns)]
 
 
-def _of_then(row: dict[str, Any]) -> dict[str, Any]:
+def _marked_old(row: dict[str, Any]) -> dict[str, Any]:
     """How old a record without a date is, is not known: its row says there what it says in the table."""
     ends = row["recorded_to"]
     return row | {OLD: True} if ends and PlantClock.dated(ends) else row

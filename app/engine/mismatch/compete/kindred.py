@@ -31,13 +31,13 @@ def with_kindred(ranking: tuple[Contender, ...], best: Contender, blocks: tuple[
     """
     known = {contender.block.name: contender for contender in ranking}
     for block in blocks:
-        for values in alike(block, best):
+        for values in places_to_begin(block, best):
             there = begun_at(block, best, values)
             known[block.name] = max(known.get(block.name, there), there, key=lambda contender: contender.gain)
     return tuple(known.values())
 
 
-def alike(block: Block, best: Contender) -> tuple[FloatArray, ...]:
+def places_to_begin(block: Block, best: Contender) -> tuple[FloatArray, ...]:
     """Where a block is to begin (P,) beside its kindred `best`; nowhere where they are not kindred."""
     found, context = best.fit.parts[-1].values, Context(best.fit.record, best.fit.plant)
     if {block.code, best.block.code} <= LATE and block.code != best.block.code:

@@ -112,12 +112,12 @@ def shown_stems(record: Experiment, noise: NoiseModel, near: Plant | None = None
         best = best_of(seen, sizes_of(record.op_span * SIZES, [share], [0.0]), alone)
         nearby = np.clip(share + NEARBY_SHARE, 0.0, 1.0) if share > 0.0 else [0.0]
         found.append(best_of(seen, sizes_of(best.S * NEARBY_S, nearby, [0.0]), alone))
-    first = [stem for stem in apart(found) if stem.gain > TELLING]
+    first = [stem for stem in distinct(found) if stem.gain > TELLING]
     again = []
     for stem in first[:LOOKED_AT_AGAIN]:
         slips = SLIPS if stem.share > 0.0 else [0.0]
         again += [best_of(seen, sizes_of(stem.S * CLOSE_S, [share], STARTS), alone) for share in slips]
-    return (*first[:MOST], *apart(again)[:MOST])
+    return (*first[:MOST], *distinct(again)[:MOST])
 
 
 def walking(record: Experiment) -> NoiseModel:
@@ -133,7 +133,7 @@ def sizes_of(S: FloatArray, shares: FloatArray | list[float], starts: FloatArray
     return np.stack([axis.ravel() for axis in np.meshgrid(S, shares, starts, indexing="ij")], axis=1)
 
 
-def apart(found: list[ShownStem]) -> list[ShownStem]:
+def distinct(found: list[ShownStem]) -> list[ShownStem]:
     """The stems in the order of their gain without those that are nearly a better one."""
     return unlike_better_ones(sorted(found, key=lambda stem: -stem.gain), nearly_one)
 

@@ -56,7 +56,7 @@ def starts(context: Context, innovations: FloatArray) -> FloatArray:
 def wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """A signal (N,) with a wave: begin, end, period (s), and the sizes of sine and cosine of each odd harmonic."""
     begin, end, period = values[:3].tolist()
-    inside, a_second = within(context, begin, end), 2.0 * np.pi / period
+    inside, a_second = samples_between(context, begin, end), 2.0 * np.pi / period
     out, ts = signal.copy(), context.record.sampling_interval_s
     _add_harmonics(out[inside], a_second * ts * inside.start, a_second * ts, values[3:])
     return out
@@ -80,7 +80,7 @@ def _add_harmonics(out: FloatArray, phase: float, turn: float, sizes: FloatArray
         sine, cosine = sine * step_cosine + cosine * step_sine, cosine * step_cosine - sine * step_sine
 
 
-def within(context: Context, begin_s: float, end_s: float) -> slice:
+def samples_between(context: Context, begin_s: float, end_s: float) -> slice:
     """The samples from begin_s up to, not at, end_s."""
     return slice(*np.searchsorted(context.time_s, (begin_s, end_s)).tolist())
 

@@ -30,7 +30,7 @@ def zone(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return values[0] + np.sign(off) * np.maximum(np.abs(off) - 0.5 * values[1], 0.0)
 
 
-def inside(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
+def in_the_zone(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
     return np.abs(signal - values[0]) < 0.5 * values[1]
 
 
@@ -43,7 +43,7 @@ BLOCKS = (
         parameters,
         starts,
         apply=zone,
-        active=inside,
+        active=in_the_zone,
         penalty=19.0,
         frees_gain=True,
     ),

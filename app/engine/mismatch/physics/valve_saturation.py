@@ -76,7 +76,7 @@ def beyond_either(signal: FloatArray, values: FloatArray, _: Context) -> BoolArr
     return (signal > values[0]) | (signal < values[1])
 
 
-def apart(values: FloatArray, context: Context) -> bool:
+def leave_a_way(values: FloatArray, context: Context) -> bool:
     """Limits that leave the stem nearly no way are no limits; one that OP never meets is another form's."""
     op = context.record.op_deviation
     return bool(
@@ -109,7 +109,7 @@ BOTH = Block(
     active=beyond_either,
     form="both",
     penalty=17.0,
-    sensible=apart,
+    sensible=leave_a_way,
     sum_of=either,
 )
 BLOCKS = (HIGH, HIGH_SOFT, LOW, LOW_SOFT, BOTH)
