@@ -13,6 +13,7 @@ from app.errors import DataError
 FASTEST_TRACKING_STEPS = 1.0
 """Anti-windup faster than one step would not be stable in discrete time."""
 FILTER_N = 10.0
+"""Td in time constants of the filter that the derivative is taken from."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Pid:
 
     Kc: controller gain; negative for a plant with negative gain.
     Ti_s: integral time in s; inf for a P controller.
-    Td_s: derivative time in s, on PV, filtered with Td / 10; 0 for PI.
+    Td_s: derivative time in s, on PV, filtered with Td / `FILTER_N`; 0 for PI.
     tracking_s: time in s within which the integral follows a limited OP (anti-windup); None: Ti.
     """
 
@@ -90,7 +91,7 @@ def _pid(pid: Pid, step_s: float) -> DiscreteController:
         b_sp=np.array([per_step, 0.0]),
         b_pv=np.array([-per_step, 1.0 - filter_pole]),
         c=np.array([1.0, derivative]),
-        d_sp=pid.Kc,
+        d_sp=float(pid.Kc),
         d_pv=-pid.Kc - derivative,
         tracking=np.array([share, 0.0]),
     )

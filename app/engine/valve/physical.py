@@ -76,7 +76,10 @@ def physical_step(u: float, state: FloatArray, parameters: FloatArray, sampling_
     """The stem position a sampling interval (s) after OP moved to `u` and stayed there.
 
     u and the result in per cent of travel; `state` (2,) is [position, velocity in per cent of travel a second] and is
-    updated in place; parameters: (7,) of `PhysicalValve.parameters`.
+    updated in place; parameters: (7,) of `PhysicalValve.parameters`. No end stops: the equations are in deviations.
+
+    Source: the force balance in Choudhury, Thornhill, Shah 2005, doi 10.1016/j.conengprac.2004.05.005; sticking as in
+    Karnopp 1985, doi 10.1115/1.3140698.
     """
     m, k, F_v = parameters[0], parameters[1], parameters[2]
     F_c, F_s, v_s = parameters[3], parameters[4], parameters[5]

@@ -81,7 +81,7 @@ class Comparison:
         known: Callable[[BoolArray], BoolArray],
         sp: Through | None = None,
         trace: Through | None = None,
-        times: float = 1.0,
+        times: float = 1,
     ) -> "Comparison":
         """Its signals, each (N,), as others (M,): OP and what is measured by `drive`, PV by `response`, SP and the
         trace as PV where nothing else is said. times: how much longer the interval is.
