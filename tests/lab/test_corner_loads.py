@@ -1,11 +1,11 @@
 """The bench of loads in corners from elsewhere."""
 
-from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from app.lab.testbench import corner_loads
+from app.lab.testbench import corner_loads, seeded
 from app.lab.testbench.corner_loads import HEALTHY, LOADS, STICKING, Course, record, report
 
 
@@ -31,9 +31,12 @@ def test_a_load_comes_and_goes_about_once_a_cycle(name):
 
 
 def test_verdicts_are_counted_by_kind(monkeypatch):
-    said = {False: ("stiction", "not_reliable"), True: ("stiction", "reliable")}
+    said = {
+        sticks: SimpleNamespace(verdict="stiction", reliability=reliability)
+        for sticks, reliability in ((False, "not_reliable"), (True, "reliable"))
+    }
     monkeypatch.setattr(corner_loads, "record", lambda kind, seed, sticks: said[sticks])
-    monkeypatch.setattr(corner_loads, "tallied", Counter)
+    monkeypatch.setattr(seeded, "audit", lambda judgement: SimpleNamespace(judgement=judgement))
     head, rule, *lines = report(range(1, 5))
     assert head.count("|") == rule.count("|") == lines[0].count("|")
     assert lines[: len(HEALTHY)] == [f"| healthy | {kind} | 4 | 4 | 0 | 0 |" for kind in HEALTHY]

@@ -1,11 +1,11 @@
 """The bench of sluggish loops under a load that wanders."""
 
-from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from app.lab.testbench import slow_control
+from app.lab.testbench import slow_control, seeded
 from app.lab.testbench.slow_control import KINDS, record, report
 
 
@@ -21,9 +21,12 @@ def test_a_loop_is_the_same_for_a_seed_and_its_valve_sticks_where_it_should(kind
 
 
 def test_verdicts_are_counted_by_kind(monkeypatch):
-    said = {False: ("no_stiction", "reliable"), True: ("stiction", "not_reliable")}
+    said = {
+        sticks: SimpleNamespace(verdict=verdict, reliability=reliability)
+        for sticks, verdict, reliability in ((False, "no_stiction", "reliable"), (True, "stiction", "not_reliable"))
+    }
     monkeypatch.setattr(slow_control, "record", lambda kind, seed, sticks: said[sticks])
-    monkeypatch.setattr(slow_control, "tallied", Counter)
+    monkeypatch.setattr(seeded, "audit", lambda judgement: SimpleNamespace(judgement=judgement))
     head, rule, *lines = report(range(1, 5))
     assert head.count("|") == rule.count("|") == lines[0].count("|")
     assert lines == [f"| {kind} (4, 4) | 0 | 0 | 4 | 4 | 0 | 0 |" for kind in KINDS]

@@ -158,6 +158,17 @@ def test_what_pv_tells_by_its_turns_is_not_held_for_the_valves(monkeypatch: pyte
     assert len(neighbours.hear(neighbours.audited(1350)).accused) == 3
 
 
+def test_plants_are_ten_seeds_apart_and_heard_each_and_all_together(monkeypatch, capsys):
+    monkeypatch.setattr(neighbours, "audited", lambda seed: {f"{seed} a": seed, f"{seed} b": seed})
+    monkeypatch.setattr(neighbours, "hear", sorted)
+    monkeypatch.setattr(neighbours, "report", lambda heard, sources: f"{sources}: {heard}")
+    assert neighbours.main(["--plants", "2", "--seed", "1000"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "2: [['1000 a', '1000 b'], ['1010 a', '1010 b']]",
+        "as one plant of 4 loops: 2: [['1000 a', '1000 b', '1010 a', '1010 b']]",
+    ]
+
+
 def test_a_plant_heard_together_accuses_fewer_healthy_neighbours():
     heard = [neighbours.hear(neighbours.audited(seed)) for seed in (1010, 1110)]
     assert all(one.accused and not one.left for one in heard)
