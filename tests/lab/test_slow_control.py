@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.lab.testbench import slow_control, seeded
+from app.lab.testbench import seeded, slow_control
 from app.lab.testbench.slow_control import KINDS, record, report
 
 
