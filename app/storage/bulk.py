@@ -31,7 +31,7 @@ def insert_new_rows(connection: Connection, table: Table, rows: Rows) -> None:
         connection.execute(_insert(table, tuple(rows[0])), columns_of(rows))
 
 
-def among(connection: Connection, column: Column[Any], values: Iterable[Any]) -> ColumnElement[bool]:
+def among(connection: Connection, column: ColumnElement[Any], values: Iterable[Any]) -> ColumnElement[bool]:
     """Whether the column has one of the values, which PostgreSQL takes as one array, however many there are."""
     listed = list(values)
     if connection.dialect.name != "postgresql":
@@ -39,7 +39,7 @@ def among(connection: Connection, column: Column[Any], values: Iterable[Any]) ->
     return column == any_(bindparam(None, listed, type_=postgresql.ARRAY(column.type), unique=True))
 
 
-def among_many(connection: Connection, column: Column[Any], values: Iterable[Any]) -> ColumnElement[bool]:
+def among_many(connection: Connection, column: ColumnElement[Any], values: Iterable[Any]) -> ColumnElement[bool]:
     """The same of a whole plant's numbers or texts: SQLite takes so many in a statement, and no more."""
     if connection.dialect.name == "postgresql":
         return among(connection, column, values)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Select, bindparam, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, LargeBinary, Select, bindparam, cast, func, or_, select, update
 
-from app.storage.bulk import among, from_arrays, insert_new_rows
+from app.storage.bulk import among, among_many, from_arrays, insert_new_rows
 from app.storage.locks import Lock, hold
 from app.storage.tables import loops
 from app.storage.types import now
@@ -95,9 +95,21 @@ def _spelled_otherwise(connection: Connection, tags: Sequence[str]) -> dict[str,
     if not tags:
         return {}
     known: dict[str, int] = {}
-    for row in connection.execute(select(loops.c.tag, loops.c.id).order_by(loops.c.id)):
+    query, asked = in_other_letters(connection, [tag.casefold() for tag in tags])
+    for row in connection.execute(query.order_by(loops.c.id), asked):
         known.setdefault(row.tag.casefold(), row.id)
     return {tag: known[tag.casefold()] for tag in tags if tag.casefold() in known}
+
+
+def in_other_letters(connection: Connection, folded: list[str]) -> tuple[Select[Any], dict[str, Any]]:
+    """What asks for the tags that may be one of these in small letters, and what it is told. Whether letters that are
+    not of ASCII are the same is not the data base's to say: all tags with some are asked for."""
+    query, letters = select(loops.c.tag, loops.c.id), func.length(loops.c.tag)
+    if connection.dialect.name != "postgresql":
+        same = among_many(connection, func.lower(loops.c.tag), folded)
+        return query.where(or_(same, func.length(cast(loops.c.tag, LargeBinary)) != letters)), {}
+    same = func.lower(loops.c.tag.collate("C")).in_(from_arrays(loops, ("tag",)))
+    return query.where(or_(same, func.octet_length(loops.c.tag) != letters)), {"sent_tag": folded}
 
 
 def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:

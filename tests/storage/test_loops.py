@@ -90,6 +90,24 @@ def test_two_new_spellings_of_a_tag_in_one_call_make_one_loop(database: Database
         }
 
 
+@pytest.mark.parametrize(
+    ("stored", "sent"),
+    [("fic-1", "FIC-1"), ("STRASSE-1", "straße-1"), ("Straße-1", "STRASSE-1"), ("kic1", "\u212aIC1"), ("ΣΑΣ", "σας")],
+)
+def test_a_stored_tag_is_known_in_other_letters(database: Database, stored: str, sent: str) -> None:
+    with database.write() as connection:
+        made = loops.ensure(connection, [stored, "TIC2"])
+        assert loops.ensure(connection, [sent]) == {sent: made[stored]}
+
+
+def test_for_new_tags_those_of_the_plant_are_not_all_read(database: Database) -> None:
+    """A plant comes in many batches: to read all for each costs the square of their number."""
+    with database.write() as connection:
+        loops.ensure(connection, [f"FIC{number}" for number in range(300)] + ["Öl1"])
+        query, asked = loops.in_other_letters(connection, ["fic300", "fic7"])
+        assert sorted(row.tag for row in connection.execute(query, asked)) == ["FIC7", "Öl1"]
+
+
 def test_what_two_new_spellings_bring_is_of_one_loop(database: Database) -> None:
     tags = ["FIC-1.PV", "fic-1.pv"]
     with database.write() as connection:
