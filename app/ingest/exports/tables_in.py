@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from polars import selectors
 
 from app.counting import counted
 from app.errors import DataError
@@ -26,20 +27,28 @@ from app.ingest.tables.scanning import Scanner
 _LINE_END = re.compile("[\r\n]+")  # in a cell whose text is wrapped
 CELLS_A_CHUNK = 2_000_000
 CELLS_OF_HEAD = 200_000
-MOST_COLUMNS = 1000  # of a wide table at a time: a day of minutes of them is a chunk
+FEWEST_COLUMNS, MOST_COLUMNS = 1000, 4000  # of a wide table at a time, by how long it is: 4000 have a day of minutes
+CELLS_A_PASS = 6_000_000  # to look columns up costs as much, whether few or many are asked for
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
     """A table in a file: `part(offset, count, columns)` are rows of it, of columns c0, c1, ... those with these
-    numbers. apart: columns are read without the others. `notes`: what was odd about the file."""
+    numbers. apart: columns are read without the others; texts: then those of text. `notes`: what was odd about the
+    file."""
 
     width: int
     height: int
     names: tuple[str, ...]
     part: Callable[[int, int, Sequence[int]], pl.DataFrame]
     apart: bool = False
+    texts: frozenset[int] = frozenset()
     notes: tuple[str, ...] = ()
+
+    @property
+    def most_columns(self) -> int:
+        """So many are taken at a time where they are read apart."""
+        return min(MOST_COLUMNS, max(FEWEST_COLUMNS, CELLS_A_PASS // max(1, self.height)))
 
 
 class TableReader:
@@ -51,11 +60,10 @@ class TableReader:
 
     @property
     def most_columns(self) -> int | None:
-        return MOST_COLUMNS if self._table.apart else None
+        return self._table.most_columns if self._table.apart else None
 
     def of_text(self, columns: Sequence[int]) -> frozenset[int]:
-        kinds = self._table.part(0, 1, columns).dtypes
-        return frozenset(index for index, kind in zip(columns, kinds, strict=True) if kind == pl.String)
+        return self._table.texts.intersection(columns)
 
     def rows(self, first_row: int, columns: Sequence[int] | None = None) -> Iterator[Rows]:
         """All rows from the given one (counted from 0, names included) on."""
@@ -64,7 +72,9 @@ class TableReader:
         count = max(1000, CELLS_A_CHUNK // max(1, len(wanted)))
         for offset in range(start, self._table.height, count):
             self._original = self._table.part(offset, count, wanted)
-            frame = pl.DataFrame([_as(self._original[name_of(i)], self._types[i]) for i in wanted])
+            kinds = self._original.schema
+            odd = [i for i in wanted if kinds[name_of(i)] != self._types[i]]
+            frame = self._original.with_columns(_as(self._original[name_of(i)], self._types[i]) for i in odd)
             yield Rows(frame, offset + 1, b"")
 
     def scanning(self, plan: LongPlan) -> Scanner | None:
@@ -150,12 +160,17 @@ def _parquet(path: Path, options: IngestOptions) -> Table:
     shown = ", ".join(name[:80] for name in closed[:5])
     hold = counted(len(closed), "column holds", "columns hold")
     notes = (f"{hold} lists, structures or bytes, which are no values: {shown}",) if closed else ()
-    return Table(len(names), height, names, part, apart=True, notes=notes)
+    texts = frozenset(index for index, kind in enumerate(schema.values()) if kind == pl.String or _is_of_words(kind))
+    return Table(len(names), height, names, part, apart=True, texts=texts, notes=notes)
 
 
 def as_text_of_words(name: str, kind: pl.DataType) -> pl.Expr:
     """A column, of a dictionary of words the words: whether their numbers are kept apart is a matter of packing."""
-    return pl.col(name).cast(pl.String) if isinstance(kind, pl.Categorical | pl.Enum) else pl.col(name)
+    return pl.col(name).cast(pl.String) if _is_of_words(kind) else pl.col(name)
+
+
+def _is_of_words(kind: pl.DataType) -> bool:
+    return isinstance(kind, pl.Categorical | pl.Enum)
 
 
 def _holds_no_values(kind: pl.DataType) -> bool:
@@ -207,10 +222,19 @@ def _fields(table: Table, columns: Sequence[int]) -> list[tuple[str, ...]]:
 
 def _rows(table: Table, offset: int, count: int) -> tuple[tuple[str, ...], ...]:
     """As text."""
-    groups = (range(start, min(start + MOST_COLUMNS, table.width)) for start in range(0, table.width, MOST_COLUMNS))
-    frames = (table.part(offset, count, group) for group in groups)
-    columns = [_as_text(column).fill_null("").to_list() for frame in frames for column in frame.get_columns()]
-    return tuple(tuple(_LINE_END.sub(" ", text).strip() for text in row) for row in zip(*columns, strict=True))
+    return tuple(_texts(table.part(offset, count, range(table.width))).rows())
+
+
+def _texts(frame: pl.DataFrame) -> pl.DataFrame:
+    """All cells as text in one line, empty where there is none; numbers, which wide tables hold, all at once."""
+    others = frame.select(~selectors.numeric()).get_columns()
+    lines = (pl.Series(column.name, map(_in_one_line, _as_text(column).fill_null(""))) for column in others)
+    numbers = selectors.numeric().cast(pl.String, strict=False).fill_null("")
+    return frame.select(numbers).with_columns(lines).select(frame.columns)
+
+
+def _in_one_line(text: str) -> str:
+    return _LINE_END.sub(" ", text).strip()
 
 
 def _as_text(column: pl.Series) -> pl.Series:
