@@ -97,7 +97,7 @@ class Rows:
     def numbers(self, columns: Sequence[int]) -> "Numbers":
         """Columns of numbers, to be written to."""
         found = self._parsed(columns) if self.block is None else self.block.of(columns)
-        for position, index in enumerate(columns):
+        for position, index in enumerate(columns) if self.pointed else ():
             if (at := self.pointed.get(name_of(index))) is not None:
                 found.missing[:, position] |= at
         return found

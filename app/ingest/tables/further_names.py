@@ -3,12 +3,14 @@ other names than the first ones is of other columns."""
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.columns.joined_stamps import stamps_of_rows
+from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import TimedColumns, name_of
 from app.ingest.numbers.units import is_unit, plain_unit
 from app.ingest.tables.frames import RowReader, Rows
@@ -23,15 +25,28 @@ class FurtherNames:
 
     def __init__(self, names: tuple[str, ...], groups: Sequence[TimedColumns]) -> None:
         """names: the first ones; empty where it is not known which these are."""
-        group = groups[0]
-        self._first = {at: _plain(names[at]) if at < len(names) else "" for at in (*group.time, *_columns(group))}
-        self._time = stamps_of_rows([[self._first[at] for at in group.time]], range(len(group.time)))[0]
-        self._possible = len(groups) == 1 and all(self._first[at] for at in group.time)
-        self._names = {at: without_unit(self._first[at]) for at in _columns(group) if self._first[at]}
-        units = {value.index: unit_of(self._first[value.index]) or value.unit for value in group.values}
-        self._units = {at: plain_unit(unit) for at, unit in units.items() if unit}
+        self._written, self._values = names, groups[0].values
+        times = [self._first(at) for at in groups[0].time]
+        self._time = stamps_of_rows([times], range(len(times)))[0]
+        self._possible = len(groups) == 1 and all(times)
         self._under_others = False
         self.lines: list[int] = []  # in which other names stand
+
+    def _first(self, column: int) -> str:
+        """Its first name."""
+        return _plain(name_at(self._written, column))
+
+    @cached_property
+    def _names(self) -> dict[int, str]:
+        """By column of values the first name, without its unit."""
+        named = {value.index: self._first(value.index) for value in self._values}
+        return {at: without_unit(name) for at, name in named.items() if name}
+
+    @cached_property
+    def _units(self) -> dict[int, str]:
+        """By column of values the unit that its first name tells, or a row below it."""
+        units = {value.index: unit_of(self._first(value.index)) or value.unit for value in self._values}
+        return {at: plain_unit(unit) for at, unit in units.items() if unit}
 
     def below_others(
         self, rows: Rows, reader: RowReader, times: pl.Series, timed: NDArray[np.bool_]
@@ -70,10 +85,6 @@ class FurtherNames:
         are_units = all(map(is_unit, filter(None, below.values())))
         told = {column: unit_of(name) or (below.get(column, "") if are_units else "") for column, name in names.items()}
         return any(unit and plain_unit(unit) != self._units.get(at, plain_unit(unit)) for at, unit in told.items())
-
-
-def _columns(group: TimedColumns) -> list[int]:
-    return [value.index for value in group.values]
 
 
 def _plain(name: str) -> str:

@@ -3,6 +3,7 @@ columns that have any."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 import polars as pl
@@ -82,15 +83,16 @@ class OddFields:
     def __init__(self, writing: Writing, wordy: WordyColumns, largest: Callable[[int], float]) -> None:
         """largest: by column, of the numbers of the chunks before."""
         self._writing, self._wordy, self._largest = writing, wordy, largest
-        self._begun: set[str] = set()  # tags of which a chunk was read
+        self._begun: set[int] = set()  # columns of which a chunk was read
 
     def read(self, chunk: ChunkColumns) -> None:
         """Puts into its numbers what is one; the others become NaN. Columns of which nothing tells how they are
         written are read as they were parsed, but for what is no number."""
         self._writing.learn_from(chunk.all_kinds())
-        own = {p for p, value in chunk.columns.items() if value.tag in self._writing.own}
+        tags = self._writing.own
+        own = {p for p, value in chunk.columns.items() if value.tag in tags} if tags else set()
         silent = self._silent(chunk, own)
-        odd = own | {p for p in chunk.columns if chunk.kinds(p) & IN_DOUBT}
+        odd = own | (set() if chunk.rows.kinds is None else {p for p in chunk.columns if chunk.kinds(p) & IN_DOUBT})
         odd |= set(np.flatnonzero(chunk.numbers.missing.any(axis=0)).tolist())
         chunk.take(odd - {p for p in silent if not chunk.kinds(p) & WORD})
         left = {p: chunk.left(p, with_marks=p not in silent) for p in sorted(chunk.texts)}
@@ -106,8 +108,9 @@ class OddFields:
             self._read_again(chunk, position, left[position], position in stand)
         chunk.mark_blank()
         kept = chunk.numbers.values if chunk.kept.all() else chunk.numbers.values[chunk.kept]
-        self._wordy.look(kept, {position: value.tag for position, value in chunk.columns.items()})
-        self._begun.update(value.tag for value in chunk.columns.values())
+        self._wordy.look(kept, chunk.columns)
+        if any(value.index not in self._begun for value in islice(chunk.columns.values(), 1)):  # they come together
+            self._begun.update(value.index for value in chunk.columns.values())
 
     def _silent(self, chunk: ChunkColumns, own: Collection[int]) -> set[int]:
         """The columns whose marks are in doubt and, as the kinds of their fields show, tell nothing."""
@@ -134,7 +137,7 @@ class OddFields:
         columns = {chunk.columns[p].tag: chunk.columns[p].index for p in left}
 
         def before(tag: str) -> float | None:
-            return self._largest(columns[tag]) if tag in self._begun else None
+            return self._largest(columns[tag]) if columns[tag] in self._begun else None
 
         odd = of(True)
         self._writing.learn(odd["text"], odd["tag"], lambda: of(False), before)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
-from app.ingest.columns.plans import TimedColumns, WidePlan, name_of
+from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
 from app.ingest.model import NO_TIME, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.values import same_tag
@@ -56,8 +56,10 @@ class WideTable:
         self._first_columns = {group.values[0].index for group in plan.groups if group.values}
         number_of_loop = NumberOfLoop()
         self._loop_of_column = np.zeros(1 + max(self._places, default=0), dtype=np.uint32)
+        self._is_audited = np.zeros(len(self._loop_of_column), dtype=np.bool_)
         for index, place in self._places.items():
             self._loop_of_column[index] = number_of_loop.of(place.loop)
+            self._is_audited[index] = place.signal in AUDITED
 
     def types(self) -> dict[int, pl.DataType]:
         """The type in which each column is wanted from the text."""
@@ -91,12 +93,13 @@ class WideTable:
             return
         loops = list(dict.fromkeys(place.loop for place in self._places.values()))
         each = max(1, most * len(loops) // len(self._places))
-        for start in range(0, len(loops), each):
-            own = set(loops[start : start + each])
-            yield [
-                replace(group, values=tuple(v for v in group.values if self._places[v.index].loop in own))
-                for group in self._plan.groups
-            ]
+        pass_of = {loop: number // each for number, loop in enumerate(loops)}
+        own: list[list[list[ValueColumn]]] = [[[] for _ in self._plan.groups] for _ in range(0, len(loops), each)]
+        for number, group in enumerate(self._plan.groups):
+            for value in group.values:
+                own[pass_of[self._places[value.index].loop]][number].append(value)
+        for values in own:
+            yield [replace(group, values=tuple(v)) for group, v in zip(self._plan.groups, values, strict=True)]
 
     def _look_ahead(self, reader: RowReader, passes: list[list[TimedColumns]]) -> None:
         """Of several passes the first ones give blocks away before the others are read: columns that may be read
@@ -300,7 +303,8 @@ class WideTable:
         order = in_order(steady)
         if order is not None:
             steady, matrix, lines = steady[order], matrix[order], lines[order]
-        audited = self._audited(value.index for value in chunk.columns)
+        columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
+        audited = self._audited(columns)
         self._tally.contradictions.rows += len(steady)
         self._tally.contradictions.look(steady, matrix, lines, audited)
         once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
@@ -308,13 +312,12 @@ class WideTable:
         self._tally.saw_times(once_ns)
         self._tally.turns.saw(once_ns, zone)
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
-        columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
         last = lines[np.append(steady[1:] != steady[:-1], True)].astype(np.uint32)
         return Grid(columns, once_ns, np.ascontiguousarray(matrix.T), last, np.zeros(len(columns), dtype=np.uint32))
 
-    def _audited(self, columns: Iterable[int]) -> list[int]:
+    def _audited(self, columns: NDArray[np.uint32]) -> list[int]:
         """The positions of PV and OP: a number beside them may be that of the plant."""
-        return [position for position, index in enumerate(columns) if self._places[index].signal in AUDITED]
+        return np.flatnonzero(self._is_audited[columns]).tolist()
 
     def _blocks(self, grids: Iterable[Grid]) -> Iterator[SignalBlock]:
         """Signals whole, but for those without any value. Of a signal that was stored at times of its own the blank
@@ -350,7 +353,7 @@ class WideTable:
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
         columns = grids[0].codes.tolist()
-        self._tally.contradictions.look(time_ns, matrix, lines, self._audited(columns))
+        self._tally.contradictions.look(time_ns, matrix, lines, self._audited(grids[0].codes))
         tags = [self._places[column].tag for column in columns]
         once_ns, once = last_of_repeats(time_ns, matrix, lines, tags, self._log)
         if columns[0] in self._first_columns:

@@ -24,6 +24,23 @@ from app.ingest.tags.modes import UNKNOWN_MODE, stand_for_no_data
 from app.ingest.times.time_reader import to_numbers
 
 
+class _Columns:
+    """What of a group's columns is the same in all chunks, by their position."""
+
+    def __init__(self, group: TimedColumns, modes: Collection[int]) -> None:
+        self.group = group
+        self.columns = [value.index for value in group.values]
+        self.modes = [at for at, column in enumerate(self.columns) if column in modes] if modes else []
+        self.plain = dict(enumerate(group.values))
+        for at in self.modes:
+            del self.plain[at]
+        self.judged = [
+            (at, value)
+            for at, value in enumerate(group.values)
+            if value.off_line is not None or value.quality is not None
+        ]
+
+
 class WideValues:
     """`places`: of the tags of columns of values; judging: columns of them that may yet say how good others are."""
 
@@ -35,39 +52,46 @@ class WideValues:
         self._modes = frozenset(index for index, place in places.items() if place.signal == "MODE")
         self._lowest = np.full(1 + max(places, default=0), np.inf)  # by column, of values that are no codes
         self._highest = -self._lowest
+        self._known: dict[int, _Columns] = {}
 
     def is_mode(self, value: ValueColumn) -> bool:
         return value.index in self._modes
 
     def of_chunk(self, rows: Rows, group: TimedColumns, reader: RowReader, kept: NDArray[np.bool_]) -> FloatArray:
         """(n, columns) values; refused ones NaN. Odd columns are looked at one by one, the others not at all."""
-        modes = [position for position, value in enumerate(group.values) if self.is_mode(value)] if self._modes else []
-        if not modes:
-            numbers = rows.numbers([value.index for value in group.values])
+        known = self._columns_of(group)
+        if not known.modes:
+            numbers = rows.numbers(known.columns)
         else:
-            numbers = self._with_modes(rows, group, modes, kept)
-            self._refuse_modes(rows, group, numbers.values, modes, kept)
-        plain = {position: value for position, value in enumerate(group.values) if not self.is_mode(value)}
-        chunk = ChunkColumns(rows, plain, numbers, kept, reader)
+            numbers = self._with_modes(rows, known, kept)
+            self._refuse_modes(rows, group, numbers.values, known.modes, kept)
+        chunk = ChunkColumns(rows, known.plain, numbers, kept, reader)
         self._odd_fields.read(chunk)
         self.late_qualities.see(chunk)
         self._refuse_odd_numbers(rows, group, numbers, kept)
-        self._refuse_quality(rows, group, numbers.values, reader, kept)
+        self._refuse_quality(rows, known.judged, numbers.values, reader, kept)
         return numbers.values
+
+    def _columns_of(self, group: TimedColumns) -> _Columns:
+        """Which holds the group, so that no other one is taken for it."""
+        known = self._known.get(id(group))
+        if known is None:
+            known = self._known[id(group)] = _Columns(group, self._modes)
+        return known
 
     def _largest(self, column: int) -> float:
         """How large the values of a column are at most that were read so far; 0 where there is none."""
         return float(max(-self._lowest[column], self._highest[column], 0.0))
 
-    def _with_modes(self, rows: Rows, group: TimedColumns, modes: list[int], kept: NDArray[np.bool_]) -> Numbers:
+    def _with_modes(self, rows: Rows, known: _Columns, kept: NDArray[np.bool_]) -> Numbers:
         """Columns of modes among the columns of numbers, in the rows that are kept."""
-        plain = [position for position, value in enumerate(group.values) if not self.is_mode(value)]
+        group, plain = known.group, list(known.plain)
         shape = (rows.frame.height, len(group.values))
         values, missing = np.empty(shape, order="F"), np.zeros(shape, dtype=bool, order="F")
         if plain:
             found = rows.numbers([group.values[position].index for position in plain])
             values[:, plain], missing[:, plain] = found.values, found.missing
-        for position in modes:
+        for position in known.modes:
             flags = self._modes_of(rows, group.values[position], np.flatnonzero(kept))
             values[:, position] = BLANK
             values[kept, position] = np.where(np.isnan(flags), BLANK, flags)
@@ -109,7 +133,7 @@ class WideValues:
     def _refuse_codes(self, rows: Rows, group: TimedColumns, matrix: FloatArray) -> None:
         """Codes for no data, that stand apart from what their column has in these rows and had before."""
         lowest, highest = np.fmin.reduce(matrix, axis=0), np.fmax.reduce(matrix, axis=0)
-        columns = [value.index for value in group.values]
+        columns = self._columns_of(group).columns
         lines = np.arange(rows.first, rows.first + len(matrix))
         for position in np.flatnonzero(ends_are_codes(lowest, highest)):
             value = group.values[position]
@@ -126,13 +150,13 @@ class WideValues:
         self._highest[columns] = np.fmax(self._highest[columns], highest)
 
     def _refuse_quality(
-        self, rows: Rows, group: TimedColumns, matrix: FloatArray, reader: RowReader, kept: NDArray[np.bool_]
+        self,
+        rows: Rows,
+        judged: list[tuple[int, ValueColumn]],
+        matrix: FloatArray,
+        reader: RowReader,
+        kept: NDArray[np.bool_],
     ) -> None:
-        judged = [
-            (i, value)
-            for i, value in enumerate(group.values)
-            if value.off_line is not None or value.quality is not None
-        ]
         qualities = {value.quality: _qualities(rows, value) for _, value in judged}
         for texts in qualities.values():
             if texts is not None:

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from app.ingest.columns.plans import ValueColumn
 from app.ingest.model import FloatArray
 from app.ingest.rejecting import RejectLog
 
@@ -25,14 +26,14 @@ class WordyColumns:
             return self._log
         return self._held.setdefault(tag, self._log.another())
 
-    def look(self, values: FloatArray, positions: Mapping[int, str]) -> None:
-        """values (n, columns) of a chunk, tags by their position: those with a number are columns like any other."""
-        asked = [position for position, tag in positions.items() if tag in self._silent]
+    def look(self, values: FloatArray, columns: Mapping[int, ValueColumn]) -> None:
+        """values (n, columns) of a chunk, columns by their position: those with a number are columns like any other."""
+        asked = [position for position, at in columns.items() if at.tag in self._silent] if self._silent else []
         if not asked:
             return
         found = np.isfinite(values[:, asked]).any(axis=0)
         for position in np.array(asked)[found]:
-            tag = positions[int(position)]
+            tag = columns[int(position)].tag
             self._silent.discard(tag)
             if tag in self._held:
                 self._log.take(self._held.pop(tag))

@@ -266,7 +266,9 @@ def place(tag: str, stem: str) -> Place:
     """A tag's loop and signal by its name alone; a bare `PV` belongs to the loop that the file is named after."""
     if len(tag) > LONGEST_NAME or not _ANY_LETTER.search(spelled_out(tag)):
         return Place(tag, tag, "OTHER")
-    return _place(tag, stem)
+    found = _place(tag, "")
+    bare = found.loop == "" or _UNIT_AND_NETWORK.fullmatch(found.loop)
+    return _place(tag, stem) if stem and bare else found  # names of a loop are remembered once for all files
 
 
 @remembered(1 << 16)
