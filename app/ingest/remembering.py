@@ -21,16 +21,14 @@ def remembered(
 
         @wraps(ask)
         def answered(*asked: *_Asked) -> _Answer:
-            alone = len(asked) == 1  # names are, by the 100,000
-            characters = _characters(*asked) if alone else sum(map(_characters, asked))
+            characters = 0
+            for one in asked:  # without a call: names are asked by the 100,000
+                if isinstance(one, str):
+                    characters += len(one)
+                elif isinstance(one, tuple):
+                    characters += sum(map(len, one))
             return kept(*asked) if characters <= longest else ask(*asked)
 
         return answered
 
     return keeping
-
-
-def _characters(asked: object) -> int:
-    if isinstance(asked, str):
-        return len(asked)
-    return sum(map(len, asked)) if isinstance(asked, tuple) else 0

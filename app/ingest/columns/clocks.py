@@ -47,8 +47,8 @@ def _with_half_of_day(head: Head, time: tuple[int, ...], names: Sequence[str], f
     """With the column of AM and PM beside clocks of twelve hours."""
     rows = [row for row in head.rows[first_row:] if any(row)]
     width = max(map(len, rows[:SHOWN]), default=0)
-    others = (at for at in range(width) if at not in time and not _SHIFTS.search(name_at(names, at)))
-    half = next((at for at in others if _are_halves(head.column(at, first_row)[:SHOWN])), None)
+    halves = (at for at in range(width) if at not in time and _are_halves(head.column(at, first_row)[:SHOWN]))
+    half = next((at for at in halves if not _SHIFTS.search(name_at(names, at))), None)
     if half is None:
         return time
     stamps = stamps_of_rows(rows, (*time, half))

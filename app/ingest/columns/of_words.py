@@ -3,7 +3,7 @@ rows."""
 
 import re
 from collections.abc import Collection, Iterable, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise, zip_longest
 
 import numpy as np
 import polars as pl
@@ -48,14 +48,11 @@ def word_columns(plan: WidePlan, head: Head) -> dict[int, list[str]]:
     """By column that is filled with words, not many different ones and no states, those of each row."""
     rows = [row for row in head.rows[plan.first_row :] if any(row)]
     times = {index for group in plan.groups for index in group.time}
-    columns = {
-        index: [row[index] if index < len(row) else "" for row in rows]
-        for index in sorted(set(range(plan.width)) - times)
-    }
-    return {index: words for index, words in columns.items() if _are_few_words(words)}
+    columns = enumerate(islice(zip_longest(*rows, fillvalue=""), plan.width))
+    return {index: list(words) for index, words in columns if index not in times and _are_few_words(words)}
 
 
-def _are_few_words(fields: list[str]) -> bool:
+def _are_few_words(fields: Sequence[str]) -> bool:
     """Numbers are no words, with a comma or a point: cells of text may have another mark than the file."""
     words = set(fields) - {""}
     if fields.count("") > (1 - MOST) * len(fields) or 2 * len(words) > len(fields):

@@ -1,5 +1,6 @@
 """Plans of wide and long tables from their row of names."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from app.ingest.columns.clocks import MOST, date_and_clock
@@ -17,7 +18,7 @@ from app.ingest.columns.names import (
     quality_of,
 )
 from app.ingest.columns.of_words import are_sorted_by
-from app.ingest.columns.plain_names import plain
+from app.ingest.columns.plain_names import first_of_each, plain, words_in
 from app.ingest.columns.plans import LongPlan, TimedColumns, ValueColumn, WidePlan
 from app.ingest.columns.quality import with_quality
 from app.ingest.columns.time_columns import form_of, holds_times, stamps_in, times_of_rows
@@ -84,11 +85,15 @@ def long_from(
     head: Head, layout: str, names: tuple[str, ...], first_row: int, options: IngestOptions
 ) -> LongPlan | None:
     """A long plan from the row of names; None where tag, time or value are not among them."""
-    known = [plain(name) for name in names]
-    tags = [index for index, name in enumerate(known) if name in TAG_NAMES]
-    values = [known.index(name) for name in VALUE_NAMES if name in known] or _of_wincc(names, known)
-    if not tags or not values:
+    words = words_in(names)
+    tags = [index for index, name in words.items() if plain(name) in TAG_NAMES]
+    if not tags:
         return None
+    first = first_of_each(words)
+    values = [first[name] for name in VALUE_NAMES if name in first] or _of_wincc(words)
+    if not values:
+        return None
+    known = [plain(name) for name in names]
     tags = _tags_first(head, known, first_row, tags)
     found = times_of_rows(head, names, first_row, options)
     if found is None:
@@ -119,10 +124,10 @@ def _tags_first(head: Head, known: list[str], first_row: int, tags: list[int]) -
     return sorted(tags, key=place_of)
 
 
-def _of_wincc(names: tuple[str, ...], known: list[str]) -> list[int]:
+def _of_wincc(words: Mapping[int, str]) -> list[int]:
     """The column of values that is called as a PV is: it is one where no further signal stands beside it."""
-    signals = [index for index, name in enumerate(names) if place(name, "").signal != "OTHER"]
-    return signals if [known[index] for index in signals] == [_OF_WINCC] else []
+    signals = [index for index, name in words.items() if place(name, "").signal != "OTHER"]
+    return signals if [plain(words[index]) for index in signals] == [_OF_WINCC] else []
 
 
 def _has_tags(plan: LongPlan, head: Head, options: IngestOptions) -> bool:

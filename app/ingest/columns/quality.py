@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 
 from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
@@ -49,7 +50,9 @@ def with_quality(
 
     judged, late = _by_name(head, names, first_row, values)
     used = set(judged.values())
-    general = [index for index, name in enumerate(names) if _is_general(name, column(index), is_general)]
+    general = [at for at, name in enumerate(names) if _is_general(name, partial(column, at), is_general)]
+    if not (judged or late or general):
+        return values
     rest = [value for value in values if value.index not in used.union(general)] or [*values]
 
     def with_its_own(value: ValueColumn) -> ValueColumn:
@@ -60,11 +63,11 @@ def with_quality(
     return tuple(map(with_its_own, rest))
 
 
-def _is_general(name: str, fields: list[str], is_general: Callable[[str], bool]) -> bool:
+def _is_general(name: str, fields: Callable[[], list[str]], is_general: Callable[[str], bool]) -> bool:
     """Whether a column that names no value holds qualities: under a short name for sure."""
     if name and is_general(name):
-        return tells_quality(fields)
-    return _SHORT_NAME.fullmatch(name) is not None and _are_qualities(fields)
+        return tells_quality(fields())
+    return _SHORT_NAME.fullmatch(name) is not None and _are_qualities(fields())
 
 
 def as_mapped(plan: Plan, is_signal: Callable[[str], bool]) -> Plan:

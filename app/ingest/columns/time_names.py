@@ -1,8 +1,10 @@
 """Columns of times by their names."""
 
 from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
-from app.ingest.columns.plain_names import plain
+from app.ingest.columns.plain_names import plain, words_in
+from app.ingest.remembering import remembered
 from app.ingest.times.told_units import told_unit
 from app.ingest.times.told_zones import told_utc_offset_ns, without_zone
 
@@ -20,15 +22,32 @@ SHORT_TIME_NAMES = frozenset(("t", "ts"))
 
 def time_columns(names: tuple[str, ...]) -> tuple[int, ...]:
     """The column named as a time; date and time apart are two. Those of UTC go before those of another clock."""
-    known = {index: plain(name) for index, name in enumerate(names)}
-    told = {index: offset for index, name in enumerate(names) if (offset := told_utc_offset_ns(name)) is not None}
-    if told:
-        bare = {index: plain(without_zone(names[index])) or known[index] for index in told}
-        in_utc = {index: name for index, name in bare.items() if told[index] == 0}
-        if named := _named_as_times(in_utc) or _named_as_times(bare):
-            return named
-    with_unit = {index for index, name in enumerate(names) if not _is_time(known[index]) and is_time_with_unit(name)}
-    return _named_as_times(known, with_unit)
+    told = {index: found for index, name in words_in(names).items() if (found := _of_time(name)) is not None}
+    bare = {
+        index: plain(without_zone(names[index])) or found.plain
+        for index, found in told.items()
+        if found.utc_offset_ns is not None
+    }
+    in_utc = {index: name for index, name in bare.items() if told[index].utc_offset_ns == 0}
+    if named := _named_as_times(in_utc) or _named_as_times(bare):
+        return named
+    known = {index: found.plain for index, found in told.items()}
+    return _named_as_times(known, {index for index in told if told[index].has_unit and not _is_time(known[index])})
+
+
+class _OfTime(NamedTuple):
+    """What a name tells of times: its plain form, the offset of a clock, and whether it is one with a unit."""
+
+    plain: str
+    utc_offset_ns: int | None
+    has_unit: bool
+
+
+@remembered(1 << 17)
+def _of_time(name: str) -> _OfTime | None:
+    """None, as of nearly all names, where it tells nothing of them: a plant has names by the 10,000."""
+    found = _OfTime(plain(name), told_utc_offset_ns(name), is_time_with_unit(name))
+    return found if _is_time(found.plain) or found.utc_offset_ns is not None or found.has_unit else None
 
 
 def _named_as_times(names: Mapping[int, str], with_unit: Collection[int] = ()) -> tuple[int, ...]:
@@ -59,5 +78,5 @@ def _is_time(name: str) -> bool:
 
 
 def is_full_time(name: str) -> bool:
-    known = plain(name)
-    return is_time_with_unit(name) or (_is_time(known) and known not in SHORT_TIME_NAMES)
+    found = _of_time(name)
+    return found is not None and (found.has_unit or (_is_time(found.plain) and found.plain not in SHORT_TIME_NAMES))

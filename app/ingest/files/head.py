@@ -220,5 +220,6 @@ def _is_comma_number(text: str) -> bool:
 
 def is_number(text: str, decimal_mark: str = ".") -> bool:
     """Whether a field is a number, perhaps with its unit behind it."""
-    number = without_unit(text)
-    return bool(_NUMBER.fullmatch(number.replace(",", ".") if decimal_mark == "," else number))
+    if decimal_mark == ",":
+        text = text.replace(",", ".")
+    return bool(_NUMBER.fullmatch(text) or _NUMBER.fullmatch(without_unit(text)))

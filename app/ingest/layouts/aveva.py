@@ -1,7 +1,7 @@
 """AVEVA Historian, long: DateTime,TagName,Value,vValue,Quality,QualityDetail,OPCQuality,wwTagKey; OPCQuality 192 or
 Quality 0 is good."""
 
-from app.ingest.columns.plain_names import plain
+from app.ingest.columns.plain_names import first_of_each, words_in
 from app.ingest.columns.plans import LongPlan
 from app.ingest.columns.plans_by_names import long_from
 from app.ingest.files.head import Head
@@ -10,7 +10,7 @@ from app.ingest.model import IngestOptions
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     names = head.row(0)
-    known = {plain(name) for name in names}
+    known = first_of_each(words_in(names)).keys()
     if "tagname" not in known or not known & {"vvalue", "wwtagkey", "qualitydetail"}:
         return None
     return long_from(head, "aveva", names, 1, options)

@@ -3,7 +3,7 @@ name of the row's loop before their own."""
 
 from app.ingest.columns.names import mostly_numbers, names_no_measurement, of_series, quality_named
 from app.ingest.columns.of_loops import Rows, columns_of_loops
-from app.ingest.columns.plain_names import plain
+from app.ingest.columns.plain_names import plain, words_in
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.time_columns import times_of_rows
 from app.ingest.columns.widths import named_width
@@ -57,9 +57,9 @@ def _signals(names: tuple[str, ...]) -> tuple[ValueColumn, ...]:
     """The first column of each signal that is named without a loop. A name that reads otherwise behind a loop's is
     that of its signal."""
     found: dict[str, ValueColumn] = {}
-    for index, name in enumerate(names):
-        at = place(name, "") if name else None
-        if at is not None and at.loop == "" and at.signal != "OTHER":
+    for index, name in words_in(names).items():
+        at = place(name, "")
+        if at.loop == "" and at.signal != "OTHER":
             joined = place(f"A1.{name}", "")
             word = name if (joined.loop, joined.signal) == ("A1", at.signal) else at.signal
             found.setdefault(at.signal, ValueColumn(index, word))

@@ -3,7 +3,7 @@ _time,_value,_field,_measurement."""
 
 from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES, quality_of
 from app.ingest.columns.of_loops import Rows, columns_of_loops
-from app.ingest.columns.plain_names import plain
+from app.ingest.columns.plain_names import first_of_each, plain, words_in
 from app.ingest.columns.plans import LongPlan, ValueColumn
 from app.ingest.columns.time_columns import times_of_rows
 from app.ingest.columns.widths import named_width
@@ -18,8 +18,8 @@ _PROPERTIES = frozenset(("property", "propertyname", "attribute", "attributename
 
 def sniff(head: Head, options: IngestOptions) -> LongPlan | None:
     for at, names in enumerate(head.rows[:PREAMBLE_ROWS]):
-        known = [plain(name) for name in names]
-        value = next((known.index(name) for name in VALUE_NAMES if name in known), None)
+        known = first_of_each(words_in(names))
+        value = next((known[name] for name in VALUE_NAMES if name in known), None)
         if value is not None and len(names) > 3:
             plan = _plan(head, names, at + 1, value, options)
             if plan is not None:

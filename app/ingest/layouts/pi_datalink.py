@@ -40,6 +40,8 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
     widest = max(widths)
     of_widest = _plan(head, first_row, widest, options)
     width = usual_width(head, first_row)
+    if width == widest:
+        return of_widest
     usual = _plan(head, first_row, width, options)
     if of_widest is None or usual is None:
         return of_widest or usual
