@@ -228,9 +228,9 @@ def _rows(table: Table, offset: int, count: int) -> tuple[tuple[str, ...], ...]:
 def _texts(frame: pl.DataFrame) -> pl.DataFrame:
     """All cells as text in one line, empty where there is none; numbers, which wide tables hold, all at once."""
     others = frame.select(~selectors.numeric()).get_columns()
-    lines = (pl.Series(column.name, map(_in_one_line, _as_text(column).fill_null(""))) for column in others)
+    lines = [pl.Series(column.name, map(_in_one_line, _as_text(column).fill_null("")), pl.String) for column in others]
     numbers = selectors.numeric().cast(pl.String, strict=False).fill_null("")
-    return frame.select(numbers).with_columns(lines).select(frame.columns)
+    return frame.with_columns(numbers).with_columns(lines)
 
 
 def _in_one_line(text: str) -> str:
