@@ -207,6 +207,25 @@ def test_more_columns_than_are_read_at_once(read: Read, monkeypatch: pytest.Monk
     assert (content.summary.rows_read, content.summary.values_kept) == (4, 40)
 
 
+def test_a_head_without_numbers_or_with_some_among_words(read: Read) -> None:
+    words = pl.DataFrame({"t": TIMES, "A.PV": ["1", " 2", "3", None], "A.OP": ["1", "2", "3", "4"]})
+    some = words.with_columns(pl.Series("A.SP", [5, 6, 7, None]))
+    for frame in (words, some):
+        loop = read(parquet(frame)).loops["A"]
+        assert (np.nan_to_num(loop.pv, nan=-1).tolist(), loop.op.tolist()) == ([1, 2, 3, -1], [1, 2, 3, 4])
+
+
+@pytest.mark.parametrize("most_columns", [1000, 3])
+def test_rows_of_one_time_are_told_once_however_many_passes_read_them(
+    read: Read, monkeypatch: pytest.MonkeyPatch, most_columns: int
+) -> None:
+    monkeypatch.setattr("app.ingest.exports.tables_in.MOST_COLUMNS", most_columns)
+    times = [*TIMES, TIMES[-1]]
+    frame = pl.DataFrame({"t": times, **{f"L{n}.{s}": [n + 0.0] * 5 for n in range(5) for s in ("PV", "OP")}})
+    (note,) = read(parquet(frame)).summary.notes
+    assert note.startswith("1 row has the time of a row before")
+
+
 def test_spans_of_time_are_seconds(read: Read) -> None:
     spans = [timedelta(seconds=5 * k, milliseconds=500) for k in range(4)]
     values = [1.0, 2.0, 3.0, 4.0]

@@ -308,7 +308,8 @@ class WideTable:
         self._tally.contradictions.rows += len(steady)
         self._tally.contradictions.look(steady, matrix, lines, audited)
         once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
-        self._tally.saw_repeats(steady)
+        if int(columns[0]) in self._first_columns:
+            self._tally.saw_repeats(steady)
         self._tally.saw_times(once_ns)
         self._tally.turns.saw(once_ns, zone)
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
