@@ -324,6 +324,11 @@ def test_where_a_point_of_ovation_stands_tells_no_signal(tag: str, loop: str, si
     assert place(tag, "")[1:] == (loop if signal != "OTHER" else tag, signal)
 
 
+@pytest.mark.parametrize("where", ["", ".UNIT1@NET1", ".UNIT1@NET1.UNIT2@NET2"])
+def test_a_bare_signal_is_of_the_loop_of_its_file_wherever_it_stands(where: str) -> None:
+    assert [place(f"PV{where}", stem).loop for stem in ("", "FIC1", "FIC2")] == [where, f"FIC1{where}", f"FIC2{where}"]
+
+
 def test_a_bare_point_of_ovation_is_the_pv_beside_its_output() -> None:
     tags = ["FIC101.UNIT1@NET1", "FIC101-OUT.UNIT1@NET1", "FIC101.UNIT2@NET1"]
     loops = {loop.loop: (loop.pv, loop.op) for loop in group(tags)}

@@ -72,6 +72,8 @@ _CURRENT_VALUE = re.compile(r"(?i)(?:#Value|[._]F_CV)$")
 """What WinCC and iFIX write behind the names of tags: FIC101/PID.PV_IN#Value, NODE.FIC101_PV.F_CV."""
 _UNIT_AND_NETWORK = re.compile(r"(?i)\.UNIT\d+@NET\d+$")
 """Where the points of Ovation stand: FIC101-PV.UNIT1@NET1."""
+_OF_FILE = re.compile(r"(?i)(\.UNIT\d+@NET\d+)*")
+"""What names a loop only behind what its file is called."""
 _OF_SYSTEM = re.compile(rf"(?i)(?P<loop>.+)[._\-/:|\\ ](?P<word>{'|'.join(_OF_SYSTEMS)})")
 _SWITCH = re.compile(r"(?P<loop>.*\d[^.]*)\.(?:MA|AM|(?i:AUTO|MANUAL))")
 """Whether a controller is in automatic, as in Foxboro's CP01:FIC101.MA, or in manual. FIC101_mA is a current."""
@@ -267,8 +269,8 @@ def place(tag: str, stem: str) -> Place:
     if len(tag) > LONGEST_NAME or not _ANY_LETTER.search(spelled_out(tag)):
         return Place(tag, tag, "OTHER")
     found = _place(tag, "")
-    bare = found.loop == "" or _UNIT_AND_NETWORK.fullmatch(found.loop)
-    return _place(tag, stem) if stem and bare else found  # names of a loop are remembered once for all files
+    of_file = stem and _OF_FILE.fullmatch(found.loop)
+    return _place(tag, stem) if of_file else found  # names of a loop are remembered once for all files
 
 
 @remembered(1 << 16)
