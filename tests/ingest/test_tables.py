@@ -13,11 +13,13 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import IngestOptions, TagMapping, read_named
+from app.ingest.exports.tables_in import Table, TableSource
 
 from .conftest import Read
 
 TIMES = [datetime(2024, 3, 1, 0, minute) for minute in range(4)]
 START = 1709251200 * 10**9
+SIGNALS = ("PV", "OP")
 SIZES = {"A.PV": 1e-11, "A.OP": 0.1}
 
 
@@ -224,6 +226,34 @@ def test_rows_of_one_time_are_told_once_however_many_passes_read_them(
     frame = pl.DataFrame({"t": times, **{f"L{n}.{s}": [n + 0.0] * 5 for n in range(5) for s in ("PV", "OP")}})
     (note,) = read(parquet(frame)).summary.notes
     assert note.startswith("1 row has the time of a row before")
+
+
+@pytest.mark.parametrize("most_columns", [1000, 3])
+def test_a_stamp_that_repeats_the_one_before_is_told_once_however_many_passes_read_it(
+    read: Read, monkeypatch: pytest.MonkeyPatch, most_columns: int
+) -> None:
+    monkeypatch.setattr("app.ingest.exports.tables_in.MOST_COLUMNS", most_columns)
+    times = [datetime(2024, 3, 1, 0, minute) for minute in (0, 1, 2, 2, 4, 5, 6)]
+    frame = pl.DataFrame(
+        {"t": times, **{f"L{n}.{s}": [n + 0.5 * k for k in range(7)] for n in (1, 2) for s in SIGNALS}}
+    )
+    (note,) = read(parquet(frame)).summary.notes
+    assert note == "1 stamp repeated the one before; its row went into the missing step"
+
+
+@pytest.mark.parametrize(("height", "most"), [(1440, 4000), (100_000, 1000)])
+def test_of_a_long_table_the_head_too_is_read_some_columns_at_a_time(height: int, most: int) -> None:
+    """Of large groups of rows each column that is asked for takes memory."""
+    asked: list[int] = []
+
+    def part(offset: int, count: int, columns: Sequence[int]) -> pl.DataFrame:
+        asked.append(len(columns))
+        return pl.DataFrame({f"c{at}": [float(at)] * 4 if at else TIMES for at in columns})
+
+    names = ("t", *(f"L{n}.{s}" for n in range(2500) for s in SIGNALS))
+    source = TableSource(Table(len(names), height, names, part, apart=True), "x", "parquet", False, IngestOptions())
+    assert source.tags() == list(names[1:])
+    assert max(asked) == most
 
 
 def test_spans_of_time_are_seconds(read: Read) -> None:

@@ -221,8 +221,11 @@ def _fields(table: Table, columns: Sequence[int]) -> list[tuple[str, ...]]:
 
 
 def _rows(table: Table, offset: int, count: int) -> tuple[tuple[str, ...], ...]:
-    """As text."""
-    return tuple(_texts(table.part(offset, count, range(table.width))).rows())
+    """As text. Of a long table the columns are read in parts: each that is asked for takes memory."""
+    most = table.most_columns
+    parts = (range(start, min(start + most, table.width)) for start in range(0, table.width, most))
+    texts = [column for part in parts for column in _texts(table.part(offset, count, part)).get_columns()]
+    return tuple(pl.DataFrame(texts).rows())
 
 
 def _texts(frame: pl.DataFrame) -> pl.DataFrame:

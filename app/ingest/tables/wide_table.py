@@ -299,16 +299,17 @@ class WideTable:
             time_ns, matrix, lines = time_ns[order], matrix[order], lines[order]
         time_ns = hours_apart(time_ns, zone)
         steady = time_ns if shuffled else without_stutter(time_ns, matrix)  # steps that lack here are in other pieces
-        self._tally.stuttering += int(np.sum(steady != time_ns))
+        columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
+        is_first = int(columns[0]) in self._first_columns  # rows are told once for all passes
+        self._tally.stuttering += int(np.sum(steady != time_ns)) if is_first else 0
         order = in_order(steady)
         if order is not None:
             steady, matrix, lines = steady[order], matrix[order], lines[order]
-        columns = np.array([value.index for value in chunk.columns], dtype=np.uint32)
         audited = self._audited(columns)
         self._tally.contradictions.rows += len(steady)
         self._tally.contradictions.look(steady, matrix, lines, audited)
         once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
-        if int(columns[0]) in self._first_columns:
+        if is_first:
             self._tally.saw_repeats(steady)
         self._tally.saw_times(once_ns)
         self._tally.turns.saw(once_ns, zone)
