@@ -125,8 +125,8 @@ def _no_server(what: str) -> None:
 
 
 @contextmanager
-def own_postgres() -> Iterator[str]:
-    """A data base with this version's tables on the local PostgreSQL server, dropped at the end."""
+def bare_postgres() -> Iterator[str]:
+    """A data base without any table on the local PostgreSQL server, dropped at the end."""
     server = create_engine(POSTGRES, isolation_level="AUTOCOMMIT", connect_args={"connect_timeout": 2})
     name = f"loopaudit_test_{os.getpid()}_{uuid.uuid4().hex[:8]}"
     try:
@@ -136,14 +136,20 @@ def own_postgres() -> Iterator[str]:
             connection.exec_driver_sql(f'ALTER DATABASE "{name}" SET synchronous_commit TO off')
     except OperationalError:
         _no_server("PostgreSQL")
-    url = make_url(POSTGRES).set(database=name).render_as_string(hide_password=False)
     try:
-        migrate(Settings(database_url=url, data_dir=Path(tempfile.gettempdir())))
-        yield url
+        yield make_url(POSTGRES).set(database=name).render_as_string(hide_password=False)
     finally:
         with server.connect() as connection:
             connection.exec_driver_sql(f'DROP DATABASE "{name}" WITH (FORCE)')
         server.dispose()
+
+
+@contextmanager
+def own_postgres() -> Iterator[str]:
+    """A data base with this version's tables on the local PostgreSQL server, dropped at the end."""
+    with bare_postgres() as url:
+        migrate(Settings(database_url=url, data_dir=Path(tempfile.gettempdir())))
+        yield url
 
 
 @pytest.fixture(scope="session")

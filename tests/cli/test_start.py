@@ -4,17 +4,16 @@ import json
 import os
 import subprocess
 import sys
-import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Timer
 
 import pytest
-from sqlalchemy import create_engine, make_url
 
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from app.storage import Database, schema
+from tests.conftest import bare_postgres
 
 NOT_MIGRATED = "loopaudit: the data base has no tables; run `loopaudit migrate` [no_tables]\n"
 AT_THE_BASE = (
@@ -38,24 +37,18 @@ def run(*command: str, **settings: object) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="module")
-def bare_postgres(postgres_url: str) -> Iterator[str]:
+def without_tables() -> Iterator[str]:
     """A data base of its own beside that of the session, without tables."""
-    name = f"loopaudit_test_{os.getpid()}_{uuid.uuid4().hex[:8]}"
-    server = create_engine(postgres_url, isolation_level="AUTOCOMMIT")
-    with server.connect() as connection:
-        connection.exec_driver_sql(f'CREATE DATABASE "{name}"')
-    yield make_url(postgres_url).set(database=name).render_as_string(hide_password=False)
-    with server.connect() as connection:
-        connection.exec_driver_sql(f'DROP DATABASE "{name}" WITH (FORCE)')
-    server.dispose()
+    with bare_postgres() as url:
+        yield url
 
 
 @pytest.mark.postgres
 @pytest.mark.parametrize("command", AT_THE_BASE, ids=" ".join)
 def test_a_data_base_without_tables_is_told_in_a_line(
-    tmp_path: Path, bare_postgres: str, command: tuple[str, ...]
+    tmp_path: Path, without_tables: str, command: tuple[str, ...]
 ) -> None:
-    servers = {"database_url": bare_postgres, "broker_url": "redis://127.0.0.1:1/0"}
+    servers = {"database_url": without_tables, "broker_url": "redis://127.0.0.1:1/0"}
     done = run(*command, data_dir=tmp_path, **servers)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", NOT_MIGRATED)
 
