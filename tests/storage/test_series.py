@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from psycopg.adapt import PyFormat, Transformer
 from psycopg.pq import Format
-from sqlalchemy import event, func, insert, select, text, update
+from sqlalchemy import Connection, event, func, insert, select, text, update
 
 from app.settings import Settings
 from app.storage import Database, loops, retention, series
@@ -34,9 +34,12 @@ def add(database: Database, tag: str, *stretches: Samples) -> series.Added:
 def add_as(database: Database, tag: str, stretch: Samples, place: Place) -> int:
     """How many samples were new, or replaced others."""
     with database.write() as connection:
-        loop_id = loops.ensure(connection, [tag])[tag]
-        added = series.add(connection, [Stretch(loop_id, stretch)], None, place)
-        return added.samples + added.replaced
+        return placed(connection, loops.ensure(connection, [tag])[tag], stretch, place)
+
+
+def placed(connection: Connection, loop_id: int, stretch: Samples, place: Place) -> int:
+    added = series.add(connection, [Stretch(loop_id, stretch)], None, place)
+    return added.samples + added.replaced
 
 
 def window(database: Database, tag: str, hours: float = 24.0, most: int = 10**6) -> Samples:
@@ -124,6 +127,25 @@ def test_the_later_upload_holds_where_values_differ(database: Database) -> None:
     assert list(found.signals["pv"][88:92]) == [88, 89, 90.5, 91.5]
 
 
+UPLOADS = 5
+
+
+class Trial:
+    """Uploads of one loop, numbered as they were received, and read in another order."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self.sent = {number: drawn(random) for number in range(1, UPLOADS + 1)}
+        self.order = [int(one) for one in random.permutation(list(self.sent))]
+        self.read: list[int] = []
+
+    def next(self) -> tuple[Samples, Place]:
+        number = self.order[len(self.read)]
+        unread = set(self.sent).difference(self.read)
+        self.read = sorted([*self.read, number])
+        self.last = self.sent[number], Place(number, max((one for one in unread if one < number), default=0))
+        return self.last
+
+
 def drawn(random: np.random.Generator) -> Samples:
     """A few samples with a few values, of which some are missing: much of it is said twice."""
     seconds = np.sort(random.choice(6, size=random.integers(1, 7), replace=False))
@@ -134,21 +156,25 @@ def drawn(random: np.random.Generator) -> Samples:
 def test_whatever_is_read_first_the_one_that_was_received_later_holds(database: Database) -> None:
     """And nothing is stored that does not have to be: read again, nothing is new."""
     random = np.random.default_rng(2026)
-    for trial in range(60):
-        sent = {number: drawn(random) for number in range(1, 6)}
-        unread, read = set(sent), []
-        for number in (int(one) for one in random.permutation(list(sent))):
-            place = Place(number, max((other for other in unread if other < number), default=0))
-            before = window(database, f"L{trial}") if read else None
-            new = add_as(database, f"L{trial}", sent[number], place)
-            unread.remove(number)
-            read = sorted([*read, number])
-            held, expected = window(database, f"L{trial}"), merged([sent[one] for one in read])
-            for name in ("pv", "sp"):
-                got = held.signals[name][np.searchsorted(held.time_ns, expected.time_ns)]
-                assert np.array_equal(got, expected.signals[name], equal_nan=True), (trial, read, name)
-            assert new == (len(sent[number]) if before is None else np.count_nonzero(news(held, before)))
-            assert add_as(database, f"L{trial}", sent[number], place) == 0
+    trials = [Trial(random) for _ in range(60)]
+    with (
+        database.write() as connection
+    ):  # one for all, each upload of a loop of its own: who commits when is no matter here
+        ids = loops.ensure(connection, [f"L{number}" for number in range(len(trials))]).values()
+        windows = dict.fromkeys(ids)
+        for _ in range(UPLOADS):
+            new = {
+                loop_id: placed(connection, loop_id, *trial.next()) for loop_id, trial in zip(ids, trials, strict=True)
+            }
+            before, windows = windows, series.windows(connection, ids, 24.0, 10**6)
+            for loop_id, trial in zip(ids, trials, strict=True):
+                held, was, expected = windows[loop_id], before[loop_id], merged([trial.sent[one] for one in trial.read])
+                for name in ("pv", "sp"):
+                    got = held.signals[name][np.searchsorted(held.time_ns, expected.time_ns)]
+                    assert np.array_equal(got, expected.signals[name], equal_nan=True), (loop_id, trial.read, name)
+                stretch, place = trial.last
+                assert new[loop_id] == (len(stretch) if was is None else np.count_nonzero(news(held, was)))
+                assert placed(connection, loop_id, stretch, place) == 0
 
 
 def test_the_set_point_that_was_received_later_held_before_the_window(database: Database) -> None:
