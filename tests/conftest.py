@@ -22,7 +22,7 @@ import psycopg
 import pytest
 import uvicorn
 from fastapi import FastAPI
-from sqlalchemy import Engine, create_engine, make_url
+from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.exc import OperationalError
 
 from app.__main__ import BETWEEN_LOOKS
@@ -92,6 +92,30 @@ def statements_are_compiled_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(storage_database, "create_engine", engine)
         yield
+
+
+OPENED_BY_THE_PRODUCT = storage_database._sqlite
+
+
+def _not_synced(*args: Any, **options: Any) -> Engine:
+    engine = OPENED_BY_THE_PRODUCT(*args, **options)
+    event.listen(engine, "connect", lambda connection, _: connection.execute("PRAGMA synchronous = OFF"))
+    return engine
+
+
+@pytest.fixture(scope="session", autouse=True)
+def commits_need_not_outlive_the_machine() -> Iterator[None]:
+    """As on PostgreSQL: what a test has committed is asked while the machine runs, not after it lost its power. To wait
+    for the disk took most of a commit. Servers and workers of their own process are not touched.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(storage_database, "_sqlite", _not_synced)
+        yield
+
+
+@pytest.fixture
+def commits_outlive_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(storage_database, "_sqlite", OPENED_BY_THE_PRODUCT)
 
 
 def pytest_collection_finish() -> None:

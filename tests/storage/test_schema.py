@@ -52,6 +52,7 @@ def test_down_and_up_again(tmp_path: Path) -> None:
     database.close()
 
 
+@pytest.mark.usefixtures("commits_outlive_the_machine")
 def test_sqlite_is_opened_safely(tmp_path: Path) -> None:
     database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
     with database.write() as connection:
