@@ -22,6 +22,7 @@ import psycopg
 import pytest
 import uvicorn
 from fastapi import FastAPI
+from httpx._transports import default as httpx_transports
 from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.exc import OperationalError
 
@@ -91,6 +92,14 @@ def statements_are_compiled_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(storage_database, "create_engine", engine)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def certificates_are_read_once() -> Iterator[None]:
+    """Each client of a server, of the tests and of the product, would read all authorities anew, for 20 ms."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(httpx_transports, "create_ssl_context", cache(httpx_transports.create_ssl_context))
         yield
 
 
