@@ -5,6 +5,7 @@ import os
 import pickle
 import shutil
 import socket
+import ssl
 import tempfile
 import threading
 import time
@@ -22,7 +23,6 @@ import psycopg
 import pytest
 import uvicorn
 from fastapi import FastAPI
-from httpx._transports import default as httpx_transports
 from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.exc import OperationalError
 
@@ -92,14 +92,6 @@ def statements_are_compiled_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(storage_database, "create_engine", engine)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def certificates_are_read_once() -> Iterator[None]:
-    """Each client of a server, of the tests and of the product, would read all authorities anew, for 20 ms."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(httpx_transports, "create_ssl_context", cache(httpx_transports.create_ssl_context))
         yield
 
 
@@ -366,11 +358,19 @@ def listening(app: FastAPI, **options: Any) -> Iterator[tuple[str, int]]:
             thread.join(timeout=20)
 
 
+@cache
+def authorities() -> ssl.SSLContext:
+    """Whom a client trusts: each would read all certificates anew, for 20 ms."""
+    return httpx.create_ssl_context()
+
+
 @contextmanager
 def served(app: FastAPI) -> Iterator[httpx.Client]:
     """A client of a real server: paths, headers and bodies arrive as a client's do."""
-    with listening(app) as (host, port), httpx.Client(base_url=f"http://{host}:{port}", timeout=30) as client:
-        yield client
+    with listening(app) as (host, port):
+        url = f"http://{host}:{port}"
+        with httpx.Client(base_url=url, timeout=30, verify=authorities()) as client:
+            yield client
 
 
 @pytest.fixture(scope="session")

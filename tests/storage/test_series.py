@@ -157,9 +157,8 @@ def test_whatever_is_read_first_the_one_that_was_received_later_holds(database: 
     """And nothing is stored that does not have to be: read again, nothing is new."""
     random = np.random.default_rng(2026)
     trials = [Trial(random) for _ in range(60)]
-    with (
-        database.write() as connection
-    ):  # one for all, each upload of a loop of its own: who commits when is no matter here
+    # One transaction for all: each trial has a loop of its own, and who commits when is no matter here.
+    with database.write() as connection:
         ids = loops.ensure(connection, [f"L{number}" for number in range(len(trials))]).values()
         windows = dict.fromkeys(ids)
         for _ in range(UPLOADS):

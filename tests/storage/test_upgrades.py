@@ -18,7 +18,6 @@ from sqlalchemy import (
     LargeBinary,
     MetaData,
     Table,
-    func,
     insert,
     inspect,
     select,
@@ -32,6 +31,7 @@ from tests.conftest import bare_postgres
 
 Row = tuple[Any, ...]
 RELEASED = ["0001"]
+BETWEEN = ["0011", "0021"]  # with rows in tables of later than the first release: an upgrade is one transaction
 ROWS = 3
 STRETCH = {"id": 1, "loop_id": 1, "start_ns": 10, "end_ns": 30, "samples": 3, "fingerprint": "f"}
 WORDS = {"state": "done", "role": "read"}
@@ -112,9 +112,9 @@ def versions() -> list[str]:
     return [revision.revision for revision in reversed(list(script.walk_revisions()))]
 
 
-@pytest.mark.parametrize("released", RELEASED)
-def test_an_upgrade_from_a_released_version_keeps_every_row(empty: Database, released: str) -> None:
-    schema.migrate(empty, released)
+@pytest.mark.parametrize("version", RELEASED + BETWEEN)
+def test_an_upgrade_at_once_keeps_every_row(empty: Database, version: str) -> None:
+    schema.migrate(empty, version)
     fill(empty)
     then = columns(empty)
     before = rows(empty, then)
@@ -142,13 +142,11 @@ def test_what_each_version_stored_comes_up_to_the_newest(empty: Database) -> Non
     for number, newer in enumerate(later, start=1):
         add_rows(empty, range(number, number + 1))
         before, after = stepped_up(empty, newer)
+        assert all(before.values())
         made = {"newest_rows"} if newer == "0008" else set()  # for verdicts of before there was such a table
         assert {name for name in before if after[name] != before[name]} <= made
         assert all(set(before[name]) <= set(after[name]) for name in made)
-    told = found(empty)
-    with empty.read() as connection:
-        counted = {name: connection.scalar(select(func.count()).select_from(told[name])) for name in told}
-    assert (counted["loops"], min(counted.values()) > 0) == (len(later), True)
+    assert len(after["loops"]) == len(later)
 
 
 def stepped_up(database: Database, newer: str) -> tuple[dict[str, list[Row]], dict[str, list[Row]]]:

@@ -12,6 +12,7 @@ from app.services.access import keys
 from app.services.access.identity import Role
 from app.services.backend import Backend
 from app.settings import Settings
+from tests.conftest import authorities
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,8 @@ def client(serve, settings) -> Iterator[httpx.Client]:
 @pytest.fixture
 def browser(client) -> Iterator[httpx.Client]:
     """A client with cookies of its own, which says where its requests come from as a browser does."""
-    with httpx.Client(base_url=client.base_url, headers={"Sec-Fetch-Site": "same-origin"}) as connection:
+    headers = {"Sec-Fetch-Site": "same-origin"}
+    with httpx.Client(base_url=client.base_url, headers=headers, verify=authorities()) as connection:
         yield connection
 
 
