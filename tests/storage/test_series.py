@@ -174,6 +174,9 @@ def test_whatever_is_read_first_the_one_that_was_received_later_holds(database: 
                 stretch, place = trial.last
                 assert new[loop_id] == (len(stretch) if was is None else np.count_nonzero(news(held, was)))
                 assert placed(connection, loop_id, stretch, place) == 0
+        for loop_id, held in windows.items():
+            whole = series.between(connection, loop_id, 0, 2**62)
+            assert all(np.array_equal(whole.signals[name], held.signals[name], equal_nan=True) for name in held.signals)
 
 
 def test_the_set_point_that_was_received_later_held_before_the_window(database: Database) -> None:
