@@ -8,14 +8,16 @@ from weakref import WeakValueDictionary
 
 from fastapi import APIRouter, Body, Depends, Request, Response
 from fastapi.concurrency import run_in_threadpool
+from pydantic import TypeAdapter
 from starlette.responses import StreamingResponse
 
-from app.api.models import AuditIn, AuditOut, AuditPage
+from app.api.models import AuditIn, AuditPage
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
 from app.http.parameters import json_alone
 from app.http.probing import Probe
 from app.http.problems import responses
 from app.services.auditing import audits as service
+from app.services.outward import AuditOut
 
 LOOK_S = 0.5
 HEARTBEAT_EVERY = 20
@@ -25,6 +27,7 @@ EVENT_STREAM: dict[int | str, dict[str, Any]] = {
 
 EVERY_LOOP = AuditIn(tags=None, unit=None, type=None)
 Wanted = Annotated[AuditIn, Body()]
+RUN = TypeAdapter(AuditOut)
 
 router = APIRouter(tags=["audits"])
 
@@ -87,7 +90,7 @@ class Look(NamedTuple):
 
 def look_at(backend: Services, audit_id: str) -> Look:
     run = service.get_audit(backend, audit_id)
-    return Look(AuditOut.model_validate(run).model_dump_json(), run.ended)
+    return Look(RUN.dump_json(run).decode(), run.ended)
 
 
 def watcher(request: Request, backend: Services, audit_id: str) -> Probe[Look]:

@@ -6,13 +6,13 @@ from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 
-from app.api.models import LoopPatch, LoopsChangedOut
+from app.api.models import LoopPatch
 from app.errors import DataError, RequestError, in_our_words
 from app.http.backend import Services
 from app.http.problems import responses
 from app.json_texts import given_json
 from app.services.backend import Backend
-from app.services.results import LoopsChanged
+from app.services.outward import LoopsChangedOut
 from app.services.stating import loop_list
 from app.services.stating.loop_list import LoopList
 from app.services.stating.properties import refusal
@@ -48,7 +48,7 @@ async def change_many(request: Request, backend: Services) -> Any:
         return await run_in_threadpool(_taken, backend, body, kind)
 
 
-def _taken(backend: Backend, body: bytes, kind: str) -> LoopsChanged:
+def _taken(backend: Backend, body: bytes, kind: str) -> LoopsChangedOut:
     if kind not in READ:
         raise RequestError("media_type", f"a list of loops comes as {JSON} or {CSV}, not as {kind[:60]!r}")
     return loop_list.take(backend, READ[kind](body))

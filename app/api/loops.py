@@ -9,13 +9,14 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from app.api.etags import NOT_MODIFIED, InParts, known, tag_of, tagged
-from app.api.models import CSV, HealthOut, LoopOut, LoopPage, LoopPatch, TrendOut, VerdictPage
+from app.api.models import CSV, HealthOut, LoopPage, LoopPatch, VerdictPage
 from app.http.backend import Cursor, IsoTime, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
 from app.services.loops import RETIRED, ListFilter, get_loop, list_loops
 from app.services.moments import ns_of
+from app.services.outward import LoopOut, TrendOut
 from app.services.plant import loop_verdicts
 from app.services.plant.trend import MOST_POINTS
 from app.services.plant.trend import trend as thinned

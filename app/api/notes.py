@@ -4,11 +4,12 @@ from typing import Any
 
 from fastapi import APIRouter, Depends
 
-from app.api.models import NoteIn, NoteOut, NotePage
+from app.api.models import NoteIn, NotePage
 from app.http.backend import Caller, Cursor, Identifier, Limit, Services
 from app.http.parameters import json_alone
 from app.http.paths import LoopTag
 from app.http.problems import responses
+from app.services.outward import NoteOut
 from app.services.stating import notes as service
 
 router = APIRouter(tags=["notes"])

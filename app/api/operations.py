@@ -7,8 +7,8 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse
 
-from app.api.models import ReadyOut
 from app.http.backend import Services
+from app.services.outward import ReadyOut
 from app.services.upkeep.metrics import Metric
 from app.services.upkeep.metrics import metrics as collected
 
@@ -29,8 +29,7 @@ async def readyz(request: Request) -> Any:
     read with are in use: requests wait for one), 503 otherwise, also where nothing is known after 5 s. The answer may
     be a second old, or some while the next one is awaited."""
     found = await request.app.state.ready.found()
-    body = ReadyOut(state=found.state, checks=found.checks).model_dump(mode="json")
-    return JSONResponse(body, status_code=503 if found.state == "not_ready" else 200)
+    return JSONResponse(vars(found), status_code=503 if found.state == "not_ready" else 200)
 
 
 @router.get("/metrics", response_class=PlainTextResponse, summary="Figures for Prometheus")

@@ -2,21 +2,23 @@
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, get_type_hints
 
 from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from app.api import models
 from app.api.explanation_models import ExplanationIn
 from app.api.routes import api
 from app.http.permissions import ROUTES
+from app.services import outward
 from app.services.audit_json import models as audit
 from app.services.explaining import wording as explanation_wording
 from app.services.telling import error_words, wording
 from app.services.telling.reason_wording import REASON_WORDS
 
-TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
+TABLES: tuple[tuple[str, str, type], ...] = (
     (
         "A row of the reliability table",
         "`GET /v1/reliability`, `/v1/loops/{tag}/verdicts`, CSV",
@@ -33,24 +35,24 @@ TABLES: tuple[tuple[str, str, type[BaseModel]], ...] = (
     ("Identification", "`hammerstein` of `--format jsonl`", audit.HammersteinLine),
     ("Rivals", "`rivals` of `--format jsonl`", audit.RivalLine),
     ("Spells", "`episodes` of `--format jsonl`", audit.EpisodeLine),
-    ("A loop", "`GET /v1/loops`", models.LoopOut),
+    ("A loop", "`GET /v1/loops`", outward.LoopOut),
     ("A change of a loop", "body of `PATCH /v1/loops/{tag}`", models.LoopPatch),
-    ("A list of loops taken", "`PATCH /v1/loops`", models.LoopsChangedOut),
-    ("A trend", "`GET /v1/loops/{tag}/trend`", models.TrendOut),
-    ("A note", "`GET /v1/loops/{tag}/notes`", models.NoteOut),
+    ("A list of loops taken", "`PATCH /v1/loops`", outward.LoopsChangedOut),
+    ("A trend", "`GET /v1/loops/{tag}/trend`", outward.TrendOut),
+    ("A note", "`GET /v1/loops/{tag}/notes`", outward.NoteOut),
     ("A note to write", "body of `POST /v1/loops/{tag}/notes`", models.NoteIn),
-    ("An upload in the list", "`GET /v1/uploads`", models.UploadListed),
-    ("An upload", "`GET /v1/uploads/{id}`", models.UploadOut),
-    ("A refused row", "`rejects` of an upload", models.RejectOut),
+    ("An upload in the list", "`GET /v1/uploads`", outward.UploadListed),
+    ("An upload", "`GET /v1/uploads/{id}`", outward.UploadOut),
+    ("A refused row", "`rejects` of an upload", outward.RejectOut),
     ("A run to start", "body of `POST /v1/audits`", models.AuditIn),
-    ("A run", "`GET /v1/audits/{id}`", models.AuditOut),
-    ("A failed loop", "`failures` of a run", models.FailureOut),
-    ("A night of the plant", "`GET /v1/nights`", models.NightOut),
-    ("A unit in a night", "`units` of a night", models.NightOfUnitOut),
-    ("A group", "`GET /v1/groups`", models.GroupOut),
-    ("A member of a group", "`members` of a group", models.GroupMemberOut),
+    ("A run", "`GET /v1/audits/{id}`", outward.AuditOut),
+    ("A failed loop", "`failures` of a run", outward.FailureOut),
+    ("A night of the plant", "`GET /v1/nights`", outward.NightOut),
+    ("A unit in a night", "`units` of a night", outward.NightOfUnitOut),
+    ("A group", "`GET /v1/groups`", outward.GroupOut),
+    ("A member of a group", "`members` of a group", outward.GroupMemberOut),
     ("A question for an explanation", "body of `POST /v1/loops/{tag}/explanations`", ExplanationIn),
-    ("A row of the trail", "`GET /v1/trail`", models.TrailRowOut),
+    ("A row of the trail", "`GET /v1/trail`", outward.TrailRowOut),
 )
 SAID = "Stable codes, and what the pages say for them."
 WINDOWS = "`windows` and `held_out`, in s from the start of the recording, end before their second number."
@@ -134,9 +136,16 @@ def section(title: str, where: str, rows: Iterable[tuple[str, str]]) -> Iterator
         yield f"| `{name}` | {safe} |\n"
 
 
-def described(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
-    for name, field in model.model_fields.items():
+def described(model: type) -> Iterator[tuple[str, str]]:
+    for name, field in fields_of(model).items():
         yield name, f"{field.description} ({shape(field.annotation)})"
+
+
+def fields_of(model: type) -> dict[str, FieldInfo]:
+    """Of a model, or of a dataclass whose fields are described."""
+    if issubclass(model, BaseModel):
+        return model.model_fields
+    return {name: FieldInfo.from_annotation(told) for name, told in get_type_hints(model, include_extras=True).items()}
 
 
 def shape(annotation: Any) -> str:

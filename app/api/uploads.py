@@ -4,12 +4,13 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.api.models import UploadOut, UploadPage
+from app.api.models import UploadPage
 from app.errors import RequestError
 from app.http.backend import Cursor, Identifier, Limit, Services
 from app.http.problems import responses
 from app.http.receiving import MULTIPART, store
 from app.services.intake import uploads as service
+from app.services.outward import UploadOut
 
 BINARY = {"schema": {"type": "string", "format": "binary"}}
 BODY: dict[str, Any] = {

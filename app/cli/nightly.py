@@ -18,7 +18,7 @@ from app.errors import RequestError
 
 if TYPE_CHECKING:
     from app.services.backend import Backend
-    from app.services.results import AuditView
+    from app.services.outward import AuditOut
 
 LOOK_S = 0.5
 
@@ -80,7 +80,7 @@ def refuse_unready(backend: "Backend") -> None:
         raise RequestError("not_ready", f"nothing was begun: {'; '.join(lacking(found))}")
 
 
-def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditView":
+def watched(backend: "Backend", run: "AuditOut", timeout_s: float) -> "AuditOut":
     """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work. A data
     base that is away is waited for too: the run goes on once it is back."""
     from app.services.auditing.audits import get_audit
@@ -101,7 +101,7 @@ def watched(backend: "Backend", run: "AuditView", timeout_s: float) -> "AuditVie
     return run
 
 
-def _warm_up(run: "AuditView", deadline: float, timeout_s: float) -> None:
+def _warm_up(run: "AuditOut", deadline: float, timeout_s: float) -> None:
     from app.kernel_cache import StillCompiling
     from app.services.auditing.warming import warm_up
 
@@ -111,7 +111,7 @@ def _warm_up(run: "AuditView", deadline: float, timeout_s: float) -> None:
         raise _timeout(run, timeout_s, "another process is still compiling the engine") from still
 
 
-def _timeout(run: "AuditView", timeout_s: float, why: str) -> RequestError:
+def _timeout(run: "AuditOut", timeout_s: float, why: str) -> RequestError:
     return RequestError("timeout", f"the run {run.id} has not ended after {timeout_s:.0f} s; {why}")
 
 

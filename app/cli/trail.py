@@ -12,7 +12,7 @@ from app.services.access.identity import OF_ACTION, OF_WHO
 
 if TYPE_CHECKING:
     from app.services.moments import PlantClock
-    from app.services.results import TrailView
+    from app.services.outward import TrailRowOut
 
 
 def trail(
@@ -45,7 +45,7 @@ def trail(
     raise typer.Exit(ExitCode.DONE)
 
 
-def show(rows: "list[TrailView]", clock: "PlantClock") -> None:
+def show(rows: "list[TrailRowOut]", clock: "PlantClock") -> None:
     from rich.table import Table
     from rich.text import Text
 

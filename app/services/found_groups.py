@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from app.services.results import GroupView
+from app.services.outward import GroupOut
 
-Groups = tuple[GroupView, ...]
+Groups = tuple[GroupOut, ...]
 State = tuple[Any, ...]
 
 KEPT = 8

@@ -4,7 +4,8 @@ from app.errors import NotFoundError
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of
 from app.services.moments import iso_utc, moment_of
-from app.services.results import LoopView, Page
+from app.services.outward import LoopOut
+from app.services.results import Page
 from app.storage import loops
 from app.storage.loops import SETTABLE, ListFilter, LoopRow
 
@@ -22,7 +23,7 @@ def list_loops(
     limit: int = 100,
     cursor: str | None = None,
     wanted: ListFilter | None = None,
-) -> Page[LoopView]:
+) -> Page[LoopOut]:
     """Loops in the order of their tags; `search` of the filter is a part of the tag, the description or the owner."""
     after = decode(cursor, (str,))
     with backend.database.read() as connection:
@@ -30,7 +31,7 @@ def list_loops(
     return page_of(rows, limit, view_of, lambda row: (row.tag,))
 
 
-def get_loop(backend: Backend, tag: str) -> LoopView:
+def get_loop(backend: Backend, tag: str) -> LoopOut:
     return view_of(find(backend, tag))
 
 
@@ -56,6 +57,6 @@ def unknown(tag: str) -> NotFoundError:
     return NotFoundError("unknown_loop", f"there is no loop {tag!r}")
 
 
-def view_of(row: LoopRow) -> LoopView:
+def view_of(row: LoopRow) -> LoopOut:
     own = {name: getattr(row, name) for name in ("tag", *SETTABLE)}
-    return LoopView(**own, samples_to=None if row.newest_ns is None else iso_utc(moment_of(row.newest_ns)))
+    return LoopOut(**own, samples_to=None if row.newest_ns is None else iso_utc(moment_of(row.newest_ns)))

@@ -20,6 +20,7 @@ from app.services.addresses import tag_in_url
 from app.services.auditing.audits import LoopFilter, start_audit
 from app.services.backend import Backend
 from app.services.moments import PlantClock
+from app.services.outward import LoopOut
 from app.services.plant.arrivals import current_ns
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
@@ -27,7 +28,6 @@ from app.services.plant.groups import unnamed
 from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.worst import worst_tags
-from app.services.results import LoopView
 from app.services.stating import notes, properties
 from app.services.stating.continuing import maybe_before
 from app.services.stating.loop_list import number
@@ -245,7 +245,7 @@ def _numbers(typed: Mapping[str, str]) -> tuple[dict[str, float | None], dict[st
     return numbers, wrong
 
 
-def _as_set(it: LoopView) -> Settings:
+def _as_set(it: LoopOut) -> Settings:
     names = ("importance", *properties.WORDS, *SPANS)
     told = {name: _as_typed(getattr(it, name)) for name in names}
     answer = next(answer for answer, stated in ANSWERS.items() if stated is it.moves_valve)

@@ -9,7 +9,7 @@ from app.errors import RequestError
 from app.http.backend import Services
 from app.http.spooling import spooled
 from app.services.backend import Backend
-from app.services.results import LoopsChanged
+from app.services.outward import LoopsChangedOut
 from app.services.stating.loop_list import COLUMNS, MOST_LOOPS, read, take
 from app.web.rendering import page
 
@@ -36,6 +36,6 @@ async def taken(request: Request, backend: Services) -> HTMLResponse:
     return shown(backend, done, file.filename)
 
 
-def shown(backend: Backend, done: LoopsChanged | None = None, filename: str | None = None) -> HTMLResponse:
+def shown(backend: Backend, done: LoopsChangedOut | None = None, filename: str | None = None) -> HTMLResponse:
     told = {"done": done, "filename": filename, "shown": SHOWN}
     return page("loop_list.html", backend.clock, columns=COLUMNS, most=MOST_LOOPS, **told)

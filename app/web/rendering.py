@@ -12,8 +12,8 @@ from app.kernel_cache import compiling
 from app.services.access.identity import Identity, Role, current
 from app.services.addresses import tag_in_url
 from app.services.moments import PlantClock
+from app.services.outward import UploadOut
 from app.services.rendering import FILTERS, GLOBALS
-from app.services.results import UploadView
 from app.services.telling.wording import FILE_UNSEEN, NO_ROOM_YET, READ_IN_PART, STATE_WORDS
 
 HERE = Path(__file__).parent
@@ -40,7 +40,7 @@ def as_tags(loops: list[dict[str, Any]]) -> list[tuple[str, str, str]]:
     ]
 
 
-def upload_words(upload: UploadView) -> str:
+def upload_words(upload: UploadOut) -> str:
     if upload.waits_for_room_since:
         return NO_ROOM_YET
     if upload.waits_for_file_since:

@@ -1,23 +1,23 @@
-"""What the API answers has the fields of what the services give: one that only one of the two has is lost in silence,
-or answered as what it is by default.
+"""What the API answers is declared once, where the services make it: of two declarations one gets a field that the
+other lacks, which is lost in silence, or answered as what it is by default.
 """
 
 from dataclasses import fields, is_dataclass
 
-import pytest
-
 from app.api import models
-from app.services import results
+from app.api.reference import fields_of
+from app.services import outward
 
-NAMED_OTHERWISE = {"Ready": "Readiness", "TrailRow": "Trail"}
-OF_A_ROW = {"Health"}
+OF_A_ROW = {"HealthOut"}
 """Whose fields are those of the stored row itself."""
 
-GIVEN = {name.removesuffix("View"): kind for name, kind in vars(results).items() if is_dataclass(kind)}
-ANSWERED = {name.removesuffix("Out"): model for name, model in vars(models).items() if name.endswith("Out")}
+ANSWERS = {kind for kind in vars(outward).values() if isinstance(kind, type) and kind.__module__ == outward.__name__}
 
 
-@pytest.mark.parametrize("name", sorted(set(ANSWERED) - OF_A_ROW))
-def test_an_answer_has_the_fields_of_what_it_is_made_from(name):
-    given = GIVEN[NAMED_OTHERWISE.get(name, name)]
-    assert set(ANSWERED[name].model_fields) == {field.name for field in fields(given)}
+def test_an_answer_is_what_a_service_gives():
+    assert {name for name in vars(models) if name.endswith("Out") and vars(models)[name] not in ANSWERS} == OF_A_ROW
+
+
+def test_every_field_of_an_answer_goes_out():
+    assert all(is_dataclass(kind) for kind in ANSWERS)
+    assert {kind: {*fields_of(kind)} for kind in ANSWERS} == {kind: {f.name for f in fields(kind)} for kind in ANSWERS}

@@ -8,10 +8,9 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from pydantic import BaseModel
 
 from app.api import models
-from app.api.reference import CODES, TABLES, page, shape
+from app.api.reference import CODES, TABLES, fields_of, page, shape
 from app.engine.audit import audit
 from app.engine.codes import Cause, EvidenceCode, ReasonCode
 from app.engine.fitness.assess import LATER_CHECKS
@@ -21,6 +20,7 @@ from app.engine.recording import Recording
 from app.engine.reference.published_rule import READINGS
 from app.engine.verdict.wording import WORDED
 from app.http.permissions import ROUTES
+from app.services import outward
 from app.services.explaining.wording import EVIDENCE_WORDS
 from app.services.telling.reason_wording import REASON_WORDS
 from app.services.telling.wording import CAUSE_WORDS
@@ -41,7 +41,7 @@ def test_the_page_is_what_the_models_say():
 @pytest.mark.parametrize(("title", "model"), [(title, model) for title, _, model in TABLES])
 def test_every_field_has_a_meaning(title, model):
     part = TEXT.split(f"\n## {title}\n")[1].split("\n## ")[0]
-    for name, field in model.model_fields.items():
+    for name, field in fields_of(model).items():
         assert field.description, name
         assert f"| `{name}` | " in part, AGAIN
 
@@ -59,8 +59,9 @@ def test_every_route_is_there():
 def test_every_answer_of_the_api_has_its_table():
     answers = {
         name
-        for name, model in vars(models).items()
-        if isinstance(model, type) and issubclass(model, BaseModel) and model.__module__ == models.__name__
+        for where in (models, outward)
+        for name, model in vars(where).items()
+        if isinstance(model, type) and model.__module__ == where.__name__
     }
     told = {model.__name__ for _, _, model in TABLES}
     assert {name for name in answers if not name.endswith("Page")} - BODIES <= told

@@ -10,7 +10,7 @@ from sqlalchemy import update
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
 from app.services.intake.uploads import ReadingOptions
-from app.services.results import UploadView
+from app.services.outward import UploadOut
 from app.storage.tables import uploads as uploads_table
 
 WIDE = "time,FIC1.PV,FIC1.OP,FIC1.SP,LIC2.PV,LIC2.OP\n"
@@ -36,18 +36,18 @@ def packed(data: bytes, at_s: int = 1) -> bytes:
     return gzip.compress(data, mtime=at_s)
 
 
-def send(backend: Backend, data: bytes, name: str = "night.csv", options: ReadingOptions | None = None) -> UploadView:
+def send(backend: Backend, data: bytes, name: str = "night.csv", options: ReadingOptions | None = None) -> UploadOut:
     with uploads.receive(backend, filename=name, reading=options) as receiving:
         for start in range(0, len(data), 1000):
             receiving.write(data[start : start + 1000])
         return receiving.commit().upload
 
 
-def read(backend: Backend, upload: UploadView, owner: str = "w") -> UploadView:
+def read(backend: Backend, upload: UploadOut, owner: str = "w") -> UploadOut:
     reading.read_upload(backend, int(upload.id), owner)
     return uploads.get_upload(backend, upload.id)
 
 
-def expire(backend: Backend, upload: UploadView, **values: object) -> None:
+def expire(backend: Backend, upload: UploadOut, **values: object) -> None:
     with backend.database.write() as connection:
         connection.execute(update(uploads_table).where(uploads_table.c.id == int(upload.id)).values(**values))

@@ -5,10 +5,10 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import update
 
 from app.services.backend import Backend
+from app.services.outward import NightOfUnitOut, NightOut
 from app.services.plant.course import course, unit_columns
 from app.services.plant.nights import nights
 from app.services.reports.documents import plant_report
-from app.services.results import Night, NightOfUnit
 from app.services.stating import properties
 from app.storage.tables import audits, verdicts
 from tests.services.audited_plant import AddLoops, audited, rewrite
@@ -78,8 +78,8 @@ def test_a_loop_counts_in_the_nights_under_its_tag_before(backend: Backend, add_
 def test_the_columns_of_the_units_add_up_to_the_plant() -> None:
     stuck = {"D": 1, "A": 2, "C": 3, "B": 5, None: 4}
     both = [
-        Night("2026-03-01", "1", 90, 0, None, 0, (NightOfUnit("A", 0),)),
-        Night("2026-03-02", "2", 90, 15, None, 0, tuple(NightOfUnit(*of) for of in stuck.items())),
+        NightOut("2026-03-01", "1", 90, 0, None, 0, (NightOfUnitOut("A", 0),), 0),
+        NightOut("2026-03-02", "2", 90, 15, None, 0, tuple(NightOfUnitOut(*of) for of in stuck.items()), 0),
     ]
 
     def told(most: int) -> list[tuple[str, int, int]]:

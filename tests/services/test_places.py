@@ -9,8 +9,8 @@ from app.errors import NotFoundError
 from app.services.backend import Backend
 from app.services.intake import places, uploads
 from app.services.intake.uploads import ReadingOptions
+from app.services.outward import UploadOut
 from app.services.plant.trend import trend
-from app.services.results import UploadView
 from app.storage import tags
 from tests.services.sent_uploads import read, send
 
@@ -25,11 +25,11 @@ def hour(number: int, names: str = "FIC900.PV,FIC900.OP") -> bytes:
     return "\n".join([f"time,{names}", *rows, ""]).encode()
 
 
-def sent(backend: Backend, number: int, name: str = "", mapping: bytes | None = None, **told: str) -> UploadView:
+def sent(backend: Backend, number: int, name: str = "", mapping: bytes | None = None, **told: str) -> UploadOut:
     return read(backend, send(backend, hour(number, **told), name or f"{number}.csv", ReadingOptions(mapping=mapping)))
 
 
-def corrected(backend: Backend, upload: UploadView, mapping: bytes = SWAPPED, keep: bool = True) -> UploadView:
+def corrected(backend: Backend, upload: UploadOut, mapping: bytes = SWAPPED, keep: bool = True) -> UploadOut:
     return read(backend, uploads.read_again(backend, upload.id, mapping, "somebody", keep).upload)
 
 
@@ -37,7 +37,7 @@ def smallest_pv(backend: Backend) -> float:
     return min(value for value in trend(backend, "FIC900").pv if value is not None)
 
 
-def warned(upload: UploadView) -> bool:
+def warned(upload: UploadOut) -> bool:
     return bool(upload.notes) and upload.notes[0].startswith("check this first")
 
 

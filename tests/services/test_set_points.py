@@ -5,10 +5,10 @@ import pytest
 
 from app.engine.plant_wide.set_points import BIN_NS, Moves, moves_in, together
 from app.services.backend import Backend
+from app.services.outward import GroupMemberOut, GroupOut
 from app.services.plant import groups
 from app.services.plant.groups import _asked_of_set_points
 from app.services.plant.set_points import set_points_together
-from app.services.results import GroupMember, GroupView
 from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
@@ -65,11 +65,17 @@ def test_samples_are_read_for_groups_without_a_source(backend: Backend, monkeypa
             series.add(connection, [Stretch(ids[tag], Samples(times, {"pv": sp, "op": sp, "sp": sp}))], None)
     assert set_points_together(backend, ["A", "B"])
     assert not set_points_together(backend, ["A", "C"])
-    pair = [GroupMember(tag, None, 0.1, 0.0, 1.0, None, None) for tag in "AB"]
+    pair = [GroupMemberOut(tag, None, 0.1, 0.0, 1.0, None, None, True) for tag in "AB"]
     found = [
-        GroupView("1", 300.0, True, False, 0.001, None, pair),
-        GroupView("2", 300.0, True, False, 0.001, "A", pair),
-        GroupView("3", 300.0, True, True, 0.9, None, pair),
+        GroupOut(
+            id="1", period_s=300.0, in_step=True, by_chance=False, chance_probability=0.001, source=None, members=pair
+        ),
+        GroupOut(
+            id="2", period_s=300.0, in_step=True, by_chance=False, chance_probability=0.001, source="A", members=pair
+        ),
+        GroupOut(
+            id="3", period_s=300.0, in_step=True, by_chance=True, chance_probability=0.9, source=None, members=pair
+        ),
     ]
     assert [group.set_points_together for group in _asked_of_set_points(backend, found)] == [True, False, False]
     monkeypatch.setattr(groups, "LOOKED_INTO", 0)

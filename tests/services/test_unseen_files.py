@@ -10,7 +10,7 @@ from sqlalchemy import select, update
 from app.queue import Queue
 from app.services.backend import Backend
 from app.services.intake import reading, uploads
-from app.services.results import UploadView
+from app.services.outward import UploadOut
 from app.services.upkeep import doctor
 from app.services.upkeep.sweep import announce_uploads
 from app.storage import uploads as stored
@@ -34,13 +34,13 @@ def rung(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return numbers
 
 
-def hide(backend: Backend, upload: UploadView) -> Path:
+def hide(backend: Backend, upload: UploadOut) -> Path:
     """As where a share is not mounted on the machine of the worker."""
     path = uploads.path_of(backend, upload.fingerprint)
     return path.rename(path.with_name("hidden"))
 
 
-def hear(backend: Backend, upload: UploadView) -> UploadView:
+def hear(backend: Backend, upload: UploadOut) -> UploadOut:
     reading.read_upload(backend, int(upload.id), "reader")
     return uploads.get_upload(backend, upload.id)
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 import pytest
 
 from app.services.auditing.audits import cancel_audit, start_audit
+from app.services.outward import NightOfUnitOut
+from app.services.outward import NightOut as Course
 from app.services.plant import groups
 from app.services.plant.changes import Changes
 from app.services.plant.judged import Judged, ToManual
@@ -13,8 +15,7 @@ from app.services.plant.nights import Night
 from app.services.plant.overview import overview
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.worst import worst
-from app.services.results import ChangeView, NightOfUnit
-from app.services.results import Night as Course
+from app.services.results import ChangeView
 from app.web import loop as loop_page
 from app.web import pages
 from tests.web.conftest import HOSTILE, Seen, seen
@@ -80,7 +81,7 @@ def test_the_course_of_the_plant_comes_apart_from_its_page(client, monkeypatch):
     assert 'data-url="/plant/course"' in client.get("/").text
     assert "One night so far" in client.get("/plant/course").text
     nights = [
-        Course(f"2026-03-0{day}", str(day), 300, sticking, 81.2, 4, (NightOfUnit("U1", sticking),), apart)
+        Course(f"2026-03-0{day}", str(day), 300, sticking, 81.2, 4, (NightOfUnitOut("U1", sticking),), apart)
         for day, sticking, apart in ((1, 0, 0), (2, 12, 0), (3, 1, 1))
     ]
     monkeypatch.setattr(pages, "course", lambda _: nights)

@@ -10,10 +10,10 @@ from app.services.auditing.audits import list_audits
 from app.services.auditing.run_figures import RunFigures
 from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html
+from app.services.outward import FailureOut, NightOfUnitOut, NightOut
 from app.services.plant.judged import Judged
 from app.services.plant.nights import Night as Mark
 from app.services.reports import documents
-from app.services.results import FailureView, Night, NightOfUnit
 from app.services.stating.notes import add_note
 from app.web import pages, runs
 from tests.web.conftest import NARROW
@@ -39,7 +39,9 @@ UNITS = (
     None,
 )
 OF_UNITS = [
-    Night(f"2026-03-0{day}", str(day), 14_000, 1_234, 80.0, 1_234, tuple(NightOfUnit(unit, 1_234) for unit in UNITS))
+    NightOut(
+        f"2026-03-0{day}", str(day), 14_000, 1_234, 80.0, 1_234, tuple(NightOfUnitOut(unit, 1_234) for unit in UNITS), 0
+    )
     for day in range(1, 8)
 ]
 
@@ -69,7 +71,7 @@ def test_what_happened_to_failed_loops_is_read_whole_on_a_narrow_screen(narrow: 
         figures = shown(*asked)
         return replace(figures, run=replace(figures.run, done=0, failed=1_234))
 
-    why = FailureView("AREA_0001_REFINERY_NORTH_FLOW_CTRL_00133", "memory_limit", "ZeroDivisionError: division by zero")
+    why = FailureOut("AREA_0001_REFINERY_NORTH_FLOW_CTRL_00133", "memory_limit", "ZeroDivisionError: division by zero")
     monkeypatch.setattr(runs, "run_figures", failed)
     monkeypatch.setattr(runs, "failures", lambda *_: [why])
     narrow.goto("/runs/1")
@@ -89,7 +91,7 @@ def test_units_show_their_health_on_a_narrow_screen(narrow: Page):
 
 
 def test_the_bars_of_a_fortnight_leave_room_for_their_dates(opened: Page, monkeypatch: pytest.MonkeyPatch):
-    nights = [Night(f"2026-03-{day:02d}", str(day), 300, 100 + day, 80.0, 4, ()) for day in range(1, 15)]
+    nights = [NightOut(f"2026-03-{day:02d}", str(day), 300, 100 + day, 80.0, 4, (), 0) for day in range(1, 15)]
     monkeypatch.setattr(pages, "course", lambda _: nights)
     for wide, shown in ((360, 7), (700, 14)):
         opened.set_viewport_size({"width": wide, "height": 800})

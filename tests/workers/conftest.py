@@ -15,7 +15,7 @@ import pytest
 
 from app.services.backend import Backend
 from app.services.intake import uploads
-from app.services.results import UploadView
+from app.services.outward import UploadOut
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
 from tests.workers.run_process import run
@@ -58,7 +58,7 @@ class Plant:
         process.join()
         self.running.remove(process)
 
-    def send(self, name: str, data: bytes) -> UploadView:
+    def send(self, name: str, data: bytes) -> UploadOut:
         with uploads.receive(self.backend, filename=name) as receiving:
             receiving.write(data)
             return receiving.commit().upload

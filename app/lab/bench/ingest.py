@@ -22,7 +22,7 @@ from app.lab.bench.servers import plant_backend, workers
 from app.services.auditing import warming
 from app.services.backend import Backend
 from app.services.intake import uploads
-from app.services.results import UploadView
+from app.services.outward import UploadOut
 from app.services.upkeep.sweep import sweep
 
 LONGEST_S = 600.0
@@ -130,7 +130,7 @@ def _gone_afterwards(backend: Backend) -> Iterator[None]:
         shutil.rmtree(backend.settings.data_dir)
 
 
-def _until_read(backend: Backend, upload_id: str) -> UploadView:
+def _until_read(backend: Backend, upload_id: str) -> UploadOut:
     """The sweeps are those of `loopaudit beat`: a doorbell may be lost."""
     looked = started = time.monotonic()
     while (state := uploads.get_upload(backend, upload_id)).state not in ("done", "failed"):

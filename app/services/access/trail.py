@@ -10,7 +10,8 @@ from app.services.access.identity import Identity, request_id
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of
 from app.services.moments import iso_utc
-from app.services.results import Page, TrailView
+from app.services.outward import TrailRowOut
+from app.services.results import Page
 from app.storage import trail
 from app.storage.types import storable
 
@@ -39,7 +40,7 @@ def add(connection: Connection, identity: Identity, action: str, subject: str, o
 
 def list_trail(
     backend: Backend, limit: int = 100, cursor: str | None = None, *, who: str | None = None, action: str | None = None
-) -> Page[TrailView]:
+) -> Page[TrailRowOut]:
     """What was done, the newest first."""
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
@@ -47,14 +48,14 @@ def list_trail(
     return page_of(rows, limit, _view, lambda row: (row.id,))
 
 
-def _view(row: trail.TrailRow) -> TrailView:
-    return TrailView(
+def _view(row: trail.TrailRow) -> TrailRowOut:
+    return TrailRowOut(
         id=str(row.id),
         at=iso_utc(row.at) or "",
         who=row.who,
         action=row.action,
         subject=row.subject,
-        outcome=row.outcome,
+        outcome=row.outcome,  # type: ignore[arg-type]  # `add` writes no other
         request_id=row.request_id,
         detail=json.loads(row.detail_json),
     )

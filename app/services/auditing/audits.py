@@ -15,8 +15,9 @@ from app.services.auditing import ending
 from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
 from app.services.moments import iso_utc, latest_ns
+from app.services.outward import AuditOut, FailureOut
 from app.services.recency import DATED_NS
-from app.services.results import AuditView, FailureView, Page
+from app.services.results import Page
 from app.services.telling.naming import named
 from app.storage import arrivals, audits, items, loops
 from app.storage.audits import AuditRow, LoopFilter, Progress
@@ -35,7 +36,7 @@ __all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits",
 class Started:
     """A run, and whether it was planned now: of two who ask for the same night one has planned it."""
 
-    run: AuditView
+    run: AuditOut
     anew: bool
 
 
@@ -46,7 +47,7 @@ def start_audit(
     trigger: str = "request",
     started_by: str = "",
     unless_going_on: bool = False,
-) -> AuditView:
+) -> AuditOut:
     """The run of `started`, whoever planned it; of no night."""
     return started(backend, wanted, trigger=trigger, started_by=started_by, unless_going_on=unless_going_on).run
 
@@ -114,19 +115,19 @@ def _ring(backend: Backend, audit_id: int, left: int) -> None:
     backend.queue.audit_chunks(audit_id, min(chunks, backend.settings.fan_out))
 
 
-def get_audit(backend: Backend, audit_id: str) -> AuditView:
+def get_audit(backend: Backend, audit_id: str) -> AuditOut:
     with backend.database.read() as connection:
         return _seen(connection, audit_id)
 
 
-def whole_run(backend: Backend) -> AuditView | None:
+def whole_run(backend: Backend) -> AuditOut | None:
     """The run of the whole plant that goes on, or else the newest one, without its failures."""
     with backend.database.read() as connection:
         row = audits.newest_whole(connection)
         return None if row is None else _view(row, audits.progress(connection, [row.id])[row.id], [])
 
 
-def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) -> Page[AuditView]:
+def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) -> Page[AuditOut]:
     """Runs, the newest first, without their failures."""
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
@@ -135,14 +136,14 @@ def list_audits(backend: Backend, limit: int = 50, cursor: str | None = None) ->
     return page_of(rows, limit, lambda row: _view(row, progress[row.id], []), lambda row: (row.id,))
 
 
-def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[FailureView]:
+def failures(backend: Backend, audit_id: str, limit: int = 20_000) -> list[FailureOut]:
     """Without loops that were called off with their run."""
     with backend.database.read() as connection:
         found = items.failures(connection, identifier(audit_id), limit)
-    return [FailureView(f.tag, f.code, f.text) for f in found if f.code != items.CANCELLED]
+    return [FailureOut(f.tag, f.code, f.text) for f in found if f.code != items.CANCELLED]
 
 
-def cancel_audit(backend: Backend, audit_id: str) -> AuditView:
+def cancel_audit(backend: Backend, audit_id: str) -> AuditOut:
     """Stops a run: its loops that are not done become failed(cancelled), and what was found stays. Cancelled again, it
     is that run. Raises RequestError("wrong_state") where it has ended in another way."""
     run = get_audit(backend, audit_id)
@@ -189,17 +190,17 @@ def _short(value: str | tuple[str, ...]) -> str:
     return repr(value) if isinstance(value, str) else ", ".join(map(repr, value[:5])) or "none"
 
 
-def _seen(connection: Connection, audit_id: str) -> AuditView:
+def _seen(connection: Connection, audit_id: str) -> AuditOut:
     row = audits.by_id(connection, identifier(audit_id))
     if row is None:
         raise NotFoundError("unknown_audit", f"there is no audit {audit_id!r}")
     progress = audits.progress(connection, [row.id])[row.id]
     failed = items.failures(connection, row.id, LISTED_FAILURES) if progress.failed + progress.cancelled else []
-    return _view(row, progress, [FailureView(f.tag, f.code, f.text) for f in failed])
+    return _view(row, progress, [FailureOut(f.tag, f.code, f.text) for f in failed])
 
 
-def _view(row: AuditRow, progress: Progress, failed: list[FailureView]) -> AuditView:
-    return AuditView(
+def _view(row: AuditRow, progress: Progress, failed: list[FailureOut]) -> AuditOut:
+    return AuditOut(
         id=str(row.id),
         state=row.state,  # type: ignore[arg-type]  # the table allows no other
         trigger=row.trigger,

@@ -9,7 +9,7 @@ from app.services.access import trail
 from app.services.access.identity import SCHEDULE
 from app.services.auditing.audits import Started, started
 from app.services.backend import Backend
-from app.services.results import AuditView
+from app.services.outward import AuditOut
 from app.settings import Settings
 from app.storage import audits, explanations, loops
 from app.storage import trail as trail_rows
@@ -22,7 +22,7 @@ MOST_NIGHTS_TOLD = 100
 log = logging.getLogger("loopaudit.nightly")
 
 
-def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDULE.who) -> AuditView:
+def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDULE.who) -> AuditOut:
     """The run of the night `day` (today in the plant's zone): planned now, or the one that was planned before.
 
     Before the hour it is that date's night too, and the schedule then plans none: whoever asks by hand or from cron
@@ -45,7 +45,7 @@ def refuse_empty(backend: Backend) -> None:
     raise RequestError("no_loops", f"no loop with samples is known in {where}; is it the one of the service?")
 
 
-def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditView | None:
+def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditOut | None:
     """Starts the night's run where its hour has come and nobody has started it yet.
 
     A plant whose first samples came after the hour waits for the next night, and a night whose run somebody asked for

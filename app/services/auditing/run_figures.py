@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from app.services.auditing.audits import get_audit
 from app.services.auditing.standing_still import nobody_works
 from app.services.backend import Backend
-from app.services.results import AuditView
+from app.services.outward import AuditOut
 from app.storage import run_figures as stored
 
 
@@ -14,7 +14,7 @@ class RunFigures:
     """What a run came to: verdicts by kind, and how long its loops took. nobody_works: what is said of it where it
     goes on and no worker does."""
 
-    run: AuditView
+    run: AuditOut
     verdicts: dict[str, int]
     loops: int
     mean_s: float | None

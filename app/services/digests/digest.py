@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 
 from app.services.digests.doings import Doing, doings
 from app.services.moments import PlantClock
+from app.services.outward import AuditOut
 from app.services.plant.repaired import RepairView
 from app.services.plant.work_list import Work
-from app.services.results import AuditView, ChangeView
+from app.services.results import ChangeView
 from app.services.stating.shelving import Shelf
 from app.services.telling.naming import one_line
 from app.services.telling.wording import brief, probability
@@ -108,7 +109,7 @@ class Digest:
     room for. `retired`: how many of the run's loops are retired and left out."""
 
     plant: str
-    run: AuditView
+    run: AuditOut
     verdicts: dict[str, int]
     refused: dict[str, int]
     refused_loops: dict[str, list[str]]

@@ -17,6 +17,7 @@ from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.digests.digest import NOTHING_CHANGED, Area, Changed, Digest, DigestLoop, Unlisted
 from app.services.moments import PlantClock, iso_utc, moment_of
+from app.services.outward import AuditOut
 from app.services.plant.arrivals import arrivals
 from app.services.plant.changes import TOLD_FIRST, change_of, for_all, kind_of, second_night
 from app.services.plant.judged import Judged, ToManual, judged, to_manual
@@ -27,7 +28,6 @@ from app.services.plant.stood_together import AsOne, as_one
 from app.services.plant.told_until import notes_until, run_to_work_by
 from app.services.plant.work_list import Work, work_list
 from app.services.recency import DATED_NS, LATE, OLD_FROM
-from app.services.results import AuditView
 from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
@@ -69,7 +69,7 @@ def _changed(connection: Connection, number: int, clock: PlantClock, together: A
     return Changed(shown, new_besides, len(besides) + len(others) - len(new_besides))
 
 
-def ended_run(backend: Backend, audit_id: str) -> AuditView:
+def ended_run(backend: Backend, audit_id: str) -> AuditOut:
     """The run, where it has a digest. Raises NotFoundError("unknown_audit") and RequestError("run_goes_on")."""
     run = get_audit(backend, audit_id)
     if not run.ended:
@@ -90,7 +90,7 @@ class _Read:
 
     plant: str
     url: str
-    run: AuditView
+    run: AuditOut
     since_ns: int | None
     arrivals: list[str]
     shelf: Shelf
@@ -110,7 +110,7 @@ class _Read:
     repairs: Repairs
 
 
-def _read(backend: Backend, run: AuditView) -> _Read:
+def _read(backend: Backend, run: AuditOut) -> _Read:
     number, began = identifier(run.id), datetime.fromisoformat(run.created_at)
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns

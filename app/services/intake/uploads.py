@@ -22,7 +22,8 @@ from app.services.intake.drafts import new_draft
 from app.services.intake.places import Correction
 from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
-from app.services.results import Page, Receipt, RejectView, UploadView
+from app.services.outward import RejectOut, UploadOut
+from app.services.results import Page, Receipt
 from app.settings import Settings, sync_folder
 from app.storage import lost, uploads
 from app.storage.types import storable
@@ -155,7 +156,7 @@ class Receiving:
             self._draft.unlink(missing_ok=True)
 
 
-def _read_anew(backend: Backend, upload: UploadView) -> UploadView | None:
+def _read_anew(backend: Backend, upload: UploadOut) -> UploadOut | None:
     """The upload, to be read again because what it brought was dropped or cannot be read; None: it is all there."""
     if upload.state != "done" or not (upload.samples_added or upload.samples_replaced):
         return None
@@ -234,25 +235,25 @@ def _over(mapping: bytes, earlier: str | None) -> bytes:
     return TagMapping.from_bytes(mapping).over(TagMapping.from_bytes(earlier.encode())).as_bytes()
 
 
-def loops_in_service(backend: Backend, upload: UploadView) -> list[str]:
+def loops_in_service(backend: Backend, upload: UploadOut) -> list[str]:
     """The loops of an upload without those that are retired."""
     with backend.database.read() as connection:
         gone = set(uploads.retired_of(connection, int(upload.id)))
     return [tag for tag in upload.loops if tag not in gone]
 
 
-def audited_since(backend: Backend, upload: UploadView) -> dict[str, int]:
+def audited_since(backend: Backend, upload: UploadOut) -> dict[str, int]:
     """Of how many of its loops in service the newest verdict is one of after it was read, by run, the newest first."""
     with backend.database.read() as connection:
         return {str(run): count for run, count in uploads.audited_since(connection, int(upload.id)).items()}
 
 
-def get_upload(backend: Backend, upload_id: str) -> UploadView:
+def get_upload(backend: Backend, upload_id: str) -> UploadOut:
     with backend.database.read() as connection:
         return _whole(connection, upload_id)
 
 
-def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) -> Page[UploadView]:
+def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) -> Page[UploadOut]:
     """Uploads, the newest first, without their loops, refused rows and tags, which are counted."""
     before = decode(cursor, (int,))
     with backend.database.read() as connection:
@@ -261,12 +262,12 @@ def list_uploads(backend: Backend, limit: int = 100, cursor: str | None = None) 
     return page_of(rows, limit, lambda row: _view(row, counted.get(row.id, 0)), lambda row: (row.id,))
 
 
-def _whole(connection: Connection, upload_id: str) -> UploadView:
+def _whole(connection: Connection, upload_id: str) -> UploadOut:
     row = uploads.by_id(connection, identifier(upload_id))
     if row is None:
         raise NotFoundError("unknown_upload", f"there is no upload {upload_id!r}")
     found = uploads.loops_of(connection, row.id)
-    refused = [RejectView(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
+    refused = [RejectOut(**vars(reject)) for reject in uploads.rejects_of(connection, row.id)]
     return replace(_view(row, len(found)), loops=found, rejects=refused, tags=uploads.tags_of(connection, row.id))
 
 
@@ -301,9 +302,9 @@ def _content_key(fingerprint: str, reading_json: str, filename: str) -> str:
     return hashlib.sha256(f"{fingerprint} {reading_json} {stem_of(filename)}".encode()).hexdigest()
 
 
-def _view(row: UploadRow, loops_found: int) -> UploadView:
+def _view(row: UploadRow, loops_found: int) -> UploadOut:
     summary = row.summary
-    return UploadView(
+    return UploadOut(
         id=str(row.id),
         state=row.state,  # type: ignore[arg-type]  # the table allows no other
         filename=row.filename,

@@ -8,10 +8,10 @@ from sqlalchemy import Connection
 
 from app.engine.codes import Cause
 from app.services.backend import Backend
+from app.services.outward import NightOfUnitOut, NightOut
 from app.services.plant.overview import mean_health, tally
 from app.services.plant.told_until import run_to_work_by
 from app.services.recency import OLD_FROM
-from app.services.results import Night, NightOfUnit
 from app.storage import plant, set_apart
 from app.storage.continuing import counts_in
 from app.storage.plant import RunOfNight, UnitCount
@@ -31,11 +31,11 @@ class UnitColumn:
     label: str
     units: frozenset[str | None]
 
-    def sticking(self, night: Night) -> int:
+    def sticking(self, night: NightOut) -> int:
         return sum(night.of_units.get(unit, 0) for unit in self.units)
 
 
-def unit_columns(nights: Sequence[Night], most: int) -> list[UnitColumn]:
+def unit_columns(nights: Sequence[NightOut], most: int) -> list[UnitColumn]:
     """Columns that add up to the whole: of `most` units, in which most valves stuck where there are more, of all others
     together, and of the loops that name none."""
     stuck = Counter[str | None]()
@@ -48,7 +48,7 @@ def unit_columns(nights: Sequence[Night], most: int) -> list[UnitColumn]:
     return [*columns, *([UnitColumn("no unit", frozenset((None,)))] if None in stuck else [])]
 
 
-def course(backend: Backend) -> list[Night]:
+def course(backend: Backend) -> list[NightOut]:
     """The oldest first; some queries a night."""
     with backend.database.read() as connection:
         runs = reversed(plant.whole_runs(connection, RUNS))
@@ -57,13 +57,13 @@ def course(backend: Backend) -> list[Night]:
         return [_night(connection, date, dated[date], last) for date in newest]
 
 
-def _night(connection: Connection, date: str, run: RunOfNight, last: int) -> Night:
+def _night(connection: Connection, date: str, run: RunOfNight, last: int) -> NightOut:
     """last: the run to work by, of which what is written by now counts; of an older one what was when it ended."""
     counted = plant.counts_of_run(connection, run.id)
     until = run.ended_at if run.id < last else None
     apart = set_apart.of_run(connection, run.id, OLD_FROM, until, counts_in(run.id))
     told = tally(counted, apart)
-    return Night(
+    return NightOut(
         date=date,
         run=str(run.id),
         audited=sum(told.verdicts.values()),
@@ -75,7 +75,7 @@ def _night(connection: Connection, date: str, run: RunOfNight, last: int) -> Nig
     )
 
 
-def _of_units(counted: Sequence[UnitCount], apart: Sequence[SetApart]) -> tuple[NightOfUnit, ...]:
+def _of_units(counted: Sequence[UnitCount], apart: Sequence[SetApart]) -> tuple[NightOfUnitOut, ...]:
     """By name, loops without a unit last."""
     of_unit: defaultdict[str | None, tuple[list[UnitCount], list[SetApart]]] = defaultdict(lambda: ([], []))
     for row in counted:
@@ -83,4 +83,4 @@ def _of_units(counted: Sequence[UnitCount], apart: Sequence[SetApart]) -> tuple[
     for one in apart:
         of_unit[one.unit][1].append(one)
     named = sorted(of_unit, key=lambda unit: (unit is None, unit or ""))
-    return tuple(NightOfUnit(unit, tally(*of_unit[unit]).sticking) for unit in named)
+    return tuple(NightOfUnitOut(unit, tally(*of_unit[unit]).sticking) for unit in named)

@@ -11,8 +11,8 @@ from app.services.audit_json.swings import candidates
 from app.services.backend import Backend
 from app.services.found_groups import Groups, State
 from app.services.moments import iso_utc, moment_of
+from app.services.outward import EVEN, GroupMemberOut, GroupOut
 from app.services.plant.set_points import set_points_together
-from app.services.results import EVEN, GroupMember, GroupView
 from app.services.telling.wording import sticks_for_sure
 from app.storage import verdicts
 from app.storage.verdicts import SwingRow
@@ -70,7 +70,7 @@ def _worked_out(backend: Backend) -> Groups:
     return tuple(_asked_of_set_points(backend, found))
 
 
-def _asked_of_set_points(backend: Backend, found: Sequence[GroupView]) -> list[GroupView]:
+def _asked_of_set_points(backend: Backend, found: Sequence[GroupOut]) -> list[GroupOut]:
     """The groups that nothing within shakes, and not chance either, with whether their set points move together: of the
     first LOOKED_INTO, because samples are read for it."""
     asked = [group.id for group in found if group.source is None and not unnamed(group)][:LOOKED_INTO]
@@ -82,12 +82,12 @@ def _asked_of_set_points(backend: Backend, found: Sequence[GroupView]) -> list[G
     ]
 
 
-def groups_of(found: Groups | None, tag: str) -> list[GroupView]:
+def groups_of(found: Groups | None, tag: str) -> list[GroupOut]:
     """Those that the loop belongs to; none where they are not known yet."""
     return [group for group in found or () if any(member.loop == tag for member in group.members)]
 
 
-def shaken_by(groups: Sequence[GroupView], row: Mapping[str, Any]) -> str | None:
+def shaken_by(groups: Sequence[GroupOut], row: Mapping[str, Any]) -> str | None:
     """The source that may be what shakes a loop, of the groups that it belongs to. None where its own record tells
     reliably that its valve sticks: nobody is then sent elsewhere first."""
     if sticks_for_sure(row):
@@ -101,25 +101,25 @@ def shaken_by(groups: Sequence[GroupView], row: Mapping[str, Any]) -> str | None
     return None
 
 
-def told_apart(groups: Sequence[GroupView]) -> tuple[list[GroupView], list[GroupView]]:
+def told_apart(groups: Sequence[GroupOut]) -> tuple[list[GroupOut], list[GroupOut]]:
     """Groups that something may shake together, and those that may well share their period by chance."""
     return [group for group in groups if not unnamed(group)], [group for group in groups if unnamed(group)]
 
 
-def surely_together(found: Groups | None) -> list[GroupView]:
+def surely_together(found: Groups | None) -> list[GroupOut]:
     """For a list that has no room to say of a group that it may be chance: without those that the engine tells as such,
     though something may shake them."""
     return [group for group in found or () if not group.by_chance]
 
 
-def unnamed(group: GroupView) -> bool:
+def unnamed(group: GroupOut) -> bool:
     """Whether no source is named because the loops may well share their period by chance."""
     return group.chance_probability > UNNAMED
 
 
-def _view(number: int, group: Group, rows: Mapping[str, SwingRow]) -> GroupView:
+def _view(number: int, group: Group, rows: Mapping[str, SwingRow]) -> GroupOut:
     members = [
-        GroupMember(
+        GroupMemberOut(
             s.tag,
             rows[s.tag].unit,
             s.stiction_probability,
@@ -131,14 +131,14 @@ def _view(number: int, group: Group, rows: Mapping[str, SwingRow]) -> GroupView:
         )
         for s in group.suspects
     ]
-    return GroupView(
-        str(number),
-        round(group.period_s, 3),
-        group.in_step,
-        group.by_chance,
-        group.chance_probability,
-        group.source,
-        members,
+    return GroupOut(
+        id=str(number),
+        period_s=round(group.period_s, 3),
+        in_step=group.in_step,
+        by_chance=group.by_chance,
+        chance_probability=group.chance_probability,
+        source=group.source,
+        members=members,
     )
 
 

@@ -9,7 +9,7 @@ from app.services.auditing.nightly import latest_hour, told
 from app.services.auditing.standing_still import nobody_works
 from app.services.backend import Backend
 from app.services.moments import PlantClock
-from app.services.results import AuditView
+from app.services.outward import AuditOut
 from app.storage import audits, loops, plant
 from app.storage.types import CLOCK_APART
 
@@ -22,7 +22,7 @@ class NewestRun:
     """run: of the whole plant, the one that goes on or else the newest; None: there was none. words: what became of it.
     missed: which night has not run, empty: none is missed."""
 
-    run: AuditView | None
+    run: AuditOut | None
     words: str
     missed: str
 
@@ -39,12 +39,12 @@ def newest_run(backend: Backend, now: datetime | None = None) -> NewestRun:
     return NewestRun(run, words, _missed(backend, run, now or datetime.now(UTC)))
 
 
-def _any_before(backend: Backend, run: AuditView) -> bool:
+def _any_before(backend: Backend, run: AuditOut) -> bool:
     with backend.database.read() as connection:
         return plant.any_run_before(connection, int(run.id))
 
 
-def _in_words(run: AuditView, any_before: bool, clock: PlantClock) -> str:
+def _in_words(run: AuditOut, any_before: bool, clock: PlantClock) -> str:
     """run 812 of 2026-11-26 02:00 goes on, 9,100 of 14,000 loops audited; what is said of the
     others is of earlier runs."""
     name = f"run {run.id} of {clock.short(run.created_at)}"
@@ -63,7 +63,7 @@ def _loops(count: int) -> str:
     return "1 loop" if count == 1 else f"{count:,} loops"
 
 
-def _missed(backend: Backend, run: AuditView | None, now: datetime) -> str:
+def _missed(backend: Backend, run: AuditOut | None, now: datetime) -> str:
     """The night whose hour has come, where neither it nor another run of the whole plant has begun since."""
     hour = latest_hour(backend, now)
     if now - hour < STARTED_BY or (run is not None and _between(hour, run.created_at, now)):

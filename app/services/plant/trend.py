@@ -16,7 +16,7 @@ from app.services.audit_json.numbers import listed
 from app.services.backend import Backend
 from app.services.loops import find
 from app.services.moments import iso_utc, latest_ns, moment_of, ns_of
-from app.services.results import TrendView
+from app.services.outward import TrendOut
 from app.storage import series
 from app.storage.samples import DamagedStretchError, Samples, merged
 from app.storage.steps import HOLDING
@@ -35,7 +35,7 @@ _reading = BoundedSemaphore(PIECES_AT_ONCE)
 
 def trend(
     backend: Backend, tag: str, points: int = 1000, start: datetime | None = None, end: datetime | None = None
-) -> TrendView:
+) -> TrendOut:
     """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours, without samples ahead of the clock
     where there are others; about `points` times.
 
@@ -46,7 +46,7 @@ def trend(
         raise RequestError("bad_points", f"points must be from 2 to {MOST_POINTS}, got {points}")
     row = find(backend, tag)
     if row.newest_ns is None:
-        return TrendView(tag, 0, [], [], [], None)
+        return _nothing(tag)
     end_ns = _newest_ns(backend, row.id, row.newest_ns) if end is None else ns_of(end)
     start_ns = end_ns - DEFAULT_S * NS_PER_S if start is None else ns_of(start)
     try:
@@ -54,7 +54,11 @@ def trend(
     except DamagedStretchError as error:
         log.exception("the trend of %r cannot be drawn", tag)
         raise DataError("damaged_samples", f"{error}; ask for a time before or after it") from error
-    return TrendView(tag, 0, [], [], [], None) if found is None else _view(tag, *found, points)
+    return _nothing(tag) if found is None else _view(tag, *found, points)
+
+
+def _nothing(tag: str) -> TrendOut:
+    return TrendOut(tag, 0, [], [], [], [], None, None, None)
 
 
 def _newest_ns(backend: Backend, loop_id: int, newest_ns: int) -> int:
@@ -105,21 +109,21 @@ def _thinned(samples: Samples, points: int) -> Samples:
     return samples if n <= points else samples.part(extremes(drawn, n, points))
 
 
-def _view(tag: str, samples: Samples, n: int, points: int) -> TrendView:
+def _view(tag: str, samples: Samples, n: int, points: int) -> TrendOut:
     shown = _thinned(samples, points)
     time = [iso_utc(moment_of(int(t))) or "" for t in shown.time_ns]
     signals = {name: listed(values) for name, values in shown.signals.items()}
     missing: list[float | None] = [None] * len(shown)
     time_ms: list[int] = (shown.time_ns // 1_000_000).tolist()
     held = {name: iso_utc(moment_of(samples.held_ns[name])) for name in samples.held_ns}
-    return TrendView(
+    return TrendOut(
         tag,
         n,
         time,
+        time_ms,
         signals.get("pv", missing),
         signals.get("op", missing),
         signals.get("sp"),
-        time_ms,
         held.get("sp"),
         held.get("automatic"),
         _known_modes(signals.get("automatic")),

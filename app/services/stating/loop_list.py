@@ -9,7 +9,7 @@ from app.errors import DataError, FieldError, RequestError
 from app.ingest import BEYOND, MAY_PART_THOUSANDS, Listed, list_rows, list_text
 from app.services.backend import Backend
 from app.services.loops import list_loops
-from app.services.results import FailureView, LoopsChanged
+from app.services.outward import FailureOut, LoopsChangedOut
 from app.services.spreadsheet import csv_lines, plain_cell
 from app.services.stating.properties import WORDS, change_loops, refusal
 from app.storage.loops import SETTABLE, ListFilter
@@ -37,7 +37,7 @@ class LoopList:
     by_cell: whether of a loop of which one value cannot be set the others are set."""
 
     wanted: list[tuple[str, dict[str, Any]]]
-    refused: list[FailureView]
+    refused: list[FailureOut]
     ignored: list[str]
     by_cell: bool = False
 
@@ -63,7 +63,7 @@ def _told(value: Any) -> Any:
     return ("no", "yes")[value] if isinstance(value, bool) else value
 
 
-def take(backend: Backend, sent: LoopList) -> LoopsChanged:
+def take(backend: Backend, sent: LoopList) -> LoopsChangedOut:
     """Sets what a list says. Raises DataError("bad_loop_list") where it has more than `MOST_LOOPS`."""
     if len(sent.wanted) > MOST_LOOPS:
         raise DataError("bad_loop_list", f"the list has {len(sent.wanted):,} loops; at most {MOST_LOOPS:,} go at once")

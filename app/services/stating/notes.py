@@ -7,7 +7,8 @@ from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
 from app.services.loops import OneLoop, find
 from app.services.moments import iso_utc
-from app.services.results import NoteView, Page
+from app.services.outward import NoteOut
+from app.services.results import Page
 from app.services.stating.shelving import check_shelving, kind_at, withdraw_shelving
 from app.services.telling.naming import without_commands
 from app.storage import notes
@@ -28,7 +29,7 @@ def add_note(
     repaired_at: datetime | None = None,
     written_by: str = "",
     shelved_until: datetime | None = None,
-) -> NoteView:
+) -> NoteOut:
     """Raises RequestError where nothing is said, too much, a repair that is still to come, or a shelving that cannot
     be."""
     # Forms send two characters for the end of a line, where whoever types counts one.
@@ -52,7 +53,7 @@ def add_note(
         return _view(notes.by_id(connection, row.id, note_id))
 
 
-def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
+def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteOut:
     """The repair that a note states counts no longer; the note stays, and the repair stated before counts again.
 
     Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it states none.
@@ -67,7 +68,7 @@ def withdraw_repair(backend: Backend, tag: str, note_id: str, withdrawn_by: str 
         return _view(notes.by_id(connection, row.id, key))
 
 
-def end_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteView:
+def end_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "") -> NoteOut:
     """The loop is shelved no longer, by this note or one before it; what was written stays.
 
     Withdrawn once more, nothing changes. Raises NotFoundError where the loop has no such note, or it does not shelve.
@@ -79,12 +80,12 @@ def end_shelving(backend: Backend, tag: str, note_id: str, withdrawn_by: str = "
         return _view(notes.by_id(connection, row.id, key))
 
 
-def list_notes(backend: Backend, loop: OneLoop) -> list[NoteView]:
+def list_notes(backend: Backend, loop: OneLoop) -> list[NoteOut]:
     """The newest `SHOWN`, the newest first."""
     return note_page(backend, loop, SHOWN).rows
 
 
-def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | None = None) -> Page[NoteView]:
+def note_page(backend: Backend, loop: OneLoop, limit: int = 100, cursor: str | None = None) -> Page[NoteOut]:
     """The newest first."""
     row, before = find(backend, loop), decode(cursor, (int,))
     with backend.database.read() as connection:
@@ -100,10 +101,10 @@ def _in_utc(moment: datetime) -> datetime:
         raise RequestError("bad_time", f"{moment} is beyond the years that there are") from None
 
 
-def _view(note: NoteRow | None) -> NoteView:
+def _view(note: NoteRow | None) -> NoteOut:
     if note is None:
         raise RuntimeError("a note that was there in this transaction is gone")
-    return NoteView(
+    return NoteOut(
         id=str(note.id),
         written_at=iso_utc(note.written_at) or "",
         written_by=note.written_by,

@@ -10,7 +10,7 @@ from sqlalchemy import Connection
 from app.errors import FieldError, LoopauditError, RequestError
 from app.services.backend import Backend
 from app.services.loops import unknown, view_of
-from app.services.results import FailureView, LoopsChanged, LoopView
+from app.services.outward import FailureOut, LoopOut, LoopsChangedOut
 from app.services.stating.continuing import CONTINUES, check, check_retired, follow, taken_over
 from app.services.telling.naming import without_commands
 from app.storage import loops
@@ -25,8 +25,8 @@ USUAL = {"importance": 1.0, "retired": False}
 
 
 def patch_loop(
-    backend: Backend, tag: str, changes: Mapping[str, Any], only_if: Callable[[LoopView], bool] | None = None
-) -> LoopView:
+    backend: Backend, tag: str, changes: Mapping[str, Any], only_if: Callable[[LoopOut], bool] | None = None
+) -> LoopOut:
     """Sets what `changes` names (None, or blanks, forget it), where `only_if` holds of the loop as it is; nobody else
     changes it meanwhile. Raises RequestError for an unknown field, a span that is none, ("unknown_type") for a type
     that is neither of `KNOWN_TYPES` nor of a loop of this plant, and ("changed_meanwhile") where `only_if` does not
@@ -54,11 +54,11 @@ def patch_loop(
 
 def change_loops(
     backend: Backend, wanted: Sequence[tuple[str, Mapping[str, Any]]], *, by_cell: bool = False
-) -> LoopsChanged:
+) -> LoopsChangedOut:
     """Sets of many loops, by tag, what `patch_loop` sets of one. Each loop is for itself: what cannot be set of one is
     refused with its code, and the others are changed. by_cell: so is each value of a loop for itself.
     """
-    refused: list[FailureView] = []
+    refused: list[FailureOut] = []
     with backend.database.write() as connection:
         named = sorted({one for tag, changes in wanted for one in _named(tag, changes)})
         spelled = loops.as_spelled(connection, named)
@@ -80,12 +80,12 @@ def change_loops(
         loops.change_each(connection, news)
         for loop_id in (one for one in news if news[one][CONTINUES] != rows[one].continues):
             follow(connection, rows[loop_id], before[loop_id])
-    return LoopsChanged(len(news), len(changed) - len(news), refused)
+    return LoopsChangedOut(len(news), len(changed) - len(news), refused, [])
 
 
-def refusal(tag: str, code: str, text: str) -> FailureView:
+def refusal(tag: str, code: str, text: str) -> FailureOut:
     """Whatever a list calls a loop: half of a letter could not be answered."""
-    return FailureView(storable(tag), code, storable(text))
+    return FailureOut(storable(tag), code, storable(text))
 
 
 def _named(tag: str, changes: Mapping[str, Any]) -> list[str]:

@@ -5,17 +5,17 @@ from sqlalchemy.exc import SQLAlchemyError
 from app.services.backend import Backend, megabytes, no_connection_left
 from app.services.data_folder import folder_state, free_bytes
 from app.services.moments import iso_utc
-from app.services.results import Readiness
+from app.services.outward import ReadyOut
 from app.storage import schema, uploads
 
 LEAST_FREE_BYTES = 100 << 20
 WRITES = {True: "ok", False: "read-only", None: "busy"}
 WELL = ("ok", "busy")
-NO_ANSWER = Readiness("not_ready", {"database": "no answer", "schema": "not known"})
+NO_ANSWER = ReadyOut("not_ready", {"database": "no answer", "schema": "not known"})
 """Where it takes too long to find out."""
 
 
-def readiness(backend: Backend) -> Readiness:
+def readiness(backend: Backend) -> ReadyOut:
     """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base or a
     data folder that takes no writes the pages can be read; one that is busy with them takes them. Where all connections
     to read with are in use, what would need one of them is not known."""
@@ -27,12 +27,12 @@ def readiness(backend: Backend) -> Readiness:
     if well:
         checks |= {"writes": _writes(backend)} | _waiting_for_room(backend)
     if not (well or busy) or free < LEAST_FREE_BYTES or folder == "gone":
-        return Readiness("not_ready", checks)
+        return ReadyOut("not_ready", checks)
     works = not busy and checks["broker"] == folder == "ok" and checks["writes"] in WELL
-    return Readiness("ready" if works else "degraded", checks)
+    return ReadyOut("ready" if works else "degraded", checks)
 
 
-def lacking(found: Readiness) -> list[str]:
+def lacking(found: ReadyOut) -> list[str]:
     """What is to be put right before the service is ready, in words."""
     checks, free, needed = found.checks, found.checks["disk_free_bytes"], megabytes(LEAST_FREE_BYTES)
     gone = checks["data_folder"] == "gone"
