@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from app.api.models import Name
+from app.api.models import AnyPage, Name
 from app.http.backend import IsoTime
 from app.services.explaining.explanations import LONGEST_WINDOW_H
 from app.services.explaining.simulations import LARGEST_TRACE
@@ -215,9 +215,8 @@ class ExplanationOut(RequestOut):
     elapsed_s: float | None = Field(description="Time that it took, in seconds.")
 
 
-class ExplanationPage(BaseModel):
+class ExplanationPage(AnyPage):
     rows: list[RequestOut] = Field(description="Explanations, the newest first, without their answers.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
 class PlotOut(BaseModel):

@@ -16,10 +16,13 @@ CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema":
 """In the responses of a route that answers with a table."""
 
 
-class Read(BaseModel):
-    """An answer, made from what a service returns."""
+class AnyPage(BaseModel):
+    """Some rows, made from a service's page of them."""
 
     model_config = ConfigDict(from_attributes=True)
+
+    rows: list[Any]
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
 Name = Annotated[str, Field(max_length=LONGEST_WORDS, pattern=r"^[^\x00]*$")]
@@ -84,31 +87,26 @@ class NoteIn(BaseModel):
     )
 
 
-class NotePage(Read):
+class NotePage(AnyPage):
     rows: list[NoteOut] = Field(description="Notes, the newest first.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class UploadPage(Read):
+class UploadPage(AnyPage):
     rows: list[UploadListed] = Field(
         description="Uploads, the newest first; their `loops` and `rejects` are at `GET /v1/uploads/{id}`."
     )
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class LoopPage(Read):
+class LoopPage(AnyPage):
     rows: list[LoopOut] = Field(description="Loops in the order of their tags.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class VerdictPage(Read):
+class VerdictPage(AnyPage):
     rows: list[ReliabilityRow] = Field(description="Verdicts of one loop, the newest first.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class ReliabilityPage(Read):
+class ReliabilityPage(AnyPage):
     rows: list[TableRow] = Field(description="One row a loop: its newest verdict.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
 class AuditIn(BaseModel):
@@ -128,22 +126,20 @@ class AuditIn(BaseModel):
         return given
 
 
-class AuditPage(Read):
+class AuditPage(AnyPage):
     rows: list[AuditOut] = Field(description="Runs, the newest first.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class NightsPage(Read):
+class NightsPage(AnyPage):
     rows: list[NightOut] = Field(description="The newest fourteen dates, the oldest first.")
     next_cursor: str | None = Field(description="Always null: all fit into one page.")
 
 
-class TrailPage(Read):
+class TrailPage(AnyPage):
     rows: list[TrailRowOut] = Field(description="What was done, the newest first.")
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page; null on the last.")
 
 
-class GroupPage(Read):
+class GroupPage(AnyPage):
     rows: list[GroupOut] = Field(description="Groups in step first, the larger ones first.")
     next_cursor: str | None = Field(description="Always null: there is one page.")
 

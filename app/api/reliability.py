@@ -60,6 +60,10 @@ def parted(given: Any) -> Any:
 HEALTH_CLASSES = ", ".join(f"`{name}` ({words})" for name, words in HEALTH_WORDS.items())
 
 
+READ_APART = {"verdict", "audit_id", "retired", "health_class"}
+"""Filters that are not handed on as they are given."""
+
+
 class RowFilters(BaseModel):
     """Which rows; all filters that are given must hold."""
 
@@ -91,18 +95,7 @@ class RowFilters(BaseModel):
     )
 
     def filters(self) -> service.RowFilter:
-        names = (
-            "reliability",
-            "unit",
-            "no_unit",
-            "type",
-            "owner",
-            "likely_cause",
-            "table2_reading",
-            "min_probability",
-            "open_order",
-        )
-        given = {name: getattr(self, name) for name in (*names, "search")}
+        given = self.model_dump(include={*RowFilters.model_fields} - READ_APART)
         run = None if self.audit_id is None else identifier(self.audit_id)
         health = None if self.health_class is None else BOUNDS[self.health_class]
         retired = RETIRED[self.retired or ("false" if run is None else "any")]
