@@ -20,7 +20,7 @@ from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.intake import reading, uploads
-from app.services.plant.reliability import reliability_page
+from tests.table_rows import table_page
 
 START = np.datetime64("2026-11-01T00:00:00", "ms")
 SOURCE, TAGS = "FIC0", ("FIC0", "FIC1", "FIC2")
@@ -78,7 +78,7 @@ def test_the_service_says_the_same_of_the_file(export: Path, open_plant: Any, wa
         received = receiving.commit().upload
     reading.read_upload(backend, int(received.id), owner="test")
     audit_chunk(backend, int(start_audit(backend).id), "test")
-    rows = {row["loop"]: row for row in reliability_page(backend).rows}
+    rows = {row["loop"]: row for row in table_page(backend).rows}
     alone = audited(export)
     assert alone.keys() == rows.keys()
     for tag, line in alone.items():

@@ -30,13 +30,14 @@ from app.services.auditing.hearing import (
 from app.services.backend import Backend
 from app.services.moments import UTC_CLOCK
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
-from app.services.plant.reliability import RowFilter, reliability_page
+from app.services.plant.reliability import RowFilter
 from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import Ask, next_step
 from app.storage import loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
+from tests.table_rows import table_page
 
 START_NS = 1_750_000_000_000_000_000
 STICKS, HEALTHY = (1000, True), (1010, False)
@@ -65,7 +66,7 @@ def samples(one: Recording) -> Samples:
 def audited(backend: Backend, wanted: LoopFilter | None = None) -> dict[str, dict[str, Any]]:
     run = start_audit(backend, wanted)
     audit_chunk(backend, int(run.id), "test")
-    return {row["loop"]: row for row in reliability_page(backend, filters=RowFilter()).rows}
+    return {row["loop"]: row for row in table_page(backend, filters=RowFilter()).rows}
 
 
 def test_a_retired_loop_is_not_heard(backend: Backend, warm_kernels: None) -> None:

@@ -20,13 +20,14 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.backend import Backend
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
-from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
+from app.services.plant.reliability import RowFilter, reliability_json
 from app.services.upkeep.sweep import sweep
 from app.storage import audits, items, loops, series
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audit_items, newest_rows
+from tests.table_rows import table_page
 
 START_NS = 1_750_000_000_000_000_000
 ALONE = "sticks too, with a period of its own"
@@ -39,7 +40,7 @@ class Plant:
     run: str
 
     def row(self, tag: str) -> dict[str, Any]:
-        [row] = reliability_page(self.backend, filters=RowFilter(search=tag)).rows
+        [row] = table_page(self.backend, filters=RowFilter(search=tag)).rows
         return row
 
 
@@ -128,7 +129,7 @@ def test_every_view_of_the_verdict_says_the_same(plant: Plant) -> None:
     [valve] = [part for part in detail["health"] if part["code"] == "stiction"]
     assert valve["lost"] == pytest.approx(24.0 * row["stiction_probability"], abs=0.05)
     assert f'"loop":"{tag}"'.encode() in reliability_json(plant.backend).write()
-    filtered = reliability_page(plant.backend, filters=RowFilter(reliability="reliable", verdict=("stiction",)))
+    filtered = table_page(plant.backend, filters=RowFilter(reliability="reliable", verdict=("stiction",)))
     assert [found["loop"] for found in filtered.rows] == [SOURCE, ALONE]
 
 

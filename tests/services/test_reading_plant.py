@@ -29,6 +29,7 @@ from app.storage.loops import ListFilter
 from app.storage.tables import audits as stored_audits
 from app.storage.tables import newest_rows, verdicts
 from tests.services.kept_rows import made_once
+from tests.table_rows import table_page
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = [f"FIC{i}" for i in range(7)]
@@ -75,7 +76,7 @@ def plant(backend: Backend, add_loops: AddLoops) -> Backend:
 def pages(backend: Backend, sort: str, limit: int, filters: RowFilter | None = None) -> list[str]:
     tags, cursor = [], None
     while True:
-        page = reliability.reliability_page(backend, limit, cursor, sort, filters)
+        page = table_page(backend, limit, cursor, sort, filters)
         assert len(page.rows) <= limit
         tags += [row["loop"] for row in page.rows]
         assert len(tags) <= len(set(tags)), "the pages go round"
@@ -137,7 +138,7 @@ def test_every_field_of_the_row_that_has_a_column_can_be_sorted_by(plant: Backen
 
 
 def test_rows_have_the_fields_of_the_contract(plant: Backend) -> None:
-    rows = reliability.reliability_page(plant).rows
+    rows = table_page(plant).rows
     assert len(rows) == len(TAGS)
     for row in rows:
         assert set(row) == set(TableRow.model_fields)
@@ -164,7 +165,7 @@ def test_rows_can_be_filtered(plant: Backend) -> None:
 
 
 def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
-    following = reliability.reliability_page(plant, 1).next_cursor
+    following = table_page(plant, 1).next_cursor
     for arguments in [
         {"sort": "nothing"},
         {"sort": "reasons_text"},
@@ -175,7 +176,7 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
         {"cursor": following, "sort": "verdict"},
     ]:
         with pytest.raises(RequestError):
-            reliability.reliability_page(plant, **arguments)
+            table_page(plant, **arguments)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
 def test_a_cursor_that_the_table_never_gave_is_refused(plant: Backend, sort: str, value: object) -> None:
     # As a stranger would write it: half a pair of UTF-16, which no name can hold, is an escape there.
     forged = base64.urlsafe_b64encode(json.dumps([sort, value, "FIC0"]).encode()).decode().rstrip("=")
-    for ask in (reliability.reliability_page, reliability.reliability_json, reliability.table):
+    for ask in (table_page, reliability.reliability_json, reliability.table):
         with pytest.raises(RequestError) as refused:
             ask(plant, 2, forged, "loop" if sort == "nothing" else sort)
         assert refused.value.code == "bad_cursor"
@@ -215,7 +216,7 @@ def test_a_cursor_that_no_list_gave_is_refused(plant: Backend, number: object) -
 @pytest.mark.parametrize("filters", [RowFilter(), RowFilter(search="FIC"), RowFilter(min_probability=0.0)])
 def test_the_table_as_json_is_the_table(untouched: Backend, sort: str, filters: RowFilter) -> None:
     for limit in (3, 100):
-        page = reliability.reliability_page(untouched, limit, None, sort, filters)
+        page = table_page(untouched, limit, None, sort, filters)
         sent = json.loads(reliability.reliability_json(untouched, limit, None, sort, filters).write())
         assert sent == {"rows": page.rows, "next_cursor": page.next_cursor}
 
@@ -225,7 +226,7 @@ def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Bac
     with untouched.database.write() as connection:
         connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 3).values(form="older"))
     sent = json.loads(reliability.reliability_json(untouched).write())["rows"]
-    assert sent == reliability.reliability_page(untouched).rows
+    assert sent == table_page(untouched).rows
     assert [row["unit"] for row in sent if row["loop"] == "FIC1"] == ['the "new" unit']
 
 
@@ -247,7 +248,7 @@ def test_of_a_table_that_was_sent_before_only_new_rows_are_read(
         pass
     after = json.loads(reliability.reliability_json(untouched).write())["rows"]
     assert [len(ids) for ids in read] == [5, 1]
-    assert after == reliability.reliability_page(untouched).rows != json.loads(before)["rows"]
+    assert after == table_page(untouched).rows != json.loads(before)["rows"]
 
 
 def test_kept_rows_are_bounded_and_not_given_up_for_new_ones_of_the_same_loops(
@@ -265,7 +266,7 @@ def test_kept_rows_are_bounded_and_not_given_up_for_new_ones_of_the_same_loops(
         connection.execute(update(stored_audits).values(created_at=datetime(2020, 1, 1, tzinfo=UTC)))
     for limit in (2, 5, 2):
         sent = json.loads(reliability.reliability_json(untouched, limit).write())
-        assert sent["rows"] == reliability.reliability_page(untouched, limit).rows
+        assert sent["rows"] == table_page(untouched, limit).rows
     assert len(untouched.row_texts) <= 3
 
 
@@ -307,7 +308,7 @@ def test_key_figures_of_verdicts_that_older_versions_wrote_come_from_their_detai
 
 def test_the_table_has_each_loops_newest_verdict(plant: Backend) -> None:
     second = _audit(plant)
-    assert {row["audit_id"] for row in reliability.reliability_page(plant).rows} == {second}
+    assert {row["audit_id"] for row in table_page(plant).rows} == {second}
     history = loop_verdicts.verdict_history(plant, "FIC0", limit=1)
     older = loop_verdicts.verdict_history(plant, "FIC0", limit=1, cursor=history.next_cursor)
     assert [row["audit_id"] for row in history.rows + older.rows] == [second, "1"]

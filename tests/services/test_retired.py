@@ -21,7 +21,7 @@ from app.services.plant import overview as plant
 from app.services.plant.arrivals import NOTHING_NEW, arrivals
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loop_verdicts import loop_health, verdict_history
-from app.services.plant.reliability import RowFilter, reliability_json, reliability_page
+from app.services.plant.reliability import RowFilter, reliability_json
 from app.services.plant.repaired import repairs
 from app.services.plant.trend import trend
 from app.services.reports.documents import loop_report, plant_report
@@ -33,6 +33,7 @@ from app.storage import loops as stored_loops
 from app.storage import verdicts as stored_verdicts
 from app.storage.loops import ListFilter
 from app.storage.tables import explanations, loops, newest_rows, verdicts
+from tests.table_rows import table_page
 
 AddLoops = Callable[..., dict[str, int]]
 GONE, STAYS = "upload-4cddb1367ca0", ("FIC1", "FIC2", "FIC3")
@@ -107,8 +108,8 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "metric of loops behind": lambda b: metric(b, "loopaudit_loops_behind"),
     "metric of verdicts": lambda b: metric(b, "loopaudit_verdicts"),
     "the doctor's warning": lambda b: int(doctor.records(b).state == "warning"),
-    "reliability table": lambda b: named(row["loop"] for row in reliability_page(b).rows),
-    "reliability table by a column of verdicts": lambda b: len(reliability_page(b, sort="yper_pct").rows),
+    "reliability table": lambda b: named(row["loop"] for row in table_page(b).rows),
+    "reliability table by a column of verdicts": lambda b: len(table_page(b, sort="yper_pct").rows),
     "reliability table as JSON": lambda b: len(json.loads(reliability_json(b).write())["rows"]),
     "verdicts of the digest": lambda b: sum(digest(b).verdicts.values()),
     "worst of the digest": lambda b: named(one.loop for one in digest(b).old),
@@ -150,7 +151,7 @@ def test_it_is_found_where_it_is_asked_for(backend: Backend, night: str) -> None
         return [loop.tag for loop in list_loops(backend, wanted=ListFilter(retired=retired)).rows]
 
     def rows(retired: bool | None) -> list[str]:
-        return [row["loop"] for row in reliability_page(backend, filters=RowFilter(retired=retired)).rows]
+        return [row["loop"] for row in table_page(backend, filters=RowFilter(retired=retired)).rows]
 
     assert listed(True) == rows(True) == [GONE]
     assert listed(False) == rows(False) == list(STAYS)
@@ -165,7 +166,7 @@ def test_a_run_that_names_it_audits_it(backend: Backend, add_loops: AddLoops) ->
     assert loop_health(backend, GONE)["audit_id"] == run.id
     assert plant.overview(backend).audited == 0
     mine = RowFilter(audit_id=int(run.id), retired=None)
-    assert [row["loop"] for row in reliability_page(backend, filters=mine).rows] == [GONE]
+    assert [row["loop"] for row in table_page(backend, filters=mine).rows] == [GONE]
 
 
 def test_a_unit_of_retired_loops_has_none_to_audit(backend: Backend, add_loops: AddLoops) -> None:

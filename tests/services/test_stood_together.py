@@ -21,7 +21,7 @@ from app.services.loops import find
 from app.services.plant.changes import changes
 from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
-from app.services.plant.reliability import reliability_json, reliability_page
+from app.services.plant.reliability import reliability_json
 from app.services.plant.stood_together import as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.plant.worst import listed_first, look_today, worst_tags
@@ -38,6 +38,7 @@ from tests.services.audited_plant import rewrite, rewrite_newest
 from tests.services.kept_rows import made_once
 from tests.services.standing_plant import SAMPLES, later, stored
 from tests.services.upkeep_plant import with_settings
+from tests.table_rows import table_page
 
 DOWN = ("D0", "D1", "D2", "D3")
 DAY = 1440
@@ -59,7 +60,7 @@ def night_after(plant: Backend, nights: int, adds: bool = True) -> Backend:
 
 
 def rows_of(backend: Backend) -> dict[str, dict[str, Any]]:
-    return {row["loop"]: row for row in reliability_page(backend).rows}
+    return {row["loop"]: row for row in table_page(backend).rows}
 
 
 def today(backend: Backend) -> list[tuple[str, ...]]:

@@ -22,6 +22,7 @@ from app.storage import loops as stored_loops
 from app.storage import series, tables
 from app.storage.samples import Samples
 from app.storage.series import Stretch
+from tests.table_rows import table_page
 
 AddLoops = Callable[..., dict[str, int]]
 TAGS = ("FIC0", "FIC1", "FIC2", "FIC3")
@@ -51,7 +52,7 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
     write(plant)
     names = list(WrittenFields.model_fields)
     on_page = {row["loop"]: {name: row[name] for name in names} for row in reliability.table(plant, 10).rows}
-    whole = {"rows": sent(plant), "csv": reliability.reliability_page(plant).rows, "run": _of_run(plant)}
+    whole = {"rows": sent(plant), "csv": _in_parts(plant, of_loop=False), "run": _of_run(plant)}
     for rows in whole.values():
         assert {row["loop"]: {name: row[name] for name in names} for row in rows} == on_page
         assert all(set(row) == set(TableRow.model_fields) for row in rows)
@@ -111,7 +112,7 @@ def old_of(rows: list[dict[str, Any]]) -> set[str]:
 def test_a_row_of_an_old_record_says_so_wherever_it_is_told(backend: Backend, warm_kernels: None) -> None:
     recorded(backend, FIC0=3, FIC1=0.1, FIC2=1.5, FIC3=20_700)
     judge(backend)
-    for rows in (sent(backend), reliability.reliability_page(backend).rows, reliability.table(backend, 10).rows):
+    for rows in (sent(backend), table_page(backend).rows, reliability.table(backend, 10).rows):
         assert old_of(rows) == {"FIC0"}, "how old is not known without a date"
         rows = sorted(rows, key=lambda row: row["loop"])
         assert rows[0]["next_step"] == Ask.NOTHING_NEWER != rows[1]["next_step"]
@@ -133,7 +134,7 @@ def test_what_a_run_said_of_old_records_stays_whatever_comes_later(backend: Back
     assert reliability.reliability_json(backend).version == version
     second = judge(backend)
     assert old_of(sent(backend)) == set()
-    of_runs = [reliability.reliability_page(backend, filters=RowFilter(audit_id=run)).rows for run in (first, second)]
+    of_runs = [table_page(backend, filters=RowFilter(audit_id=run)).rows for run in (first, second)]
     assert [old_of(rows) for rows in of_runs] == [{"FIC0"}, set()]
 
 
@@ -167,12 +168,10 @@ def test_a_run_that_a_newer_one_has_followed_tells_what_was_known_by_its_end(pla
     assert {row["loop"]: row["recorded_to"] for row in rows} == before
     assert [row["shelved"] for row in rows] == [None] * len(TAGS)
     assert {row["next_step"] for row in rows} == {row["next_step"] for row in of_then}
-    page = reliability.reliability_page(plant, filters=asked, of_loop=True).rows
+    page = _in_parts(plant, filters=asked)
     assert [(row["loop"], row["recorded_to"], row["repaired_at"]) for row in page] == [
         (tag, before[tag], None) for tag in TAGS
     ]
-    (parts,) = reliability.in_parts(plant, filters=asked).parts()
-    assert {row["loop"]: row["recorded_to"] for row in parts} == before
     newest = {row["loop"]: row for row in reliability.table(plant, 10, filters=RowFilter(audit_id=2)).rows}
     assert (newest["FIC1"]["work_order"], newest["FIC2"]["of_before_repair"]) == ("WO-17", True)
     assert newest["FIC3"]["shelved"].startswith("shelved until")
@@ -211,7 +210,7 @@ def test_more_rows_take_no_more_questions(plant: Backend) -> None:
 
 def _questions(backend: Backend, limit: int, asked: list[str]) -> tuple[int, int]:
     asked.clear()
-    reliability.reliability_page(backend, limit, sort="-loop")
+    table_page(backend, limit, sort="-loop")
     of_page = len(asked)
     reliability.reliability_json(backend, limit, sort="-loop").write()
     return of_page, len(asked) - of_page
@@ -235,9 +234,9 @@ def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
     for _ in range(2):  # as the verdicts left them, and with what is written of three of the loops
         read = _in_parts(plant, of_loop=False)
         assert from_columns == []
-        assert read == reliability.reliability_page(plant).rows
-        made = [{name: row[name] for name in TableRow.model_fields} for row in _in_parts(plant)]
-        assert [list(map(repr, row.values())) for row in made] == [
+        made = table_page(plant).rows
+        assert read == made
+        assert [[repr(row[name]) for name in TableRow.model_fields] for row in made] == [
             [repr(row[name]) for name in TableRow.model_fields] for row in read
         ]
         from_columns.clear()

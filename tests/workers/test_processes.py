@@ -10,9 +10,10 @@ from app.queue import Queue
 from app.services.auditing import audits
 from app.services.backend import Backend
 from app.services.intake import uploads
-from app.services.plant import loop_verdicts, reliability
+from app.services.plant import loop_verdicts
 from app.storage.tables import audit_items, verdicts
 from app.storage.tables import loops as loops_table
+from tests.table_rows import table_page
 from tests.workers.conftest import ended_with
 
 LOOPS = 10
@@ -49,7 +50,7 @@ def test_from_upload_to_verdicts_with_lost_and_doubled_messages(plant: Any, smal
     plant.backend.queue.audit_chunks(int(run.id), 10)
     plant.wait("a run with doubled messages", lambda: ended(plant, run.id))
     assert audits.get_audit(plant.backend, run.id).done == verdicts_of(plant, run.id) == LOOPS
-    assert len(reliability.reliability_page(plant.backend).rows) == LOOPS
+    assert len(table_page(plant.backend).rows) == LOOPS
 
     deaf = Backend(plant.backend.settings, plant.backend.database, SilentQueue(plant.backend.settings))
     lost = audits.start_audit(deaf)

@@ -62,7 +62,7 @@ def _paths(backend: Backend) -> dict[str, list[str]]:
     with backend.database.read() as connection:
         tags = list(connection.scalars(select(loops_table.c.tag).order_by(loops_table.c.tag)))
     chosen = np.random.default_rng(1).choice(tags, PROBED_TAGS)
-    cursor = reliability.reliability_page(backend, 100).next_cursor
+    cursor = reliability.in_parts(backend, 100).next_cursor
     later = f"&cursor={quote(cursor)}" if cursor else ""
     return {
         "loop health": [f"/v1/loops/{tag_in_url(str(tag))}/health" for tag in chosen],

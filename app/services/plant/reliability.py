@@ -26,30 +26,12 @@ OF_LOOP = ("type", "description", "owner", "importance", "priority", "recorded_t
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
-__all__ = ["RowFilter", "reliability_json", "reliability_page", "sortable", "table"]
+__all__ = ["RowFilter", "in_parts", "reliability_json", "sortable", "table"]
 
 
 def sortable() -> tuple[str, ...]:
     """Names to sort by; a minus before one turns the order round."""
     return tuple(sorted({*SORTABLE, *THE_SAME}))
-
-
-def reliability_page(
-    backend: Backend,
-    limit: int = 1000,
-    cursor: str | None = None,
-    sort: str = "loop",
-    filters: RowFilter | None = None,
-    of_loop: bool = False,
-) -> Page[dict[str, Any]]:
-    """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last.
-
-    of_loop: with the loop's type, importance and priority, and its newest sample.
-    """
-    found = _stored(backend, limit, cursor, sort, filters)
-    shown = [with_loop(row, filters) if of_loop else as_row(row) for row in found.rows]
-    written = written_of(backend, shown, *_written_by(backend, filters))
-    return Page([written.beside(row) for row in shown], found.next_cursor)
 
 
 def table(
@@ -61,11 +43,14 @@ def table(
     shelved: Shelf | None = None,
     notes_until: datetime | None = None,
 ) -> Page[dict[str, Any]]:
-    """The same for a page, with what it shows besides: importance and priority, what to do as a `Step`, and what is
-    written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None: both as the API tells
-    them). Rows that are asked for because their records end before a time are of old ones by now, whatever their runs
-    knew. Whoever chose another order with a cursor in the address begins at its head."""
-    found = _stored(backend, limit, cursor, sort, filters, any_order=True)
+    """A page of rows for people, with what it shows besides the newest verdicts: importance and priority, what to do as
+    a `Step`, and what is written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None:
+    both as the API tells them). Rows that are asked for because their records end before a time are of old ones by now,
+    whatever their runs knew. Whoever chose another order with a cursor in the address begins at its head."""
+    name, after = _checked(limit, sort), _after(cursor, sort, any_order=True)
+    with backend.database.read() as connection:
+        rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
+    found = page_of(rows, limit, lambda row: row, lambda row: (sort, row["sorted_by"], row["tag"]))
     shown = [with_loop(row, filters) for row in found.rows]
     if shelved is None:
         shelved, notes_until = _written_by(backend, filters)
@@ -105,24 +90,6 @@ def page_place(backend: Backend, limit: int, cursor: str | None, sort: str, filt
         if behind > limit:
             last = verdicts.row_at(connection, name, descending, filters, behind - limit - 1)
     return PagePlace(behind, counted, None if last is None else encode(sort, last.value, last.tag))
-
-
-def _stored(
-    backend: Backend,
-    limit: int,
-    cursor: str | None,
-    sort: str,
-    filters: RowFilter | None,
-    *,
-    any_order: bool = False,
-) -> Page[dict[str, Any]]:
-    """A page of stored verdicts. any_order: a cursor that belongs to another order counts as none; else it is
-    refused."""
-    name = _checked(limit, sort)
-    after = _after(cursor, sort, any_order=any_order)
-    with backend.database.read() as connection:
-        rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
-    return page_of(rows, limit, lambda row: row, lambda row: (sort, row["sorted_by"], row["tag"]))
 
 
 def _written_by(backend: Backend, filters: RowFilter | None) -> tuple[Shelf, datetime | None]:
@@ -170,8 +137,10 @@ def in_parts(
     filters: RowFilter | None = None,
     of_loop: bool = True,
 ) -> TableParts:
-    """The page that `reliability_page` gives. Rows of newest verdicts without what is `of_loop` are read as they were
-    written when their verdicts were made, in a fraction of the time."""
+    """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last.
+
+    of_loop: with the loop's type, importance and priority, and its newest sample. Rows of newest verdicts without these
+    are read as they were written when their verdicts were made, in a fraction of the time."""
     name, after = _checked(limit, sort), _after(cursor, sort)
     with backend.database.read() as connection:
         rows = verdicts.told_rows(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
