@@ -30,7 +30,6 @@ class IngestOptions:
     day_first: True or False where the caller knows whether day or month stands first in dates that can be read in both
         orders; None: found from the data.
     now_ns: the instant (ns since 1970, UTC) at which the file is read or came; samples are not later. None: no clock.
-    drop_uncertain: refuse values of uncertain quality (OPC 64) too.
     max_ratio: what gzip may unpack to, in its own sizes, once that is more than 64 MiB. 2,000 columns that all
         stand still at values of their own pack 210 to 1, 2,000 zeros 510 to 1, signals with noise 3 to 1; 1,032 to 1
         is the most there is.
@@ -43,7 +42,6 @@ class IngestOptions:
     start_ns: int = 0
     day_first: bool | None = None
     now_ns: int | None = None
-    drop_uncertain: bool = False
     max_rejects: int = 1000
     max_name: int = 256
     chunk_bytes: int = 16 << 20

@@ -218,12 +218,11 @@ def test_whole_numbers_that_opc_has_no_quality_for_are_values(read: Read, values
     assert np.nanmax(content.loops["Q"].others["Q"]) == max(values)
 
 
-@pytest.mark.parametrize(("drop_uncertain", "bad"), [(False, [0, -1, 50]), (True, [0, -1, 50, 70, 99])])
-def test_confidences_are_percentages(read: Read, drop_uncertain: bool, bad: list[int]) -> None:
+def test_confidences_are_percentages(read: Read) -> None:
     odd = dict(enumerate((0, -1, 50, 70, 99), 700))
     text = beside("FIC1.PV,FIC1.PV Conf,FIC1.OP", lambda i: str(odd.get(i, 100)))
-    content = read(text, options=IngestOptions(drop_uncertain=drop_uncertain))
-    assert refused(content) == [i for i, confidence in odd.items() if confidence in bad]
+    content = read(text)
+    assert refused(content) == [i for i, confidence in odd.items() if confidence in (0, -1, 50)]
 
 
 def test_confidences_tell_nothing_of_quality_numbers(read: Read) -> None:

@@ -315,15 +315,14 @@ QUALITIES = (
 )
 
 
-@pytest.mark.parametrize("drop", [False, True])
-def test_wide_with_a_quality_beside_each_signal(read: Read, drop: bool) -> None:
-    content = read(QUALITIES, options=IngestOptions(drop_uncertain=drop))
+def test_wide_with_a_quality_beside_each_signal(read: Read) -> None:
+    content = read(QUALITIES)
     assert list(content.loops) == ["A"]
     loop = content.loops["A"]
     assert not loop.others
-    np.testing.assert_array_equal(loop.pv, [1, np.nan, np.nan if drop else 3])
+    np.testing.assert_array_equal(loop.pv, [1, np.nan, 3])
     np.testing.assert_array_equal(loop.op, [10, np.nan, 30])
-    assert dict(content.rejects.counts) == {"bad_quality": 3 if drop else 2}
+    assert dict(content.rejects.counts) == {"bad_quality": 2}
 
 
 def test_aveva_without_opc_counts_from_zero_is_good(read: Read) -> None:

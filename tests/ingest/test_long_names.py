@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from app.errors import DataError
-from app.ingest import IngestOptions
 
 from .conftest import Content, Read
 
@@ -105,18 +104,13 @@ def wincc(heading: str = WINCC, quality: int = 128) -> str:
     return "\n".join((heading, *rows)) + "\n"
 
 
-@pytest.mark.parametrize("drop_uncertain", [False, True])
-def test_an_archive_of_wincc(read: Read, drop_uncertain: bool) -> None:
-    """Whose 128 is good."""
-    content = read(wincc(), options=IngestOptions(drop_uncertain=drop_uncertain))
+@pytest.mark.parametrize("quality", [128, 76])
+def test_an_archive_of_wincc(read: Read, quality: int) -> None:
+    """Whose 128 is good, and what OPC has below is uncertain."""
+    content = read(wincc(quality=quality))
     assert content.loops["FIC101"].samples == 40
     assert content.loops["FIC101"].op is not None
     assert content.rejects.counts == {}
-
-
-def test_qualities_of_opc_below_are_uncertain(read: Read) -> None:
-    content = read(wincc(quality=76), options=IngestOptions(drop_uncertain=True))
-    assert content.rejects.counts == {"bad_quality": 80}
 
 
 def test_a_process_value_beside_a_set_point_is_no_value_of_tags(read: Read) -> None:

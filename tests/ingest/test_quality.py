@@ -339,10 +339,8 @@ def test_words_beside_good_ones_say_what_is_wrong(read: Read, name: str, good: s
 
 @pytest.mark.parametrize("status", ["NR", "QST", "CND", "CLP+", "CLP-", "IOP", "IOP-", "OOP", "NRDY", "BAD", "PTPF"])
 def test_data_status_of_centum(read: Read, status: str) -> None:
-    uncertain = status in ("QST", "CND", "CLP+", "CLP-")
-    for drop in (False, True):
-        content = read(long("NR", status), options=IngestOptions(drop_uncertain=drop))
-        assert refused(content) == ([] if status == "NR" or (uncertain and not drop) else BAD_ROWS)
+    content = read(long("NR", status))
+    assert refused(content) == ([] if status in ("NR", "QST", "CND", "CLP+", "CLP-") else BAD_ROWS)
 
 
 @pytest.mark.parametrize(("usual", "other"), [("OK", "HIHI"), ("Running", "Good"), ("Open", "Closed")])

@@ -46,7 +46,7 @@ class LongTable:
         self._time.half_clock = HalfClock(by_tag=True)
         self._dates = DatesOnce(plan.time)
         if not tally.again:
-            tally.quality = Quality(options.drop_uncertain, plan.zero_is_good, plan.good_if_set)
+            tally.quality = Quality(plan.zero_is_good, plan.good_if_set)
         self._quality = tally.quality
         self._qualities_of = 0  # the first line of the rows whose qualities were learnt when they were scanned
         self._tag_type = pl.Categorical(pl.Categories.random())

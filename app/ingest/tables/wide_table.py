@@ -43,7 +43,7 @@ class WideTable:
         self._times = [TimeReader(group.form, options) for group in plan.groups]
         self._dates = [DatesOnce(group.time) for group in plan.groups]
         if not tally.again:
-            tally.quality = Quality(options.drop_uncertain)
+            tally.quality = Quality()
         self._holding: list[Spreader | WholeStamps] = []  # back what goes on in the next chunk, by group
         self._forth = np.zeros((len(plan.groups), 2), dtype=np.int64)  # by group, steps of time forth and back
         self._further_names = FurtherNames(plan.names, plan.groups)

@@ -68,10 +68,8 @@ class Quality:
     What numbers mean is learnt from the chunks so far; `settled` judges by all of them.
     """
 
-    def __init__(
-        self, drop_uncertain: bool = False, zero_is_good: bool | None = None, good_if_set: bool | None = None
-    ) -> None:
-        self._drop_uncertain, self._good_if_set, self._zero_is_good = drop_uncertain, good_if_set, zero_is_good
+    def __init__(self, zero_is_good: bool | None = None, good_if_set: bool | None = None) -> None:
+        self._good_if_set, self._zero_is_good = good_if_set, zero_is_good
         self._told = zero_is_good is not None
         self._good = 0.0 if zero_is_good else 1.0  # beside numbers of OPC, if there are any
         self._with_good_of_opc = zero_is_good is False
@@ -115,7 +113,7 @@ class Quality:
 
     def settled(self) -> "Quality":
         """One that has judged nothing yet, and knows all numbers that this one has met."""
-        settled = Quality(self._drop_uncertain, self._zero_is_good, self._good_if_set)
+        settled = Quality(self._zero_is_good, self._good_if_set)
         settled._numbers = self._numbers.copy()
         settled._with_good_of_opc = self._with_good_of_opc
         if not settled._told:
@@ -163,13 +161,12 @@ class Quality:
         number = _number(text)
         if number is not None:
             return self._judge_number(number)
-        if word in _UNCERTAIN or word.startswith("uncertain"):
-            return self._drop_uncertain
-        return not (word in _GOOD or word in _OF_LIMITS or word.startswith("good"))
+        of_use = word in _GOOD or word in _UNCERTAIN or word in _OF_LIMITS
+        return not (of_use or word.startswith(("good", "uncertain")))
 
     def _judge_number(self, number: float) -> bool:
         if number >= UA_UNCERTAIN:
-            return number >= UA_BAD or self._drop_uncertain
+            return number >= UA_BAD
         if self._ua:
             return False
         if not self._told or self._good == 0.0:
@@ -178,12 +175,7 @@ class Quality:
             return False
         if self._with_good_of_opc and number in _BAD_OF_IGNITION:
             return True
-        return self._judge_byte(number if number <= OPC_MOST else float(int(number) & 0xFF))
-
-    def _judge_byte(self, number: float) -> bool:
-        if number >= PROFIBUS_GOOD:
-            return False
-        return self._drop_uncertain if number >= OPC_UNCERTAIN else True
+        return (number if number <= OPC_MOST else float(int(number) & 0xFF)) < OPC_UNCERTAIN
 
     def notes(self) -> list[str]:
         """What is to be said of how qualities were read."""
