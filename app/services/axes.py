@@ -1,6 +1,36 @@
-"""Where the axes of our own pictures have their marks."""
+"""Where things stand in our own pictures, and where their axes have their marks."""
 
 import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A rectangle of a picture, in px from its left upper corner, and what its axes span, from (left, lower) to (right,
+    upper)."""
+
+    left: float
+    top: float
+    wide: float
+    tall: float
+    x_span: tuple[float, float]
+    y_span: tuple[float, float]
+
+    def x(self, value: float) -> float:
+        low, high = self.x_span
+        return self.left + self.wide * (value - low) / ((high - low) or 1.0)
+
+    def y(self, value: float) -> float:
+        low, high = self.y_span
+        return self.top + self.tall * (high - value) / ((high - low) or 1.0)
+
+    @property
+    def right(self) -> float:
+        return self.left + self.wide
+
+    @property
+    def bottom(self) -> float:
+        return self.top + self.tall
 
 
 def ticks(low: float, high: float, parts: int = 4) -> list[float]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from app.engine.mismatch import Explanation
 from app.engine.recording import FloatArray
-from app.services.axes import ticks
+from app.services.axes import Plane, ticks
 from app.services.explaining.plot import COLOURS, as_many
 from app.services.explaining.wording import VERDICT_WORDS
 
@@ -59,55 +59,49 @@ def panel(
     colour: str,
 ) -> list[str]:
     """A frame with lines over time, its marked stretches shaded in a colour, and ticks at round numbers."""
-    low, high = limits([signal for _, signal in lines])
     last = float(time_s[-1]) or 1.0
+    plane = Plane(*at, *size, (0.0, last), limits([signal for _, signal in lines]))
     stride = max(len(time_s) // MOST_POINTS, 1)
-
-    def place(t: float, v: float) -> str:
-        return f"{at[0] + size[0] * t / last:.1f},{at[1] + size[1] * (1.0 - (v - low) / (high - low)):.1f}"
-
     said = [
-        f'<rect x="{at[0] + size[0] * a / last:.1f}" y="{at[1]}" width="{size[0] * (min(b, last) - a) / last:.1f}" '
-        f'height="{size[1]}" fill="{colour}" opacity="0.16"/>'
+        f'<rect x="{plane.x(a):.1f}" y="{plane.top}" width="{size[0] * (min(b, last) - a) / last:.1f}" '
+        f'height="{plane.tall}" fill="{colour}" opacity="0.16"/>'
         for a, b in marks
     ]
-    said += frame(at, size, low, high, label)
+    said += frame(plane, label)
     for name, signal in lines:
-        clipped = np.clip(signal[::stride], low, high)
-        points = " ".join(place(float(t), float(v)) for t, v in zip(time_s[::stride], clipped, strict=True))
+        drawn = zip(time_s[::stride], np.clip(signal[::stride], *plane.y_span), strict=True)
+        points = " ".join(f"{plane.x(float(t)):.1f},{plane.y(float(v)):.1f}" for t, v in drawn)
         said.append(f'<polyline fill="none" stroke="{COLOURS[name]}" stroke-width="1" points="{points}"/>')
     for tick in ticks(0.0, last, TICKS):
-        x = at[0] + size[0] * tick / last
-        said.append(
-            f'<line x1="{x:.1f}" y1="{at[1] + size[1]}" x2="{x:.1f}" y2="{at[1] + size[1] + 4}" stroke="#999"/>'
-        )
-        said.append(text(x - 8, at[1] + size[1] + 15, f"{tick:g}", 10))
+        x, bottom = plane.x(tick), plane.bottom
+        said.append(f'<line x1="{x:.1f}" y1="{bottom}" x2="{x:.1f}" y2="{bottom + 4}" stroke="#999"/>')
+        said.append(text(x - 8, bottom + 15, f"{tick:g}", 10))
     return said
 
 
 def scatter(
     at: tuple[float, float], size: tuple[float, float], op: FloatArray, residuals: list[tuple[str, FloatArray]]
 ) -> list[str]:
-    low, high = limits([signal for _, signal in residuals])
     left, right = float(np.min(op)), float(np.max(op))
-    said = frame(at, size, low, high, "residual")
+    plane = Plane(*at, *size, (left, right), limits([signal for _, signal in residuals]))
+    said = frame(plane, "residual")
     stride = max(len(op) // MOST_DOTS, 1)
     for name, signal in residuals:
-        for u, v in zip(op[::stride], np.clip(signal[::stride], low, high), strict=True):
-            x = at[0] + size[0] * (u - left) / max(right - left, 1e-300)
-            y = at[1] + size[1] * (1.0 - (v - low) / (high - low))
-            said.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.2" fill="{COLOURS[name]}" opacity="0.5"/>')
-    said.append(text(at[0], at[1] + size[1] + 13, f"{left:.4g}", 10))
-    said.append(text(at[0] + size[0] - 36, at[1] + size[1] + 13, f"{right:.4g}", 10))
+        for u, v in zip(op[::stride], np.clip(signal[::stride], *plane.y_span), strict=True):
+            at_x, at_y = f"{plane.x(u):.1f}", f"{plane.y(v):.1f}"
+            said.append(f'<circle cx="{at_x}" cy="{at_y}" r="1.2" fill="{COLOURS[name]}" opacity="0.5"/>')
+    said.append(text(plane.left, plane.bottom + 13, f"{left:.4g}", 10))
+    said.append(text(plane.right - 36, plane.bottom + 13, f"{right:.4g}", 10))
     return said
 
 
-def frame(at: tuple[float, float], size: tuple[float, float], low: float, high: float, label: str) -> list[str]:
-    box = f'<rect x="{at[0]}" y="{at[1]}" width="{size[0]}" height="{size[1]}" fill="none" stroke="#999"/>'
-    marked = [(tick, at[1] + size[1] * (1.0 - (tick - low) / (high - low))) for tick in ticks(low, high, TICKS)]
-    said = [text(at[0] - 42, y + 3, f"{tick:g}", 10) for tick, y in marked]
-    lines = [f'<line x1="{at[0]}" y1="{y:.1f}" x2="{at[0] + size[0]}" y2="{y:.1f}" stroke="#ddd"/>' for _, y in marked]
-    return [*lines, box, *said, text(at[0] + 4, at[1] - 4, label, 11)]
+def frame(plane: Plane, label: str) -> list[str]:
+    left, top = plane.left, plane.top
+    box = f'<rect x="{left}" y="{top}" width="{plane.wide}" height="{plane.tall}" fill="none" stroke="#999"/>'
+    marked = [(tick, plane.y(tick)) for tick in ticks(*plane.y_span, TICKS)]
+    said = [text(left - 42, y + 3, f"{tick:g}", 10) for tick, y in marked]
+    lines = [f'<line x1="{left}" y1="{y:.1f}" x2="{plane.right}" y2="{y:.1f}" stroke="#ddd"/>' for _, y in marked]
+    return [*lines, box, *said, text(left + 4, top - 4, label, 11)]
 
 
 def legend(x: float, y: float, names: list[str]) -> list[str]:

@@ -156,7 +156,7 @@ def _trend(drawn: Mapping[str, Any], clock: PlantClock) -> list[Markup]:
     first, last = trend["time"][0], trend["time"][-1]
     ends = Ends(x[0], x[-1], clock.short(first), clock.told(last), "the audited window is shaded")
     window = drawn["window"]
-    shaded = [seconds_of(stamp) for stamp in window] if window else None
+    shaded = (seconds_of(window[0]), seconds_of(window[1])) if window else None
     above = [Line("PV", trend["pv"], PV), *([Line("SP", trend["sp"], SP)] if trend.get("sp") else [])]
     valve = [Line("valve, estimated", trend["valve"], VALVE)] if trend.get("valve") and drawn["size"] else []
     below = [Line("OP", trend["op"], OP), *valve]

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 from markupsafe import Markup, escape
 
-from app.services.axes import ticks
+from app.services.axes import Plane, ticks
 
 WIDTH, HEIGHT = 900, 220
 LEFT, RIGHT, TOP, BOTTOM = 64, 14, 22, 34
@@ -34,37 +33,35 @@ class Ends:
     label: str = ""
 
 
-def chart(x: Sequence[float], lines: Sequence[Line], ends: Ends, *, title: str, **more: object) -> Markup:
-    """Lines over x. `more`: `shaded` (from, to) in units of x, `height` in px, `limits` (low, high) of y, `width`."""
-    width, height = int(str(more.get("width", WIDTH))), int(str(more.get("height", HEIGHT)))
+def chart(
+    x: Sequence[float],
+    lines: Sequence[Line],
+    ends: Ends,
+    *,
+    title: str,
+    shaded: tuple[float, float] | None = None,
+    limits: tuple[float, float] | None = None,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+) -> Markup:
+    """Lines over x. shaded: from, to, in units of x; limits: of y, the least and the greatest that is drawn; width,
+    height: in px."""
     known = [value for line in lines for value in line.values if value is not None]
     if not known:
         return Markup('<p class="weak">{}: nothing to show.</p>').format(title)
-    low, high = cast("tuple[float, float] | None", more.get("limits")) or _limits(known)
-    place = _Place(ends, low, high, width, height)
-    body = [_frame(place, ends)]
-    if more.get("shaded"):
-        start, end = (min(max(at, ends.low), ends.high) for at in more["shaded"])  # type: ignore[attr-defined]
+    size = (width - LEFT - RIGHT, height - TOP - BOTTOM)
+    plane = Plane(LEFT, TOP, *size, (ends.low, ends.high), limits or _limits(known))
+    body = [_frame(plane, ends)]
+    if shaded is not None:
+        start, end = (plane.x(min(max(at, ends.low), ends.high)) for at in shaded)
         body.append(
-            f'<rect x="{place.x(start):.1f}" y="{TOP}" width="{place.x(end) - place.x(start):.1f}" '
-            f'height="{height - TOP - BOTTOM}" fill="#0b5394" opacity="0.07"/>'
+            f'<rect x="{start:.1f}" y="{plane.top}" width="{end - start:.1f}" height="{plane.tall}" fill="#0b5394" '
+            'opacity="0.07"/>'
         )
-    body += [_path(place, x, line) for line in lines]
+    body += [_path(plane, x, line) for line in lines]
     body.append(_legend(lines))
     head = f'<svg viewBox="0 0 {width} {height}" width="{width}" role="img" aria-label="{escape(title)}">'
     return Markup(f"{head}{''.join(body)}</svg>")  # noqa: S704 - every text in it is escaped
-
-
-class _Place:
-    def __init__(self, ends: Ends, low: float, high: float, width: int, height: int) -> None:
-        self.low, self.high, self.width, self.height = low, high, width, height
-        self._left, self._wide = ends.low, (ends.high - ends.low) or 1.0
-
-    def x(self, value: float) -> float:
-        return LEFT + (self.width - LEFT - RIGHT) * (value - self._left) / self._wide
-
-    def y(self, value: float) -> float:
-        return TOP + (self.height - TOP - BOTTOM) * (self.high - value) / ((self.high - self.low) or 1.0)
 
 
 def _limits(values: Sequence[float]) -> tuple[float, float]:
@@ -73,32 +70,33 @@ def _limits(values: Sequence[float]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _path(place: _Place, x: Sequence[float], line: Line) -> str:
+def _path(plane: Plane, x: Sequence[float], line: Line) -> str:
     parts, pen_down = [], False
     for at, value in zip(x, line.values, strict=True):
         if value is not None:
-            parts.append(f"{'L' if pen_down else 'M'}{place.x(at):.1f} {place.y(value):.1f}")
+            parts.append(f"{'L' if pen_down else 'M'}{plane.x(at):.1f} {plane.y(value):.1f}")
         pen_down = value is not None
     drawn = f'<path d="{"".join(parts)}" fill="none" stroke="{line.colour}" stroke-width="1.2"/>'
     if not line.dots:
         return drawn
     dots = (
-        f'<circle cx="{place.x(at):.1f}" cy="{place.y(value):.1f}" r="2.5" fill="{line.colour}"/>'
+        f'<circle cx="{plane.x(at):.1f}" cy="{plane.y(value):.1f}" r="2.5" fill="{line.colour}"/>'
         for at, value in zip(x, line.values, strict=True)
         if value is not None
     )
     return drawn + "".join(dots)
 
 
-def _frame(place: _Place, ends: Ends) -> str:
-    bottom, right = place.height - BOTTOM, place.width - RIGHT
-    said = [f'<rect x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{bottom - TOP}" fill="none" stroke="#8794a3"/>']
-    for value in ticks(place.low, place.high):
-        y = place.y(value)
-        said.append(f'<line x1="{LEFT}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}" stroke="#dde3ea"/>')
-        said.append(_text(LEFT - 6, y + 4, f"{value:.6g}", "end"))
-    said += [_text(LEFT, bottom + 15, ends.left, "start"), _text(right, bottom + 15, ends.right, "end")]
-    return "".join([*said, _text((LEFT + right) / 2, bottom + 15, ends.label, "middle")])
+def _frame(plane: Plane, ends: Ends) -> str:
+    left, right, bottom = plane.left, plane.right, plane.bottom
+    box = f'<rect x="{left}" y="{plane.top}" width="{plane.wide}" height="{plane.tall}" fill="none" stroke="#8794a3"/>'
+    said = [box]
+    for value in ticks(*plane.y_span):
+        y = plane.y(value)
+        said.append(f'<line x1="{left}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}" stroke="#dde3ea"/>')
+        said.append(_text(left - 6, y + 4, f"{value:.6g}", "end"))
+    said += [_text(left, bottom + 15, ends.left, "start"), _text(right, bottom + 15, ends.right, "end")]
+    return "".join([*said, _text((left + right) / 2, bottom + 15, ends.label, "middle")])
 
 
 def _legend(lines: Sequence[Line]) -> str:
