@@ -8,13 +8,14 @@ import pytest
 
 from app.services.backend import Backend
 from app.services.loops import find
-from app.services.outward import GroupMemberOut, GroupOut
+from app.services.outward import GroupMemberOut
 from app.services.plant import groups, loop_sheet, plant_sheet
 from app.services.plant.arrivals import arrivals
 from app.services.plant.groups import groups_of, plant_groups, shaken_by
 from app.services.reports.documents import loop_report, plant_report
 from app.services.stating.properties import patch_loop
 from app.services.stating.shelving import shelf
+from tests.swinging import group_of
 
 
 def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:
@@ -38,74 +39,10 @@ def test_a_loop_is_sent_to_the_source_where_that_may_be_what_shakes_it(said, coh
     members = [GroupMemberOut("S", None, 0.99, 4.0, 1.0, 0.0, None, True)]
     members += [GroupMemberOut("A", None, probability, 0.0, coherence, 1.0, None, True)]
     row = {"loop": "A", "verdict": said[0], "reliability": said[1]}
-    assert (
-        shaken_by(
-            [
-                GroupOut(
-                    id="1",
-                    period_s=300.0,
-                    in_step=True,
-                    by_chance=False,
-                    chance_probability=0.001,
-                    source="S",
-                    members=members,
-                )
-            ],
-            row,
-        )
-        == shaken
-    )
-    assert (
-        shaken_by(
-            [
-                GroupOut(
-                    id="1",
-                    period_s=300.0,
-                    in_step=False,
-                    by_chance=True,
-                    chance_probability=0.03,
-                    source="S",
-                    members=members,
-                )
-            ],
-            row,
-        )
-        is None
-    )
-    assert (
-        shaken_by(
-            [
-                GroupOut(
-                    id="1",
-                    period_s=300.0,
-                    in_step=True,
-                    by_chance=False,
-                    chance_probability=0.001,
-                    source=None,
-                    members=members,
-                )
-            ],
-            row,
-        )
-        is None
-    )
-    assert (
-        shaken_by(
-            [
-                GroupOut(
-                    id="1",
-                    period_s=300.0,
-                    in_step=True,
-                    by_chance=False,
-                    chance_probability=0.001,
-                    source="S",
-                    members=members,
-                )
-            ],
-            row | {"loop": "S"},
-        )
-        is None
-    )
+    assert shaken_by([group_of("1", 300.0, True, False, 0.001, "S", members)], row) == shaken
+    assert shaken_by([group_of("1", 300.0, False, True, 0.03, "S", members)], row) is None
+    assert shaken_by([group_of("1", 300.0, True, False, 0.001, None, members)], row) is None
+    assert shaken_by([group_of("1", 300.0, True, False, 0.001, "S", members)], row | {"loop": "S"}) is None
 
 
 def test_groups_know_the_units_that_loops_have_now(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

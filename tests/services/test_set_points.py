@@ -5,7 +5,7 @@ import pytest
 
 from app.engine.plant_wide.set_points import BIN_NS, Moves, moves_in, together
 from app.services.backend import Backend
-from app.services.outward import GroupMemberOut, GroupOut
+from app.services.outward import GroupMemberOut
 from app.services.plant import groups
 from app.services.plant.groups import _asked_of_set_points
 from app.services.plant.set_points import set_points_together
@@ -13,6 +13,7 @@ from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from tests.services.conftest import MINUTE, START_NS
+from tests.swinging import group_of
 
 HOURS = 20
 AT, ELSEWHERE = [1, 4, 7, 11, 15, 18], [2, 5, 9, 12, 16, 19]
@@ -67,15 +68,9 @@ def test_samples_are_read_for_groups_without_a_source(backend: Backend, monkeypa
     assert not set_points_together(backend, ["A", "C"])
     pair = [GroupMemberOut(tag, None, 0.1, 0.0, 1.0, None, None, True) for tag in "AB"]
     found = [
-        GroupOut(
-            id="1", period_s=300.0, in_step=True, by_chance=False, chance_probability=0.001, source=None, members=pair
-        ),
-        GroupOut(
-            id="2", period_s=300.0, in_step=True, by_chance=False, chance_probability=0.001, source="A", members=pair
-        ),
-        GroupOut(
-            id="3", period_s=300.0, in_step=True, by_chance=True, chance_probability=0.9, source=None, members=pair
-        ),
+        group_of("1", 300.0, True, False, 0.001, None, pair),
+        group_of("2", 300.0, True, False, 0.001, "A", pair),
+        group_of("3", 300.0, True, True, 0.9, None, pair),
     ]
     assert [group.set_points_together for group in _asked_of_set_points(backend, found)] == [True, False, False]
     monkeypatch.setattr(groups, "LOOKED_INTO", 0)

@@ -7,11 +7,11 @@ from sqlalchemy import select, update
 
 from app.engine.codes import UNANSWERED
 from app.main import create_app
-from app.services.outward import GroupOut
 from app.services.plant import groups, loop_sheet
 from app.services.plant.groups import plant_groups
 from app.storage.tables import loops, newest_rows
 from app.web import loop as loop_page
+from tests.swinging import group_of
 from tests.web.conftest import HOSTILE, seen
 
 
@@ -24,15 +24,7 @@ def test_groups_are_listed_for_machines(client):
 
 
 def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, web_backend, monkeypatch):
-    crowded = GroupOut(
-        id="1",
-        period_s=300.0,
-        in_step=True,
-        by_chance=True,
-        chance_probability=0.84,
-        source=None,
-        members=plant_groups(web_backend)[0].members,
-    )
+    crowded = group_of("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
     monkeypatch.setattr(groups, "soon", lambda backend: (crowded,))
     told = " ".join(seen(client, "/groups").texts)
     assert "No loops were found of which one is likely to shake the others." in told
@@ -44,12 +36,8 @@ def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, w
 
 def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web_backend, monkeypatch):
     members = plant_groups(web_backend)[0].members
-    shaken = GroupOut(
-        id="1", period_s=300.0, in_step=True, by_chance=False, chance_probability=0.001, source="LIC7", members=members
-    )
-    crowded = GroupOut(
-        id="2", period_s=500.0, in_step=False, by_chance=True, chance_probability=0.9, source=None, members=members
-    )
+    shaken = group_of("1", 300.0, True, False, 0.001, "LIC7", members)
+    crowded = group_of("2", 500.0, False, True, 0.9, None, members)
     monkeypatch.setattr(groups, "soon", lambda backend: (shaken, crowded))
     html = client.get("/groups").text
     before, by_chance = html.split('<details id="by-chance">')
@@ -64,16 +52,7 @@ def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web
 )
 def test_of_healthy_loops_the_set_points_are_asked_first(client, web_backend, monkeypatch, moves, said):
     members = plant_groups(web_backend)[0].members
-    healthy = GroupOut(
-        id="1",
-        period_s=300.0,
-        in_step=True,
-        by_chance=False,
-        chance_probability=0.001,
-        source=None,
-        members=members,
-        set_points_together=moves,
-    )
+    healthy = group_of("1", 300.0, True, False, 0.001, None, members, moves)
     monkeypatch.setattr(groups, "soon", lambda backend: (healthy,))
     told = client.get("/groups").text
     assert said in told
@@ -82,9 +61,7 @@ def test_of_healthy_loops_the_set_points_are_asked_first(client, web_backend, mo
 
 def test_of_valves_that_stick_each_by_itself_none_is_said_to_shake_the_others(client, web_backend, monkeypatch):
     members = [replace(member, stiction_probability=0.99) for member in plant_groups(web_backend)[0].members]
-    several = GroupOut(
-        id="1", period_s=300.0, in_step=True, by_chance=False, chance_probability=0.001, source=None, members=members
-    )
+    several = group_of("1", 300.0, True, False, 0.001, None, members)
     monkeypatch.setattr(groups, "soon", lambda backend: (several,))
     told = client.get("/groups").text
     assert "Members stick, but none does what the others share" in told
@@ -92,15 +69,7 @@ def test_of_valves_that_stick_each_by_itself_none_is_said_to_shake_the_others(cl
 
 
 def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
-    crowded = GroupOut(
-        id="1",
-        period_s=300.0,
-        in_step=True,
-        by_chance=True,
-        chance_probability=0.84,
-        source=None,
-        members=plant_groups(web_backend)[0].members,
-    )
+    crowded = group_of("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert "Its period is shared by 2 other loops , likely by chance." in told
@@ -114,15 +83,7 @@ def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
     client, web_backend, monkeypatch, by_chance, said
 ):
     members = plant_groups(web_backend)[0].members
-    pair = GroupOut(
-        id="1",
-        period_s=300.0,
-        in_step=True,
-        by_chance=by_chance,
-        chance_probability=0.03,
-        source="LIC7",
-        members=members,
-    )
+    pair = group_of("1", 300.0, True, by_chance, 0.03, "LIC7", members)
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [pair])
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert f"the likeliest source is LIC7 : {said}" in told
@@ -130,9 +91,7 @@ def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
 
 def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_backend, monkeypatch):
     members = plant_groups(web_backend)[0].members
-    alike = GroupOut(
-        id="1", period_s=300.0, in_step=False, by_chance=True, chance_probability=0.03, source="LIC7", members=members
-    )
+    alike = group_of("1", 300.0, False, True, 0.03, "LIC7", members)
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [alike])
     monkeypatch.setattr(loop_page, "_beside", lambda *_: (None, None))
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
@@ -142,30 +101,8 @@ def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_b
 
 def test_groups_that_are_not_shown_are_counted_and_links_to_them_lead_there(client, web_backend, monkeypatch):
     members = plant_groups(web_backend)[0].members
-    shaken = [
-        GroupOut(
-            id=str(k),
-            period_s=300.0,
-            in_step=True,
-            by_chance=False,
-            chance_probability=0.001,
-            source="LIC7",
-            members=members,
-        )
-        for k in range(1, 104)
-    ]
-    crowded = [
-        GroupOut(
-            id=str(k),
-            period_s=300.0,
-            in_step=True,
-            by_chance=True,
-            chance_probability=0.84,
-            source=None,
-            members=members,
-        )
-        for k in range(104, 206)
-    ]
+    shaken = [group_of(str(k), 300.0, True, False, 0.001, "LIC7", members) for k in range(1, 104)]
+    crowded = [group_of(str(k), 300.0, True, True, 0.84, None, members) for k in range(104, 206)]
     monkeypatch.setattr(groups, "soon", lambda backend: (*shaken, *crowded))
     found = client.get("/groups").text
     assert '3 more: <a href="/v1/groups">' in found
@@ -179,17 +116,7 @@ def test_a_prior_is_no_probability_that_was_measured(client, web_backend, monkey
     monkeypatch.setattr(
         groups,
         "soon",
-        lambda backend: (
-            GroupOut(
-                id="1",
-                period_s=300.0,
-                in_step=True,
-                by_chance=False,
-                chance_probability=0.001,
-                source=None,
-                members=members,
-            ),
-        ),
+        lambda backend: (group_of("1", 300.0, True, False, 0.001, None, members),),
     )
     html = client.get("/groups").text
     assert '<td class="number">–</td>' in html[: html.index(others[0].loop[:6])]
@@ -225,15 +152,7 @@ def test_an_audited_plant_without_groups_is_told_so(client, monkeypatch):
 def test_of_a_group_of_hundreds_the_first_are_seen_and_the_others_open(client, web_backend, monkeypatch):
     members = plant_groups(web_backend)[0].members
     for count, folded in ((20, 0), (334, 314)):
-        shaken = GroupOut(
-            id="1",
-            period_s=300.0,
-            in_step=True,
-            by_chance=False,
-            chance_probability=0.001,
-            source="LIC7",
-            members=(list(members) * count)[:count],
-        )
+        shaken = group_of("1", 300.0, True, False, 0.001, "LIC7", (list(members) * count)[:count])
         monkeypatch.setattr(groups, "soon", lambda backend, shaken=shaken: (shaken,))
         seen_first, _, others = client.get("/groups").text.partition("<details>")
         assert seen_first.count('<td class="tag">') == 20

@@ -16,7 +16,6 @@ from app.services.axes import ticks
 from app.services.backend import Backend
 from app.services.explaining.wording import SIMULATION_WORDS
 from app.services.moments import UTC_CLOCK
-from app.services.outward import GroupOut
 from app.services.plant import loop_sheet
 from app.services.plant.groups import plant_groups
 from app.services.plant.loop_verdicts import loop_health
@@ -26,6 +25,7 @@ from app.services.stating.notes import add_note, end_shelving
 from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import next_step
 from app.storage import loops
+from tests.swinging import group_of
 from tests.web.conftest import TAGS
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
@@ -163,15 +163,7 @@ def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):
 
 
 def test_a_period_that_is_shared_by_chance_is_no_company(two_nights, monkeypatch):
-    crowded = GroupOut(
-        id="1",
-        period_s=300.0,
-        in_step=True,
-        by_chance=True,
-        chance_probability=0.84,
-        source=None,
-        members=plant_groups(two_nights)[0].members,
-    )
+    crowded = group_of("1", 300.0, True, True, 0.84, None, plant_groups(two_nights)[0].members)
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = words_of(of_loop(two_nights))
     assert "Its period is shared by 2 other loops, likely by chance." in told
