@@ -1,6 +1,7 @@
 """Which values are refused for their quality, and what is said where the file does not tell its meaning."""
 
 import numpy as np
+import polars as pl
 import pytest
 
 from app.ingest import IngestOptions
@@ -70,6 +71,20 @@ def test_of_words_that_are_as_frequent_the_alphabet_tells_which_comes_first(read
     )
     told = "most values were refused for their quality: Bad (20), Offline (20), Timeout (20)"
     assert told in read(text).summary.notes
+
+
+def test_of_numbers_that_are_as_frequent_the_smallest_comes_first() -> None:
+    quality = Quality()
+    for chunk in (["0"] * 4, ["7", "5"], ["3"]):
+        quality.learn(pl.Series(chunk))
+    assert quality.notes() == [UNTOLD.format(0, "0, 3, 5")]
+
+
+def test_of_more_words_than_are_counted_the_same_are_named_each_time() -> None:
+    quality = Quality()
+    quality.learn(pl.Series([f"fault {number:04d}" for number in reversed(range(5000))]))
+    told = "fault 0000 (1), fault 0001 (1), fault 0002 (1)"
+    assert quality.notes() == [f"most values were refused for their quality: {told}"]
 
 
 @pytest.mark.parametrize("name", ["CONFIDENCE", "OPCQuality"])

@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from math import isfinite
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -181,12 +182,11 @@ class Quality:
         """What is to be said of how qualities were read."""
         notes = []
         if not self._told and self._good != 1.0:
-            seen = ", ".join(f"{number:g}" for number, _ in self._numbers.most_common(_SHOWN))
+            seen = ", ".join(f"{number:g}" for number, _ in _most(self._numbers))
             taken = f"{self._good:g} was taken, the most frequent of {seen}"
             notes.append(f"the file does not tell which quality number is good, {taken}")
         if self._judged[True] > self._judged[False]:
-            ranked = sorted(self._refused.items(), key=lambda one: (-one[1], one[0]))[:_SHOWN]
-            words = ", ".join(f"{text[:40]} ({times})" for text, times in ranked)
+            words = ", ".join(f"{text[:40]} ({times})" for text, times in _most(self._refused))
             notes.append(f"most values were refused for their quality: {words}")
         return notes
 
@@ -335,8 +335,16 @@ def _is_good_below_bits_of_a_vendor(number: float) -> bool:
     return OPC_MOST < number < UA_UNCERTAIN and int(number) & 0xC0 == 0xC0
 
 
+_Shown = TypeVar("_Shown", float, str)
+
+
+def _most(counts: Mapping[_Shown, int]) -> list[tuple[_Shown, int]]:
+    """The most frequent that are shown; of those that are as frequent, the first by name."""
+    return sorted(counts.items(), key=lambda one: (-one[1], one[0]))[:_SHOWN]
+
+
 def _counted(texts: pl.Series, weights: NDArray[np.int64] | None) -> dict[str, int]:
-    """How often each text stands."""
+    """How often each text stands, in the order of the texts: a group has no place of its own."""
     frame = pl.DataFrame({"text": texts, "times": np.ones(len(texts), np.int64) if weights is None else weights})
     found = frame.drop_nulls().group_by("text").agg(pl.col("times").sum())
-    return dict(zip(found["text"].cast(pl.String).to_list(), found["times"].to_list(), strict=True))
+    return dict(sorted(zip(found["text"].cast(pl.String).to_list(), found["times"].to_list(), strict=True)))
