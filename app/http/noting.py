@@ -14,6 +14,7 @@ from app.http.problems import AWAY
 from app.services.access import trail
 from app.services.access.identity import NOBODY, Identity
 from app.services.backend import Backend
+from app.services.outward import TrailOutcome
 
 COUNTED = (401,)  # what strangers do is noted where it is limited by address: nobody fills the trail without a key
 
@@ -50,7 +51,7 @@ async def answer_noted(
         raise
 
 
-def outcome_of(status: int, in_doubt: bool) -> str:
+def outcome_of(status: int, in_doubt: bool) -> TrailOutcome:
     """in_doubt: the data base went away while it was written; the change may stand all the same."""
     if in_doubt:
         return "not_known"
@@ -58,7 +59,7 @@ def outcome_of(status: int, in_doubt: bool) -> str:
 
 
 async def note(
-    of: FastAPI, asked: Asked, identity: Identity, outcome: str, status: int, subject: str | None = None
+    of: FastAPI, asked: Asked, identity: Identity, outcome: TrailOutcome, status: int, subject: str | None = None
 ) -> None:
     backend: Backend = of.state.backend
     action = asked.permission.action or "access"

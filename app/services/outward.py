@@ -11,6 +11,7 @@ from app.storage.audits import ENDED
 
 UploadState = Literal["received", "reading", "done", "failed"]
 AuditState = Literal["planned", "running", "done", "partial", "cancelled"]
+TrailOutcome = Literal["done", "refused", "failed", "not_known"]
 EVEN = 0.5
 
 
@@ -312,7 +313,7 @@ class TrailRowOut:
     ]
     subject: Annotated[str, Field(description="To what: an address of this service, or the id of a key.")]
     outcome: Annotated[
-        Literal["done", "refused", "failed", "not_known"],
+        TrailOutcome,
         Field(description="Whether it was done; not_known: the data base went away while it was written."),
     ]
     request_id: Annotated[str | None, Field(description="As in the answer's X-Request-Id and in the log.")]

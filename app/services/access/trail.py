@@ -10,7 +10,7 @@ from app.services.access.identity import Identity, request_id
 from app.services.backend import Backend
 from app.services.cursors import decode, page_of
 from app.services.moments import iso_utc
-from app.services.outward import TrailRowOut
+from app.services.outward import TrailOutcome, TrailRowOut
 from app.services.results import Page
 from app.storage import trail
 from app.storage.types import storable
@@ -18,15 +18,18 @@ from app.storage.types import storable
 LONGEST_SUBJECT = 500
 
 
-def record(backend: Backend, identity: Identity, action: str, subject: str, outcome: str, **detail: Any) -> None:
+def record(
+    backend: Backend, identity: Identity, action: str, subject: str, outcome: TrailOutcome, **detail: Any
+) -> None:
     """Adds a row, in a transaction of its own."""
     with backend.database.write() as connection:
         add(connection, identity, action, subject, outcome, **detail)
 
 
-def add(connection: Connection, identity: Identity, action: str, subject: str, outcome: str, **detail: Any) -> None:
-    """Adds a row, in the transaction of what it tells. `outcome` is done, refused, failed or not_known; `detail`
-    holds nothing secret."""
+def add(
+    connection: Connection, identity: Identity, action: str, subject: str, outcome: TrailOutcome, **detail: Any
+) -> None:
+    """Adds a row, in the transaction of what it tells. `detail` holds nothing secret."""
     values = {
         "who": identity.who,
         "key_id": identity.key_id,

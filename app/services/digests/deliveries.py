@@ -28,6 +28,7 @@ from app.services.digests.telling import as_html, as_json, as_text, subject
 from app.services.digests.webhooks import checked_address, send_webhook
 from app.services.heartbeat import Heartbeat
 from app.services.moments import iso_utc
+from app.services.outward import TrailOutcome
 from app.storage import deliveries
 from app.storage.audits import newest_night
 from app.storage.deliveries import DeliveryClaim, DeliveryRow
@@ -223,6 +224,6 @@ def _view(row: DeliveryRow) -> DeliveryView:
     return DeliveryView(str(row.audit_id), shown(row.receiver), row.state, row.attempts, ended_at, row.error_text)
 
 
-def _tell(backend: Backend, claim: DeliveryClaim, by: Identity, outcome: str, **detail: str) -> None:
+def _tell(backend: Backend, claim: DeliveryClaim, by: Identity, outcome: TrailOutcome, **detail: str) -> None:
     subject_ = f"/v1/audits/{claim.audit_id}"
     trail.record(backend, by, ACTION, subject_, outcome, receiver=shown(claim.receiver), **detail)
