@@ -109,7 +109,8 @@ def in_other_letters(connection: Connection, folded: list[str]) -> tuple[Select[
         same = among_many(connection, func.lower(loops.c.tag), folded)
         return query.where(or_(same, func.length(cast(loops.c.tag, LargeBinary)) != letters)), {}
     same = func.lower(loops.c.tag.collate("C")).in_(from_arrays(loops, ("tag",)))
-    return query.where(or_(same, func.octet_length(loops.c.tag) != letters)), {"sent_tag": folded}
+    bytes_sent = func.octet_length(func.convert_to(loops.c.tag, "UTF8"))  # in a data base of LATIN1 an é is one byte
+    return query.where(or_(same, bytes_sent != letters)), {"sent_tag": folded}
 
 
 def ids_of(connection: Connection, tags: Sequence[str]) -> dict[str, int]:
