@@ -64,12 +64,12 @@ def check_finite(value: Any, name: str = "") -> None:
     """Raises ValueError where a number is not finite, with its place: `.spectra.pv[]`."""
     if isinstance(value, dict):
         for key, part in value.items():
-            if not _is_plain(part):
+            kind = type(part)  # asked here: of a verdict's thousand parts most are plain, and a call each is dear
+            if kind not in _WITHOUT_FRACTION and (kind is not float or not isfinite(part)):
                 check_finite(part, f"{name}.{key}")
     elif isinstance(value, (list, tuple)) and not _sums_up(value):
         for part in value:
-            if not _is_plain(part):
-                check_finite(part, f"{name}[]")
+            check_finite(part, f"{name}[]")
     elif isinstance(value, (float, np.floating, np.ndarray)) and not np.isfinite(value).all():
         raise ValueError(f"{name or 'value'} is {value}, no number that could be stored")
 
@@ -80,9 +80,3 @@ def _sums_up(values: Sequence[Any]) -> bool:
         return isfinite(sum(filter(None, values)))
     except (TypeError, ValueError, OverflowError):  # texts, tables, arrays; each is then looked at for itself
         return False
-
-
-def _is_plain(value: Any) -> bool:
-    """Whether it is a finite number of Python or what holds none, as most of a verdict are."""
-    kind = type(value)
-    return isfinite(value) if kind is float else kind in _WITHOUT_FRACTION

@@ -4,16 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Select, Update, bindparam, func, select, tuple_, update
+from sqlalchemy import Connection, Select, Update, and_, bindparam, func, or_, select, update
 
 from app.counting import counted_times
+from app.storage.bulk import among
 from app.storage.leases import Reopened, take_back
 from app.storage.tables import GOING_ON, audit_items, audits, loops
 from app.storage.types import clock_s
 
 CANCELLED = "cancelled"
 """The code of loops that were called off with their run."""
-ITEM = tuple_(audit_items.c.loop_id, audit_items.c.attempts)
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def renew(connection: Connection, claims: Sequence[Claim], lease_s: float) -> in
     """How many of the claims still hold; their lease starts anew."""
     if not claims:
         return 0
-    return connection.execute(_held(claims).values(lease_until_s=clock_s() + lease_s)).rowcount
+    return connection.execute(_held(connection, claims).values(lease_until_s=clock_s() + lease_s)).rowcount
 
 
 def hand_back(connection: Connection, claims: Sequence[Claim]) -> int:
@@ -69,14 +69,14 @@ def hand_back(connection: Connection, claims: Sequence[Claim]) -> int:
     if not claims:
         return 0
     as_before = {"state": "open", "owner": None, "lease_until_s": None, "attempts": audit_items.c.attempts - 1}
-    return connection.execute(_held(claims).values(as_before)).rowcount
+    return connection.execute(_held(connection, claims).values(as_before)).rowcount
 
 
 def finish(connection: Connection, claims: Sequence[Claim]) -> set[int]:
     """The loops whose claim still holds, now done: only their results may be written, in the same transaction."""
     if not claims:
         return set()
-    ended = _held(claims).values(state="done", owner=None, lease_until_s=None, code=None, text=None)
+    ended = _held(connection, claims).values(state="done", owner=None, lease_until_s=None, code=None, text=None)
     return set(connection.scalars(ended.returning(audit_items.c.loop_id)))
 
 
@@ -147,20 +147,27 @@ def _take(connection: Connection, audit_id: int, owner: str, chosen: Select[Any]
         return []
     taken = connection.execute(
         update(audit_items)
-        .where(audit_items.c.audit_id == audit_id, audit_items.c.loop_id.in_(picked))
+        .where(audit_items.c.audit_id == audit_id, among(connection, audit_items.c.loop_id, picked))
         .values(state="claimed", owner=owner, lease_until_s=clock_s() + lease_s, attempts=audit_items.c.attempts + 1)
         .returning(audit_items.c.loop_id, audit_items.c.attempts)
     )
     return sorted((Claim(audit_id, row.loop_id, row.attempts, owner) for row in taken), key=lambda c: c.loop_id)
 
 
-def _held(claims: Sequence[Claim]) -> Update:
+def _held(connection: Connection, claims: Sequence[Claim]) -> Update:
     """Items of one owner in one run whose attempt is still theirs."""
+    by_attempt: dict[int, list[int]] = {}
+    for one in claims:
+        by_attempt.setdefault(one.attempt, []).append(one.loop_id)
+    theirs = [
+        and_(audit_items.c.attempts == attempt, among(connection, audit_items.c.loop_id, loop_ids))
+        for attempt, loop_ids in by_attempt.items()
+    ]
     return update(audit_items).where(
         audit_items.c.audit_id == claims[0].audit_id,
         audit_items.c.owner == claims[0].owner,
         audit_items.c.state == "claimed",
-        ITEM.in_([(claim.loop_id, claim.attempt) for claim in claims]),
+        or_(*theirs),
     )
 
 

@@ -141,7 +141,7 @@ def by_tag(connection: Connection, tag: str, to_change: bool = False) -> LoopRow
 
 
 def by_ids(connection: Connection, ids: Iterable[int]) -> dict[int, LoopRow]:
-    found = connection.execute(select(*COLUMNS).where(loops.c.id.in_(list(ids))))
+    found = connection.execute(select(*COLUMNS).where(among(connection, loops.c.id, ids)))
     return {row.id: LoopRow(*row) for row in found}
 
 

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from sqlalchemy import ColumnElement, Connection, FromClause, and_, exists, func, insert, or_, select, true, update
 
-from app.storage.bulk import among_many
+from app.storage.bulk import among, among_many
 from app.storage.tables import loops, notes
 from app.storage.types import now
 
@@ -117,5 +117,6 @@ def repairs_stated_last(connection: Connection, loop_ids: Iterable[int]) -> dict
     """By loop, of the newest note that states a repair that stands, be it earlier than another note's: so a wrong time
     can be put right."""
     standing = and_(notes.c.repaired_at.is_not(None), stands(notes))
-    query = select(notes.c.loop_id, notes.c.repaired_at).where(notes.c.loop_id.in_(list(loop_ids)), standing)
+    of_these = among(connection, notes.c.loop_id, loop_ids)
+    query = select(notes.c.loop_id, notes.c.repaired_at).where(of_these, standing)
     return {row.loop_id: row.repaired_at for row in connection.execute(query.order_by(notes.c.id))}

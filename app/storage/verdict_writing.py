@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import Connection, Table, bindparam, case, or_, select, update
+from sqlalchemy import Connection, Insert, Table, bindparam, case, or_, select, update
+from sqlalchemy.dialects import postgresql, sqlite
 
 from app.storage.asked_rows import KEPT
-from app.storage.bulk import insert_for, insert_new
+from app.storage.bulk import Rows, among, columns_of, from_arrays, insert_new_rows
 from app.storage.tables import loops, newest_rows, verdict_details, verdicts
 
 
@@ -46,34 +48,20 @@ def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
     if not new:
         return
     rows = [{"loop_id": v.loop_id, "audit_id": v.audit_id, **v.columns} for v in new]
-    connection.execute(insert_new(connection, verdicts), rows)
+    insert_new_rows(connection, verdicts, rows)
     details = [{"loop_id": v.loop_id, "audit_id": v.audit_id, "packed": v.detail} for v in new]
-    connection.execute(insert_new(connection, verdict_details), details)
+    insert_new_rows(connection, verdict_details, details)
     newest = max(v.audit_id for v in new)
     older = or_(loops.c.newest_audit_id.is_(None), loops.c.newest_audit_id < newest)
-    ids = sorted(v.loop_id for v in new)
+    these = among(connection, loops.c.id, [v.loop_id for v in new])
     # In one order, as uploads lock loops too: two writers that each wait for the other would both be thrown back.
-    connection.execute(
-        select(loops.c.id).where(loops.c.id.in_(ids)).order_by(loops.c.id).with_for_update(key_share=True)
-    )
-    connection.execute(update(loops).where(loops.c.id.in_(ids), older).values(newest_audit_id=newest))
+    connection.execute(select(loops.c.id).where(these).order_by(loops.c.id).with_for_update(key_share=True))
+    connection.execute(update(loops).where(these, older).values(newest_audit_id=newest))
     _keep_rows(connection, new)
 
 
 def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
     """One row a loop, that of its newest run."""
-    keeping = insert_for(connection, newest_rows)
-    written = {column.name: keeping.excluded[column.name] for column in newest_rows.columns if column.name != "loop_id"}
-    newer = keeping.excluded.audit_id > newest_rows.c.audit_id
-    before = {
-        "before_audit_id": case((newer, newest_rows.c.audit_id), else_=newest_rows.c.before_audit_id),
-        "verdict_before": case((newer, newest_rows.c.verdict), else_=newest_rows.c.verdict_before),
-    }
-    keeping = keeping.on_conflict_do_update(
-        index_elements=["loop_id"],
-        set_=written | before,
-        where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
-    )
     rows = [
         {"loop_id": v.loop_id, "audit_id": v.audit_id}
         | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json}
@@ -81,7 +69,30 @@ def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
         | {name: v.columns[name] for name in KEPT}
         for v in new
     ]
-    connection.execute(keeping, sorted(rows, key=lambda row: row["loop_id"]))
+    _keep(connection, sorted(rows, key=lambda row: row["loop_id"]))
+
+
+def _keep(connection: Connection, rows: Rows) -> None:
+    together = connection.dialect.name == "postgresql"
+    connection.execute(_keeping(tuple(rows[0]), together), columns_of(rows) if together else list(rows))
+
+
+@lru_cache(maxsize=4)
+def _keeping(names: tuple[str, ...], together: bool) -> Insert:
+    """together: of rows as `columns_of` has them, on PostgreSQL; else row by row."""
+    insert = postgresql.insert(newest_rows) if together else sqlite.insert(newest_rows)
+    keeping: Any = insert.from_select(list(names), from_arrays(newest_rows, names)) if together else insert
+    written = {name: keeping.excluded[name] for name in names if name != "loop_id"}
+    newer = keeping.excluded.audit_id > newest_rows.c.audit_id
+    before = {
+        "before_audit_id": case((newer, newest_rows.c.audit_id), else_=newest_rows.c.before_audit_id),
+        "verdict_before": case((newer, newest_rows.c.verdict), else_=newest_rows.c.verdict_before),
+    }
+    return keeping.on_conflict_do_update(
+        index_elements=["loop_id"],
+        set_=written | before,
+        where=keeping.excluded.audit_id >= newest_rows.c.audit_id,
+    )
 
 
 def reword(connection: Connection, changed: Sequence[Reworded]) -> None:

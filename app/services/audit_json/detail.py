@@ -1,5 +1,6 @@
 """What the audit line leaves out, for storage and charts."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,17 @@ from app.services.audit_json.size import stiction_size_detail
 from app.services.audit_json.spectra import spectra
 
 
-def detail(audit: Audit) -> dict[str, Any]:
+def detail(audit: Audit, line: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """What the line leaves out, for storage and charts: findings, rungs with their curves and surfaces, spectra.
 
-    Numbers have five significant digits, spectra at most 256 lines (the highest of each group is kept).
+    Numbers have five significant digits, spectra at most 256 lines (the highest of each group is kept). line: that of
+    the audit, where it is there already; what it has is taken from there.
     """
     reference = audit.reference
+    told = line or {
+        "rivals": [rival_line(rival).model_dump() for rival in audit.judgement.rivals],
+        "episodes": [episode_line(episode).model_dump() for episode in audit.episodes.found],
+    }
     return {
         "findings": [_finding(finding) for finding in audit.fitness.findings],
         "window": None if audit.window is None else vars(audit.window),
@@ -29,9 +35,9 @@ def detail(audit: Audit) -> dict[str, Any]:
         "key_figures": scalars(vars(audit.key_figures)),
         "health": [vars(part) for part in audit.health.parts],
         "oscillation": None if audit.oscillation is None else scalars(vars(audit.oscillation)),
-        "rivals": [rival_line(rival).model_dump() for rival in audit.judgement.rivals],
+        "rivals": told["rivals"],
         "methods": [_method(method) for method in audit.judgement.methods],
-        "episodes": [episode_line(episode).model_dump() for episode in audit.episodes.found],
+        "episodes": told["episodes"],
         "episode_windows": [scalars(vars(window)) for window in audit.episodes.windows],
         "rungs": [] if reference is None else [_rung(rung) for rung in reference.rungs],
         "spectra": None if reference is None else spectra(reference.yper),

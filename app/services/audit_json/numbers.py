@@ -12,7 +12,15 @@ LARGEST_EXPONENT = 16  # beyond it powers of ten are no longer exact
 
 
 def scalars(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: or_none(value) if isinstance(value, float) else value for name, value in values.items()}
+    """Numbers of Python that are known, which most are, as they stand."""
+    return {
+        name: value if type(value) is float and math.isfinite(value) else _or_none(value)
+        for name, value in values.items()
+    }
+
+
+def _or_none(value: Any) -> Any:
+    return or_none(value) if isinstance(value, float) else value
 
 
 def or_none(value: float | None, digits: int | None = None) -> float | None:

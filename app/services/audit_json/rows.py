@@ -79,7 +79,7 @@ def new_verdict(
         "input_end_ns": input_ns[1],
     }
     held = {name: iso_utc(moment_of(at)) for name, at in held_ns.items()}
-    told = {**detail(audit), "reasons": line["reasons"], "episodes": line["episodes"], HELD_SINCE: held}
+    told = {**detail(audit, line), "reasons": line["reasons"], HELD_SINCE: held}
     told[STATED] = {name: getattr(recording, name) for name in STATED_OF_LOOP}
     of_run = {"tag": audit.recording, "audit_id": audit_id, "run_begun": begun, "run_newest_ns": newest_ns}
     stored = columns | extra | of_run

@@ -1,5 +1,6 @@
 """The spectra behind Yper, as they are stored and drawn."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ def spectra(yper: YperResult) -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=16)
 def _groups(count: int) -> np.ndarray:
     """Where each group of neighbouring frequencies starts: at most STORED_FREQUENCIES groups."""
-    return np.unique(np.linspace(0, count, min(count, STORED_FREQUENCIES), endpoint=False).astype(int))
+    groups = np.unique(np.linspace(0, count, min(count, STORED_FREQUENCIES), endpoint=False).astype(int))
+    groups.flags.writeable = False
+    return groups
