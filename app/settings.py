@@ -9,12 +9,13 @@ from datetime import time
 from functools import cache
 from pathlib import Path
 from typing import Literal
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 from zoneinfo import available_timezones
 
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from app.broker_addresses import BROKERS, UNREAD_BROKER, is_read_by_kombu, wrong_option
 from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
 
 READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
@@ -42,17 +43,6 @@ def _zones_of_everybody() -> frozenset[str]:
     return frozenset(available_timezones() - {"localtime"})
 
 
-UNREAD_BROKER = (
-    "a port is a number, and so is the data base of a Redis; / ? # ; [ % in a password are %2F %3F %23 %3B %5B %25"
-)
-_FOR_ALL = frozenset({"credential_provider", "heartbeat", "insist", "login_method"})
-OPTIONS_OF_BROKERS = {"redis": _FOR_ALL | {"connect_timeout"}, "amqp": _FOR_ALL | {"ssl"}}
-"""What kombu takes behind the ? of an address, and its transport can use, beside ssl_...: another one is a TypeError or
-a ValueError at its first use."""
-PROOFS_OF_BROKERS = frozenset({"CERT_NONE", "CERT_OPTIONAL", "CERT_REQUIRED", "none", "optional", "required"})
-BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
-
-
 HOST_NAME = re.compile(r"[a-z0-9_]([a-z0-9_.-]*[a-z0-9_])?", re.IGNORECASE | re.ASCII)
 LONGEST_LABEL = 63
 IN_BASE64 = "whsec_"
@@ -67,37 +57,6 @@ def _is_host(text: str) -> bool:
         return bool(ipaddress.ip_address(text))
     except ValueError:
         return HOST_NAME.fullmatch(text) is not None and _can_be_looked_up(text)
-
-
-def _is_read_by_kombu(broker: str) -> bool:
-    """Whether host, port and data base stand where kombu looks for them: behind a password whose letters end them early
-    it fails at the first use, and tells part of the password."""
-    try:
-        parts = urlsplit(broker)
-        _ = parts.port
-    except ValueError:
-        return False
-    if "@" in parts.path + parts.query + parts.fragment and "@" not in parts.netloc:
-        return False
-    name = parts.path.removeprefix("/")
-    return not parts.scheme.startswith("redis") or name == "" or name.isdecimal()
-
-
-def _wrong_option(broker: str) -> str:
-    """What is wrong behind the ? of an address that can be read, going on from the setting's name; empty: nothing."""
-    parts = urlsplit(broker)
-    given = parse_qsl(parts.query)
-    names = {name for name, _ in given}
-    of_tls = {name for name in names if name.startswith("ssl_")}
-    taken = OPTIONS_OF_BROKERS["redis" if parts.scheme.startswith("redis") else "amqp"]
-    if not names <= taken | of_tls or ("ssl" in names and of_tls):
-        tls = "those that begin with ssl_" + (", which go not with ssl" if "ssl" in taken else "")
-        return f" takes no such option behind its ?; there is {', '.join(sorted(taken))}, and {tls}"
-    if not PROOFS_OF_BROKERS.issuperset(value for name, value in given if name == "ssl_cert_reqs"):
-        return f": ssl_cert_reqs is one of {', '.join(sorted(PROOFS_OF_BROKERS))}"
-    beats = [value for name, value in given if name == "heartbeat"]
-    numbers = all(re.fullmatch(r"\d+(\.\d*)?", value, re.ASCII) for value in beats)
-    return "" if numbers else ": heartbeat is a number of seconds"
 
 
 def _can_be_looked_up(host: str) -> bool:
@@ -342,9 +301,9 @@ class Settings(BaseSettings):
         if address and not address.startswith(BROKERS):
             raise ValueError(f"BROKER_URL must begin with {', '.join(BROKERS)}; got {address.partition(':')[0][:20]!r}")
         servers = [] if address.startswith("folder://") else address.split(";")
-        if not all(_is_read_by_kombu(it) for it in servers):
+        if not all(is_read_by_kombu(it) for it in servers):
             raise ValueError("BROKER_URL cannot be read: " + UNREAD_BROKER)
-        if wrong := next(filter(None, map(_wrong_option, servers)), ""):
+        if wrong := next(filter(None, map(wrong_option, servers)), ""):
             raise ValueError("BROKER_URL" + wrong)
         return address
 

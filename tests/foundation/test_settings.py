@@ -8,10 +8,11 @@ import pytest
 from kombu import Connection
 from pydantic import SecretStr, ValidationError
 
+from app.broker_addresses import OPTIONS_OF_BROKERS, PROOFS_OF_BROKERS
 from app.cli.configuration import load_settings
 from app.errors import RequestError
 from app.services.digests.webhooks import forbidden_hosts
-from app.settings import OPTIONS_OF_BROKERS, PROOFS_OF_BROKERS, Settings, misspelt
+from app.settings import Settings, misspelt
 
 
 @pytest.mark.parametrize("address", ["garbage", "http://redis:6379", "redis.example:6379/0"])
@@ -91,6 +92,18 @@ def test_an_option_that_its_kind_of_broker_cannot_have_is_refused(address: str) 
         Settings(broker_url=address)
 
 
+@pytest.mark.parametrize("provider", ["hunter2.of", "json.hunter2", "json:hunter2", ".hunter2", ":", ""])
+def test_a_provider_of_credentials_that_cannot_be_imported_is_refused_before_its_first_use(provider: str) -> None:
+    """And the address is not repeated: what stands in it may be a password."""
+    with pytest.raises(ValidationError) as raised:
+        Settings(broker_url=f"rediss://:secret@host/0?heartbeat=2&credential_provider={provider}x")
+    (told,) = (error["msg"] for error in raised.value.errors(include_input=False))
+    assert told.endswith("BROKER_URL: credential_provider names nothing that can be imported")
+    assert "hunter2" not in told
+    assert "secret" not in told
+    assert Settings(broker_url="redis://host/0?credential_provider=redis.CredentialProvider").broker_url
+
+
 @pytest.mark.parametrize("value", ["hunter2", "10s", "nan", "-1"])
 def test_a_heartbeat_of_a_broker_is_a_number_of_seconds(value: str) -> None:
     with pytest.raises(ValidationError) as raised:
@@ -104,7 +117,8 @@ def test_a_heartbeat_of_a_broker_is_a_number_of_seconds(value: str) -> None:
     ("scheme", "option"), [(scheme, option) for scheme, taken in OPTIONS_OF_BROKERS.items() for option in sorted(taken)]
 )
 def test_the_options_that_are_taken_are_those_of_the_client(scheme: str, option: str) -> None:
-    address = Settings(broker_url=f"{scheme}://:secret@host/0?{option}=1").broker_url
+    value = "redis.CredentialProvider" if option == "credential_provider" else "1"
+    address = Settings(broker_url=f"{scheme}://:secret@host/0?{option}={value}").broker_url
     assert Connection(address).hostname == "host"
 
 
