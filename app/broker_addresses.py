@@ -44,16 +44,20 @@ def wrong_option(broker: str) -> str:
     numbers = all(re.fullmatch(r"\d+(\.\d*)?", value, re.ASCII) for value in beats)
     if not numbers:
         return ": heartbeat is a number of seconds"
-    providers = [value for name, value in given if name == "credential_provider"]
-    return "" if all(map(_can_be_imported, providers)) else ": credential_provider names nothing that can be imported"
+    providers = (value for name, value in given if name == "credential_provider")
+    return next(filter(None, map(_wrong_provider, providers)), "")
 
 
-def _can_be_imported(name: str) -> bool:
-    """As kombu does at its first use; whoever made the provider installs it beside us."""
+def _wrong_provider(name: str) -> str:
+    """What is wrong with what makes the credentials, which is imported as kombu does at its first use: whoever made it
+    installs it beside us. Of what it raises the kind is told alone: the rest may hold a secret."""
     from kombu.utils.imports import symbol_by_name
 
+    option = ": credential_provider"
     try:
-        symbol_by_name(name)
-    except (ImportError, AttributeError, ValueError):
-        return False
-    return True
+        maker = symbol_by_name(name)
+    except (ImportError, AttributeError, TypeError, ValueError):  # TypeError: of a name that begins with two dots
+        return option + " names nothing that can be imported"
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - it runs code of others, before anything of ours does
+        return f"{option} fails as it is imported, by {type(error).__name__}"
+    return "" if callable(maker) else option + " names nothing that makes credentials"

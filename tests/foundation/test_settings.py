@@ -92,7 +92,9 @@ def test_an_option_that_its_kind_of_broker_cannot_have_is_refused(address: str) 
         Settings(broker_url=address)
 
 
-@pytest.mark.parametrize("provider", ["hunter2.of", "json.hunter2", "json:hunter2", ".hunter2", ":", ""])
+@pytest.mark.parametrize(
+    "provider", ["hunter2.of", "json.hunter2", "json:hunter2", ".hunter2", ":", "", "..", "..hunter2.of", "a.hunter2\0"]
+)
 def test_a_provider_of_credentials_that_cannot_be_imported_is_refused_before_its_first_use(provider: str) -> None:
     """And the address is not repeated: what stands in it may be a password."""
     with pytest.raises(ValidationError) as raised:
@@ -102,6 +104,34 @@ def test_a_provider_of_credentials_that_cannot_be_imported_is_refused_before_its
     assert "hunter2" not in told
     assert "secret" not in told
     assert Settings(broker_url="redis://host/0?credential_provider=redis.CredentialProvider").broker_url
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ("raise RuntimeError('hunter2')", "RuntimeError"),
+        ("import os; os.environ['HUNTER2']", "KeyError"),
+        ("hunter2 = (", "SyntaxError"),
+        ("raise SystemExit", "SystemExit"),  # a script: the command would end without a word
+    ],
+)
+def test_a_provider_of_credentials_that_fails_as_it_is_imported_is_refused_in_a_word(
+    written: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever it raises is not ours, and may tell what it looked for: its kind is told alone."""
+    (tmp_path / "provider_that_fails.py").write_text(written)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("LOOPAUDIT_BROKER_URL", "redis://h/0?credential_provider=provider_that_fails.Own")
+    with pytest.raises(RequestError) as raised:
+        load_settings()
+    assert raised.value.message.endswith(f"BROKER_URL: credential_provider fails as it is imported, by {told}")
+
+
+@pytest.mark.parametrize("provider", ["json", "json:", "os.sep", "math.pi"])
+def test_a_provider_of_credentials_is_something_that_can_be_called(provider: str) -> None:
+    """Another one was a TypeError at its first use."""
+    with pytest.raises(ValidationError, match="BROKER_URL: credential_provider names nothing that makes credentials"):
+        Settings(broker_url=f"redis://host/0?credential_provider={provider}")
 
 
 @pytest.mark.parametrize("value", ["hunter2", "10s", "nan", "-1"])
