@@ -1,7 +1,6 @@
 """What a verdict rests on, packed beside its row: its whole JSON."""
 
 import json
-import threading
 from collections.abc import Collection
 from typing import Any
 
@@ -10,22 +9,14 @@ from sqlalchemy import Connection, select
 
 from app.json_texts import short_json
 from app.storage.bulk import among
+from app.storage.samples import compressor
 from app.storage.tables import verdict_details
 
 LONGEST_DETAIL = 64 << 20
 
-_own = threading.local()
-
 
 def pack_detail(detail: dict[str, Any]) -> bytes:
-    return _compressor().compress(short_json(detail))
-
-
-def _compressor() -> zstandard.ZstdCompressor:
-    """One a thread: it serves one at a time."""
-    if not hasattr(_own, "compressor"):
-        _own.compressor = zstandard.ZstdCompressor(3)
-    return _own.compressor
+    return compressor().compress(short_json(detail))
 
 
 def detail_of(connection: Connection, loop_id: int, audit_id: int) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import zstandard
 
-from app.storage.samples import LEVEL, Samples, pack, unpack
+from app.storage.samples import Samples, compressor, pack, unpack
 
 FORMAT = 1
 HEADER = struct.Struct("<BI")  # format, length of the packed JSON
@@ -25,7 +25,7 @@ class Document:
 
 def pack_document(document: Document) -> bytes:
     text = json.dumps(document.told, separators=(",", ":"), allow_nan=False).encode()
-    told = zstandard.ZstdCompressor(LEVEL).compress(text)
+    told = compressor().compress(text)
     signals = b"" if document.signals is None else pack(document.signals)
     return HEADER.pack(FORMAT, len(told)) + told + signals
 

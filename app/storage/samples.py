@@ -87,7 +87,7 @@ def pack(samples: Samples, codings: Iterable[tuple[str, bytes]] | None = None) -
     columns = dict(zip(samples.signals, codings, strict=True))
     head = json.dumps({name: coding for name, (coding, _) in columns.items()}).encode()
     times = _times(samples.time_ns).differences
-    body = _compressor().compress(b"".join((times, *(raw for _, raw in columns.values()))))
+    body = compressor().compress(b"".join((times, *(raw for _, raw in columns.values()))))
     return HEADER.pack(FORMAT, len(samples), len(head)) + head + body
 
 
@@ -122,8 +122,9 @@ def _times(time_ns: TimeArray) -> _Times:
     return known
 
 
-def _compressor() -> zstandard.ZstdCompressor:
-    """One a thread: making it costs as much as it takes to press a day. Without a checksum damage is mostly unseen."""
+def compressor() -> zstandard.ZstdCompressor:
+    """One a thread, as it serves one at a time: making it costs as much as it takes to press a day. Without a checksum
+    damage is mostly unseen."""
     if not hasattr(_own, "compressor"):
         _own.compressor = zstandard.ZstdCompressor(LEVEL, write_checksum=True)
     return _own.compressor
