@@ -44,7 +44,7 @@ class Reworded:
 
 
 def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
-    """Stores verdicts and points their loops at them; to be called in the transaction that ends the items."""
+    """Stores verdicts of a run and points their loops at them; to be called in the transaction that ends the items."""
     if not new:
         return
     rows = [{"loop_id": v.loop_id, "audit_id": v.audit_id, **v.columns} for v in new]
@@ -61,15 +61,15 @@ def add(connection: Connection, new: Sequence[NewVerdict]) -> None:
 
 
 def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
-    """One row a loop, that of its newest run."""
-    rows = [
-        {"loop_id": v.loop_id, "audit_id": v.audit_id}
+    """One row a loop, that of its newest run; one statement writes a row once."""
+    rows = {
+        v.loop_id: {"loop_id": v.loop_id, "audit_id": v.audit_id}
         | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json}
         | {"swing_json": v.swing_json, "excerpts_json": v.excerpts_json}
         | {name: v.columns[name] for name in KEPT}
-        for v in new
-    ]
-    _keep(connection, sorted(rows, key=lambda row: row["loop_id"]))
+        for v in sorted(new, key=lambda v: v.loop_id)
+    }
+    _keep(connection, list(rows.values()))
 
 
 def _keep(connection: Connection, rows: Rows) -> None:

@@ -2,16 +2,18 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
-from sqlalchemy import insert, update
+from sqlalchemy import insert, select, update
 
 from app.storage import Database, digests, judged, loops, plant, shelvings, verdict_writing, verdicts
 from app.storage.asked_rows import RowFilter
 from app.storage.details import pack_detail
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
+from app.storage.tables import newest_rows
 from app.storage.tables import verdicts as verdicts_table
 from app.storage.types import now
 from app.storage.verdict_writing import NewVerdict
@@ -136,6 +138,39 @@ def test_whatever_asks_for_the_newest_verdict_gets_that_of_the_second_run(
         assert (swings["A1"], swings["A2"]) == runs[::-1]
         assert len(swings) == 6
         assert sorted(tags(judged.spans(connection, ["A1", "B1"]))) == ["A1", "B1"]
+
+
+def test_a_loop_that_stands_twice_in_a_chunk_is_written_once(database: Database, runs: tuple[int, int]) -> None:
+    """And takes none of the others with it."""
+    with database.write() as connection:
+        ids = [loops.by_tag(connection, tag).id for tag in ("B2", "A2", "B2")]
+        verdict_writing.add(connection, [said(loop_id, runs[1], "inconclusive", 5.0, NEW_NS) for loop_id in ids])
+        rows = {row.tag: (row.audit_id, row.verdict) for row in verdicts.said(connection)}
+    assert rows["A2"] == rows["B2"] == (runs[1], "inconclusive")
+
+
+def test_what_is_unknown_beside_long_texts_and_odd_signs_is_written_as_it_is(
+    database: Database, runs: tuple[int, int]
+) -> None:
+    """A chunk goes to PostgreSQL as arrays, in which such signs and NULL have meanings of their own."""
+    texts = {"R1": "NULL", "A2": '{"a\\\\",}', "A3": "", "A4": "ü" * 1_000_000, "B1": "'%(x)s\n", "B2": "null"}
+    healths = dict(zip(texts, (None, 0.1 + 0.2, 5e-324, -0.0, 1e300, None), strict=True))
+    with database.write() as connection:
+        tag_of = {loops.by_tag(connection, tag).id: tag for tag in reversed(texts)}
+        plain = [said(loop_id, runs[1], "stiction", healths[tag], NEW_NS) for loop_id, tag in tag_of.items()]
+        verdict_writing.add(connection, [_with_text(one, texts[tag_of[one.loop_id]]) for one in plain])
+        of_run = select(verdicts_table).where(verdicts_table.c.audit_id == runs[1])
+        stored = {tag_of[row.loop_id]: row for row in connection.execute(of_run) if row.loop_id in tag_of}
+        kept = {tag_of[row.loop_id]: row for row in connection.execute(select(newest_rows)) if row.loop_id in tag_of}
+    for tag, text in texts.items():
+        row = kept[tag]
+        assert (row.row_json, row.swing_json, row.excerpts_json) == (text, text or None, None)
+        assert (row.likely_cause, row.health, row.audit_id) == (None, healths[tag], runs[1])
+        assert (stored[tag].reasons_text, stored[tag].health, stored[tag].input_end_ns) == (text, healths[tag], NEW_NS)
+
+
+def _with_text(one: NewVerdict, text: str) -> NewVerdict:
+    return replace(one, columns=one.columns | {"reasons_text": text}, row_json=text, swing_json=text or None)
 
 
 def test_the_fields_of_a_changed_row_are_named_in_the_order_in_which_they_are_asked_for() -> None:
