@@ -1,6 +1,7 @@
 """The claim on a loop of a run: one owner at a time, fenced by its attempt, given to another where a worker is lost."""
 
 import threading
+from dataclasses import replace
 
 import pytest
 from sqlalchemy import Connection, event, select, update
@@ -105,6 +106,23 @@ def test_a_lost_worker_cannot_write_any_more(database: Database, run: int) -> No
         assert items.renew(connection, lost, 60.0) == 0
         assert items.finish(connection, again) == {again[0].loop_id}
     assert progress(database, run).failed == 0
+
+
+def test_claims_of_one_owner_hold_by_the_attempt_of_each(database: Database, run: int) -> None:
+    """One was tried before, the others not."""
+    claim(database, run, "lost", 1, lease_s=-1.0)
+    with database.write() as connection:
+        items.reopen_expired(connection, max_attempts=3, lease_s=60.0)
+    held = claim(database, run, "a", 19) + claim(database, run, "a", 20)
+    assert sorted(one.attempt for one in held) == [1] * 19 + [2]
+    with database.write() as connection:
+        assert items.renew(connection, [replace(one, attempt=3 - one.attempt) for one in held], 60.0) == 0
+        assert items.renew(connection, [replace(one, owner="lost") for one in held], 60.0) == 0
+        assert items.renew(connection, [replace(one, audit_id=run + 1) for one in held], 60.0) == 0
+        assert items.renew(connection, held, 60.0) == 20
+        assert items.finish(connection, held) == {one.loop_id for one in held}
+        assert items.finish(connection, held) == set()
+        assert items.hand_back(connection, held) == 0
 
 
 def test_lost_workers_are_counted_by_run(database: Database, run: int) -> None:
