@@ -2,13 +2,18 @@
 
 import json
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import pytest
+from sqlalchemy import Float, Integer
+from sqlalchemy.types import TypeEngine
 
 from app.engine.audit import audit
 from app.lab.testbench.spells import spell
+from app.services.audit_json.models import ReliabilityRow
 from app.services.audit_json.rows import FIELDS, new_verdict
 from app.services.moments import UTC_CLOCK
+from app.storage.tables import verdicts
 
 ORIGIN = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -55,3 +60,12 @@ def test_reason_carries_the_dates(row):
 def test_row_is_flat_and_names_the_rivals(row):
     assert all(value is None or isinstance(value, (str, int, float)) for value in row.values())
     assert {"rival_winner", "rival_runner_up", "hammerstein_two_rmse", "set_point_activity"} <= set(FIELDS)
+
+
+@pytest.mark.parametrize(("column", "number"), [(Float, float), (Integer, int)])
+def test_numbers_of_a_column_are_of_one_type(column: type[TypeEngine[Any]], number: type) -> None:
+    """PostgreSQL's driver takes a chunk's as one array, and none of 1 beside 0.5."""
+    fields = {name: field.annotation for name, field in ReliabilityRow.model_fields.items() if name != "audit_id"}
+    found = {fields[one.name] for one in verdicts.columns if isinstance(one.type, column) and one.name in fields}
+    assert number in found
+    assert found <= {number, number | None}

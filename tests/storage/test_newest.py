@@ -140,6 +140,19 @@ def test_whatever_asks_for_the_newest_verdict_gets_that_of_the_second_run(
         assert sorted(tags(judged.spans(connection, ["A1", "B1"]))) == ["A1", "B1"]
 
 
+def test_a_run_that_is_late_does_not_take_the_place_of_a_newer_one(database: Database, runs: tuple[int, int]) -> None:
+    """As the one over A1 would be, had it been the first that ended."""
+    with database.write() as connection:
+        loop_id = loops.by_tag(connection, "B1").id
+        verdict_writing.add(connection, [said(loop_id, runs[1], "no_stiction", 95.0, NEW_NS)])
+        verdict_writing.add(connection, [said(loop_id, runs[0], "stiction", 1.0, NEW_NS)])
+        told = select(
+            newest_rows.c.audit_id, newest_rows.c.verdict, newest_rows.c.health, loops_table.c.newest_audit_id
+        )
+        row = connection.execute(told.join(loops_table).where(loops_table.c.id == loop_id)).one()
+    assert row == (runs[1], "no_stiction", 95.0, runs[1])
+
+
 def test_a_loop_that_stands_twice_in_a_chunk_is_written_once(database: Database, runs: tuple[int, int]) -> None:
     """And takes none of the others with it."""
     with database.write() as connection:
