@@ -4,7 +4,7 @@ import re
 from urllib.parse import parse_qsl, urlsplit
 
 UNREAD_BROKER = (
-    "a port is a number, and so is the data base of a Redis; / ? # ; [ % in a password are %2F %3F %23 %3B %5B %25"
+    "a port is a number, and so is the database of a Redis; / ? # ; [ % in a password are %2F %3F %23 %3B %5B %25"
 )
 _FOR_ALL = frozenset({"credential_provider", "heartbeat", "insist", "login_method"})
 OPTIONS_OF_BROKERS = {"redis": _FOR_ALL | {"connect_timeout"}, "amqp": _FOR_ALL | {"ssl"}}

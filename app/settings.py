@@ -70,9 +70,9 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="ignore", hide_input_in_errors=True)
 
     data_dir: Path = Field(
-        Path(".loopaudit"), description="Folder of uploads, of the default data base and of the default broker."
+        Path(".loopaudit"), description="Folder of uploads, of the default database and of the default broker."
     )
-    database_url: str = Field("", description="SQLAlchemy address of the data base; empty: SQLite in the data folder.")
+    database_url: str = Field("", description="SQLAlchemy address of the database; empty: SQLite in the data folder.")
     broker_url: str = Field(
         "",
         description="Address of Celery's broker (redis://, rediss://, amqp://, amqps://): worker and schedule then are "
@@ -259,7 +259,7 @@ class Settings(BaseSettings):
         10,
         ge=0,
         le=19,
-        description="Workers yield the processor to the API and the data base by this much (nice, 0 to 19).",
+        description="Workers yield the processor to the API and the database by this much (nice, 0 to 19).",
     )
     worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
 

@@ -50,9 +50,9 @@ def what_is_wanting(error: Exception) -> str:
         return "the data folder is gone or read-only"
     if isinstance(error, DATABASE_AWAY):
         if takes_no_writes(error):
-            return "the data base takes no writes"
+            return "the database takes no writes"
         if not sweeping.answers(backend()):
-            return "the data base does not answer"
+            return "the database does not answer"
     return ""
 
 

@@ -24,7 +24,7 @@ def healthz() -> dict[str, str]:
 
 @router.get("/readyz", response_model=ReadyOut, responses={503: {"model": ReadyOut}}, summary="Whether it can work")
 async def readyz(request: Request) -> Any:
-    """200 when ready or degraded (the broker is away: uploads are kept, audits wait; or the data base is read-only:
+    """200 when ready or degraded (the broker is away: uploads are kept, audits wait; or the database is read-only:
     pages and figures can be read, nothing is stored; or the data folder is: no export is taken; or all connections to
     read with are in use: requests wait for one), 503 otherwise, also where nothing is known after 5 s. The answer may
     be a second old, or some while the next one is awaited."""
@@ -34,7 +34,7 @@ async def readyz(request: Request) -> Any:
 
 @router.get("/metrics", response_class=PlainTextResponse, summary="Figures for Prometheus")
 def metrics(backend: Services) -> PlainTextResponse:
-    """Collected from the data base at each scrape, so that all workers are counted."""
+    """Collected from the database at each scrape, so that all workers are counted."""
     return PlainTextResponse("".join(exposition(collected(backend))), media_type=PROMETHEUS)
 
 

@@ -29,9 +29,9 @@ def bench(
     ),
     page: Annotated[Path | None, typer.Option("--page", help="Write this page from the figures.")] = None,
     postgres: Annotated[
-        str, typer.Option("--postgres", help="A server on which data bases may be made and dropped.")
+        str, typer.Option("--postgres", help="A server on which databases may be made and dropped.")
     ] = "postgresql+psycopg://127.0.0.1/postgres",
-    redis: Annotated[str, typer.Option("--redis", help="An empty Redis data base.")] = "redis://127.0.0.1:6379/9",
+    redis: Annotated[str, typer.Option("--redis", help="An empty Redis database.")] = "redis://127.0.0.1:6379/9",
     recordings: Annotated[
         Path | None,
         typer.Option("--recordings", help="A folder of recordings to audit (CHEM1.csv is the paper's FC145)."),

@@ -76,7 +76,7 @@ def at_the_top(client: "ServiceClient") -> str:
 def where_to_look(url: str, worst: str) -> tuple[str, ...]:
     return (
         f"loopaudit: now open {url}/ in a browser: the plant, worst loop first",
-        f"loopaudit: why the worst one is accused: {url}/loops/{tag_in_url(worst)}",
+        f"loopaudit: why the worst one is flagged: {url}/loops/{tag_in_url(worst)}",
         "loopaudit: Ctrl-C stops the service and removes the demo",
     )
 

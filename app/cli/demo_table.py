@@ -49,8 +49,8 @@ COLUMNS = (
 FIGURES = ("P(stiction)", "health", "S (95 %)")
 WIDE = 120
 LEGEND = (
-    "S: how much OP must travel after a turn before the valve moves, in units of OP, with its 95 % interval where "
-    "there is room; -: the record cannot tell. Health: 100 is best."
+    "S: how much OP must travel after a reversal before the valve moves, in units of OP, with its 95 % interval "
+    "where there is room; -: the record cannot tell. Health: 100 is best."
 )
 
 
@@ -122,4 +122,4 @@ def _sentence(judged: Sequence[Judged], loops: int) -> str:
     relied = [item for item in judged if item.row["reliability"] == "reliable"]
     relied_right = sum(item.outcome == HIT for item in relied)
     called = f"of {counted(len(relied), 'verdict')} called reliable, {counted(relied_right, 'is', 'are')} right"
-    return f"{right} of {counted(loops, 'loop')} judged rightly; {called}."
+    return f"{right} of {counted(loops, 'loop')} judged correctly; {called}."

@@ -1,4 +1,4 @@
-"""`loopaudit migrate`: brings the data base to this version's tables."""
+"""`loopaudit migrate`: brings the database to this version's tables."""
 
 import typer
 
@@ -7,7 +7,7 @@ from app.cli.messages import ExitCode, say
 
 
 def migrate() -> None:
-    """Bring the data base to this version's tables. `serve` does it by itself on the embedded default.
+    """Bring the database to this version's tables. `serve` does it by itself on the embedded default.
 
     [bold]Examples[/bold]
 
@@ -15,5 +15,5 @@ def migrate() -> None:
     """
     from app.services.upkeep.tables import migrate as bring_up
 
-    say(f"loopaudit: the data base is at {bring_up(load_settings(unattended=True))}")
+    say(f"loopaudit: the database is at {bring_up(load_settings(unattended=True))}")
     raise typer.Exit(ExitCode.DONE)

@@ -77,7 +77,7 @@ def refuse_unready(backend: "Backend") -> None:
 
     found = readiness(backend)
     if found.state == "not_ready":
-        raise RequestError("not_ready", f"nothing was begun: {'; '.join(lacking(found))}")
+        raise RequestError("not_ready", f"nothing was started: {'; '.join(lacking(found))}")
 
 
 def watched(backend: "Backend", run: "AuditOut", timeout_s: float) -> "AuditOut":
@@ -106,7 +106,7 @@ def _warm_up(run: "AuditOut", deadline: float, timeout_s: float) -> None:
     from app.services.auditing.warming import warm_up
 
     try:
-        warm_up(deadline, lambda: say("loopaudit: waits for another process, which is compiling the engine"))
+        warm_up(deadline, lambda: say("loopaudit: waiting for another process, which is compiling the engine"))
     except StillCompiling as still:
         raise _timeout(run, timeout_s, "another process is still compiling the engine") from still
 

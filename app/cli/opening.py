@@ -1,4 +1,4 @@
-"""The data base, opened for a command."""
+"""The database, opened for a command."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def opened(
     settings: "Settings | None" = None, *, new: bool = False, migrates: bool | None = None
 ) -> "Iterator[Backend]":
-    """The data base of the settings (without them, of this process's); it is made, and that said, where it may be
+    """The database of the settings (without them, of this process's); it is made, and that said, where it may be
     `new`. migrates: whether it is brought to this version's tables; None: where it is the embedded one. Where it is
     not, RequestError("no_tables") or ("older_tables") asks for `loopaudit migrate`; ("database_away") where it is away.
     """
@@ -47,4 +47,4 @@ def tell_missing(settings: "Settings") -> None:
     for file in database_files(settings):
         if not file.is_file():
             where = file.parent.absolute()
-            say(f"loopaudit: there is no data base in {where} yet: a new one is made there (LOOPAUDIT_DATA_DIR)")
+            say(f"loopaudit: there is no database in {where} yet: a new one is made there (LOOPAUDIT_DATA_DIR)")

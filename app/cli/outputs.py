@@ -54,7 +54,7 @@ def refuse_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path] = ()) 
             continue
         if out.is_dir() or not out.parent.is_dir():
             why = "is a folder" if out.is_dir() else f"cannot be written: {out.parent} is not a folder"
-            raise RequestError("file", f"{out} {why}; name a file in a folder that is there")
+            raise RequestError("file", f"{out} {why}; name a file in an existing folder")
         if is_stream(out):
             continue
         if any(_same(out, file) for file in read):

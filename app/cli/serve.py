@@ -26,7 +26,7 @@ CHILDREN_GRACE_S = 15.0
 CONNECTIONS_GRACE_S = 5
 LARGEST_CROWD = 2000  # connections; the limits of requests hold long before
 OTHER_FILES = 500
-"""Of the data base, of uploads and of what is looked at: connections leave room for them."""
+"""Of the database, of uploads and of what is looked at: connections leave room for them."""
 LARGEST_BURST = 100
 """Connections that are accepted before any of them is counted; all of one burst fit into what is left."""
 
@@ -79,7 +79,7 @@ def warn_of_openness(host: str, keys_required: bool) -> None:
 
 
 def only_one(settings: "Settings", listening: socket.socket) -> AbstractContextManager[None]:
-    """With servers of its own for data base and broker any number of processes may serve."""
+    """With servers of its own for database and broker any number of processes may serve."""
     from app.services.upkeep.presence import only_server
 
     return only_server(settings, address_of(listening)) if settings.embedded else nullcontext()

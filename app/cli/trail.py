@@ -36,7 +36,7 @@ def trail(
     with opened() as backend:
         rows, clock = list_trail(backend, limit, who=who, action=action).rows, backend.clock
     if not rows and (who or action):
-        say("loopaudit: nothing in the trail fits; --who and --action take whole names, as the trail shows them")
+        say("loopaudit: nothing in the trail matches; --who and --action take whole names, as the trail shows them")
     if as_json:
         for row in rows:
             typer.echo(json.dumps(vars(row)))

@@ -53,7 +53,7 @@ def show(checks: "list[Check]") -> None:
 
 
 def backup(folder: Annotated[Path, typer.Argument(help="A new folder for the backup.")]) -> None:
-    """Copy the data base as it is now, and the exports, into a new folder. The service may go on meanwhile.
+    """Copy the database as it is now, and the exports, into a new folder. The service may go on meanwhile.
 
     SQLite by its online backup; PostgreSQL by pg_dump, which must be installed. What a backup that was killed left in
     the folder around the new one is removed.

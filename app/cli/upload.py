@@ -53,7 +53,7 @@ def upload(
         DateOrder,
         typer.Option(
             "--date-order",
-            help="What stands first in dates such as 03/04/2026, where the file does not tell; auto: the service's.",
+            help="What stands first in dates such as 03/04/2026, where the file leaves it open; auto: the service's.",
         ),
     ] = DateOrder.auto,
 ) -> None:
@@ -152,7 +152,7 @@ def why_it_waits(file: Path, clock: Callable[[], float] = time.monotonic) -> Cal
 
     def seen(upload: "Upload") -> None:
         if upload.waits_for_room_since:
-            why = "waits for room on the disk of the service, which keeps it and tries again"
+            why = "waiting for room on the disk of the service, which keeps it and tries again"
         elif upload.waits_for_file_since:
             why = "kept by the service, and no worker sees its file: all need the same LOOPAUDIT_DATA_DIR"
         elif upload.state == "received" and clock() - since_s >= LONG_S:
@@ -192,5 +192,5 @@ def came_damaged(file: Path, state: Mapping[str, Any]) -> bool:
     """Whether a part of it could not be read; said on stderr, after the note of what was lost."""
     lost = bool(state.get("damaged"))
     if lost:
-        say(f"{file}: came damaged; what could be read of it is kept, send it again whole [damaged]")
+        say(f"{file}: arrived damaged; what could be read is kept, send the whole file again [damaged]")
     return lost

@@ -23,7 +23,7 @@ def worker(
 ) -> None:
     """Run a worker: it reads uploads and audits loops until it is told to stop (SIGTERM, Ctrl-C).
 
-    Start as many processes as there are cores to spare. A worker on another machine needs the same data base and
+    Start as many processes as there are cores to spare. A worker on another machine needs the same database and
     broker, and the same folder LOOPAUDIT_DATA_DIR on a shared file system: it reads the exports there. One that does
     not see them audits all the same, but an upload stays `received` until a worker that sees its file takes it.
 
@@ -63,11 +63,13 @@ def beat(until_parent_ends: UntilParentEnds = False) -> None:
 
 
 def refuse_standstill(settings: "Settings") -> None:
-    """A worker that hears nothing looks alive to everyone but the data base: loops wait, and nobody gives a sign."""
+    """A worker that hears nothing looks alive to everyone but the database: loops wait, and nobody gives a sign."""
     from app.services.auditing.standing_still import stands_still_s
 
     with opened(settings, migrates=False) as backend:
         silent_s = stands_still_s(backend)
     if silent_s:
-        raise RequestError("standstill", f"loops wait, and no worker gave a sign for {silent_s:.0f} s")
+        raise RequestError(
+            "standstill", f"loops are waiting, and no worker has given a sign of life for {silent_s:.0f} s"
+        )
     say("loopaudit: work goes on, or there is none")

@@ -210,17 +210,17 @@ async def _database_away(request: Request, error: Exception) -> Response:
         return _disk_full(request)
     if action in IN_STEPS:
         return _in_doubt(request, error, action)
-    log.error("data base away while answering %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
+    log.error("database away while answering %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     why = "takes nothing to be written at the moment" if takes_no_writes(error) else "does not answer"
-    text = f"the data base {why}; nothing was changed, try again"
+    text = f"the database {why}; nothing was changed, try again"
     return respond(request, 503, "database_away", text, headers={"Retry-After": "5"})
 
 
 def _in_doubt(request: Request, error: Exception, action: str) -> Response:
     """Where a second request would be a second one, clients must not repeat it by themselves, as they do after 503."""
-    log.error("data base away in the midst of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
+    log.error("database away in the midst of %s %s: %s", request.method, request.scope["path"][:LONGEST_ECHO], error)
     request.scope["state"]["in_doubt"] = True  # for the trail
-    text = "the data base went away while this was written: it is not known whether it was done"
+    text = "the database went away while this was written: it is not known whether it was done"
     if _would_be_a_second_one(request, action):
         return respond(request, 504, "outcome_unknown", f"{text}; {LOOK_FIRST}")
     return respond(request, 503, "database_away", f"{text}; {SEND_AGAIN}", headers={"Retry-After": "5"})

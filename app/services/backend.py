@@ -31,7 +31,7 @@ def away_in_words(*errors: type[Exception]) -> Iterator[None]:
     try:
         yield
     except away as error:
-        text = f"the data base cannot be used: {getattr(error, 'orig', None) or error}"
+        text = f"the database cannot be used: {getattr(error, 'orig', None) or error}"
         raise RequestError("database_away", text) from error
 
 

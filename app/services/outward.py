@@ -314,7 +314,7 @@ class TrailRowOut:
     subject: Annotated[str, Field(description="To what: an address of this service, or the id of a key.")]
     outcome: Annotated[
         TrailOutcome,
-        Field(description="Whether it was done; not_known: the data base went away while it was written."),
+        Field(description="Whether it was done; not_known: the database went away while it was written."),
     ]
     request_id: Annotated[str | None, Field(description="As in the answer's X-Request-Id and in the log.")]
     detail: Annotated[dict[str, Any], Field(description="How it was known who asked, from which address, the status.")]
@@ -374,8 +374,8 @@ class ReadyOut:
     state: Annotated[
         Literal["ready", "degraded", "not_ready"],
         Field(
-            description="degraded: works, but a broker is away or refuses, or data base or data folder take no "
-            "writes, or all connections to read from the data base are in use."
+            description="degraded: works, but a broker is away or refuses, or database or data folder take no "
+            "writes, or all connections to read from the database are in use."
         ),
     ]
     checks: Annotated[dict[str, Any], Field(description="What was looked at, and what was found.")]

@@ -29,6 +29,6 @@ def patiently(action: Callable[[], T], at_most_s: float) -> T:
         except DATABASE_AWAY as error:
             if no_room(error) or time.monotonic() + pause_s > until:
                 raise
-            log.warning("data base away, trying again in %.1f s: %s", pause_s, type(error).__name__)
+            log.warning("database away, trying again in %.1f s: %s", pause_s, type(error).__name__)
         time.sleep(pause_s)
         pause_s = min(2 * pause_s, LONGEST_PAUSE_S)

@@ -173,7 +173,7 @@ def parsed(url: str) -> URL:
     backend = None if parsed is None else parsed.get_backend_name()
     if parsed is None or backend not in ("sqlite", "postgresql", "postgres"):
         need = "postgresql+psycopg://user@host/name or sqlite:///path is needed"
-        raise RequestError("database_url", f"LOOPAUDIT_DATABASE_URL is no address of a data base that we use; {need}")
+        raise RequestError("database_url", f"LOOPAUDIT_DATABASE_URL is no address of a database that we use; {need}")
     return parsed if backend == "sqlite" else parsed.set(drivername="postgresql+psycopg")
 
 

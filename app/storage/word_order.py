@@ -10,9 +10,9 @@ from app.engine.codes import UNANSWERED
 BY_VERDICT_WORDS = (("inconclusive",), ("no_stiction",), ("not_auditable",), ("stiction",))
 BY_CAUSE_WORDS = (
     ("backlash",), ("quantised_sensor",), ("aggressive_controller",), ("sluggish_controller",), ("disturbance",),
-    ("no_oscillation",), ("set_point_following",), ("not_in_automatic",), ("op_at_limits", "saturated_op"),
-    ("controller_not_acting",), ("on_off_control",), (UNANSWERED,), ("sampled_too_slowly",), ("sensor_spikes",),
-    ("external_oscillation",), ("sensor_sticking",), ("stiction",), ("tight_tuning",),
+    ("no_oscillation",), ("external_oscillation",), ("set_point_following",), ("not_in_automatic",),
+    ("op_at_limits", "saturated_op"), ("controller_not_acting",), ("on_off_control",), (UNANSWERED,),
+    ("sampled_too_slowly",), ("sensor_spikes",), ("sensor_sticking",), ("stiction",), ("tight_tuning",),
     ("tuning_or_sinusoidal_disturbance",), ("data",),
 )  # fmt: skip
 """Codes in the order of the words that people are told in their place; those with the same words are together."""

@@ -1,5 +1,6 @@
 """The plant, its table, its groups, and what each figure means."""
 
+from importlib.metadata import version
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
@@ -201,7 +202,7 @@ def by_night(backend: Services) -> HTMLResponse:
 
 @router.get("/glossary")
 def glossary() -> HTMLResponse:
-    return page("glossary.html", figures=FIGURES)
+    return page("glossary.html", figures=FIGURES, product_version=version("loopaudit"))
 
 
 @router.get("/static/plotly.min.js")

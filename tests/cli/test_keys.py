@@ -88,7 +88,7 @@ def test_the_trail_is_asked_for_whole_names_and_says_so(tmp_path, monkeypatch, c
     assert (code, json.loads(shown)["who"], said) == (0, "command line", "")
     code, shown, said = as_program(monkeypatch, capsys, "trail", "--who", "command", "--json")
     assert (code, shown) == (0, "")
-    assert (
-        said == "loopaudit: nothing in the trail fits; --who and --action take whole names, as the trail shows them\n"
+    assert said == (
+        "loopaudit: nothing in the trail matches; --who and --action take whole names, as the trail shows them\n"
     )
     assert "called exactly so" in as_program(monkeypatch, capsys, "trail", "--help")[1]

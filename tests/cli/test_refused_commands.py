@@ -61,7 +61,7 @@ def test_a_night_without_room_names_the_disk_alone(tmp_path, monkeypatch, capsys
     monkeypatch.setattr(readiness, "free_bytes", lambda settings: 3_000_000)
     code, _, err = as_program(monkeypatch, capsys, "nightly")
     assert code == 2
-    said = "nothing was begun: the disk of the data folder has 3 MB free, and 105 MB are needed [not_ready]"
+    said = "nothing was started: the disk of the data folder has 3 MB free, and 105 MB are needed [not_ready]"
     assert err == f"loopaudit: {said}\n"
 
 

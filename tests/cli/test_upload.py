@@ -285,7 +285,7 @@ def test_an_upload_that_waits_for_room_is_told_once(tmp_path, capsys):
     seen(Upload.of({"id": "7", "state": "done"}))
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
-    assert "night.csv: waits for room on the disk" in told[0]
+    assert "night.csv: waiting for room on the disk" in told[0]
 
 
 def test_an_upload_whose_file_no_worker_sees_is_told_once(tmp_path, capsys):

@@ -78,7 +78,7 @@ def test_an_export_that_stopped(backend: Backend, ends: Callable[..., None]) -> 
     ends(A=206, B=206.5)
     found = arrivals(backend, at=NOON)
     assert (found.late, found.behind) == (True, 0)
-    assert sentences(found) == ["Recorded up to 2025-08-07 12:00 UTC, 206 days ago: no newer export has come."]
+    assert sentences(found) == ["Recorded up to 2025-08-07 12:00 UTC, 206 days ago: no newer export has arrived."]
 
 
 def test_loops_that_fell_out_of_the_export_are_named(backend: Backend, ends: Callable[..., None]) -> None:
@@ -206,7 +206,7 @@ def test_a_loop_without_a_date_is_neither_late_nor_what_the_plant_is_recorded_to
     with backend.database.write() as connection:
         connection.execute(update(loops).where(loops.c.id == ids["A"]).values(newest_ns=999 * 10**9))
         connection.execute(update(loops).where(loops.c.id == ids["B"]).values(newest_ns=ns_of(NOON)))
-    told = "Without a date, because their files tell no start: A. No other loop is compared with them."
+    told = "Without a date, because their files give no start: A. No other loop is compared with them."
     assert sentences(arrivals(backend, at=NOON)) == ["Recorded up to 2026-03-01 12:00 UTC.", told]
     with backend.database.write() as connection:
         connection.execute(update(loops).values(newest_ns=999 * 10**9))
@@ -236,8 +236,8 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     text, html = as_text(found), as_html(found)
     title = next(line for line in text.splitlines() if line.startswith("WORST OF OLD RECORDS"))
     assert title.endswith(
-        ": no sample since 2026-02-27 00:00 UTC, 2 days before the newest of the plant, or without a date; "
-        "what is said of them is of then"
+        ": no sample since 2026-02-27 00:00 UTC, 2 days before the newest of the plant, or without a date; their "
+        "verdicts date from then"
     )
     assert re.search(r"B: valve sticks .*, newest sample 2026-01-20 12:00$", text, flags=re.MULTILINE)
     assert "Worst of old records" in html

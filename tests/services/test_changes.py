@@ -33,10 +33,10 @@ def test_nothing_changed(backend: Backend, two_runs: tuple[dict[str, int], int])
 @pytest.mark.parametrize(
     ("before", "why", "because"),
     [
-        ({"stiction_probability": None}, "loop", "what was seen differs a little from the record before"),
+        ({"stiction_probability": None}, "loop", "what was seen differs a little from the previous record"),
         ({"engine_version": "0.0.1"}, "method", "the method changed (engine or settings)"),
         ({"config_fingerprint": "other"}, "method", "the method changed (engine or settings)"),
-        ({"samples": 100}, "data", "more was recorded than before"),
+        ({"samples": 100}, "data", "more data than before"),
         ({"samples": 100_000}, "data", "the record changed (gaps, length or sampling)"),
         ({"sampling_interval_s": 1.0}, "data", "the record changed (gaps, length or sampling)"),
     ],
@@ -165,17 +165,17 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
     rewrite(backend, first, ids["B"], **before, reasons="shape_flat_eighth", reasons_text=then, **older)
     (change,) = changes.changes(backend).rows
     seen = "60 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
-    assert change.because == f"{seen}; more was recorded than before"
+    assert change.because == f"{seen}; more data than before"
     measured = '{"measured":{"shape_op_triangle":[0.4,"<",0.6],"shape_flat_eighth":[0.55,">",0.2]}}'
     rewrite(backend, second, ids["B"], extra_json=measured)
     seen = "55 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
-    assert changes.changes(backend).rows[0].because == f"{seen}; more was recorded than before"
+    assert changes.changes(backend).rows[0].because == f"{seen}; more data than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.0004)
     rewrite(backend, second, ids["B"], stiction_probability=0.9996)
     assert "probability under 0.01 -> over 0.99; " in changes.changes(backend).rows[0].because
     rewrite(backend, second, ids["B"], stiction_probability=0.99)
     rewrite(backend, first, ids["B"], stiction_probability=0.95)
-    assert changes.changes(backend).rows[0].because == "more was recorded than before"
+    assert changes.changes(backend).rows[0].because == "more data than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.1, reasons="few_cycles", reasons_text="few")
     assert changes.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
 
@@ -183,8 +183,8 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
 @pytest.mark.parametrize(
     ("code", "comes", "goes"),
     [
-        ("wound_up", "OP stands at its limit, and PV does not come back for it", "OP stands at its limit no longer"),
-        ("uncoupled", "PV and OP move without regard to each other", "PV and OP go together again"),
+        ("wound_up", "OP stays at its limit, and PV does not come back", "OP is no longer at its limit"),
+        ("uncoupled", "PV and OP are unrelated", "PV and OP are related again"),
     ],
 )
 def test_what_left_no_probability_to_decide_by_is_why_a_verdict_cannot_tell(

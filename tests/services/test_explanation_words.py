@@ -5,7 +5,7 @@ import pytest
 from app.services.explaining.wording import VERDICT_WORDS, named, outcome, verdict_in_words, windows_in_words
 from app.services.moments import PlantClock
 
-NAMED, UNSURE = VERDICT_WORDS["missing_physics"], "which, the record hardly tells"
+NAMED, UNSURE = VERDICT_WORDS["missing_physics"], "which one, the record can hardly tell"
 
 
 @pytest.mark.parametrize(

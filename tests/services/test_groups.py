@@ -95,7 +95,7 @@ def test_reports_wait_for_the_groups(
     monkeypatch.setattr(groups, "groups", slow)
     assert groups.soon(backend) is None
     text = report(backend)
-    assert "being worked out" not in text
+    assert "being determined" not in text
     assert said in text
 
 

@@ -94,7 +94,7 @@ def test_what_was_judged_since_and_says_otherwise_is_not_said_to_be_unjudged(
     with backend.database.write() as connection:
         connection.execute(update(verdicts).values(reasons="shape_path;newer_disagrees"))
     told = judged(backend, ["A"])["A"].words(backend.clock)
-    assert told.endswith("; what was recorded since is shorter, and says otherwise")
+    assert told.endswith("; what was recorded since is shorter, and disagrees")
 
 
 def test_a_loop_that_is_back_in_automatic_did_not_go_to_manual(backend: Backend, left: tuple[int, int]) -> None:
@@ -137,7 +137,7 @@ def test_the_same_window_is_no_other_night(backend: Backend, left: tuple[int, in
     marks = {tag: [night.mark for night in told] for tag, told in nights(backend, ["A", "B"]).items()}
     assert marks["A"] == ["S", "="]
     assert "=" not in marks["B"]
-    assert "judged on what was judged before" in nights(backend, ["A"])["A"][1].words
+    assert "judged on the same data as before" in nights(backend, ["A"])["A"][1].words
 
 
 def test_digest_and_report_tell_it(backend: Backend, left: tuple[int, int]) -> None:

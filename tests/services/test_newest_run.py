@@ -24,7 +24,7 @@ def test_a_plant_without_a_run_has_nothing_to_say(backend: Backend) -> None:
 def test_a_run_that_goes_on_stands_before_the_one_that_ended(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("A", "B", n=600)
     first = start_audit(backend)
-    assert newest_run(backend).words.endswith(" goes on, 0 of 2 loops audited")
+    assert newest_run(backend).words.endswith(" is still running, 0 of 2 loops audited")
     cancel_audit(backend, first.id)
     audited(backend)
     assert newest_run(backend).words.endswith(" audited all of its 2 loops")
@@ -33,7 +33,7 @@ def test_a_run_that_goes_on_stands_before_the_one_that_ended(backend: Backend, a
     found = newest_run(backend)
     assert found.going_on
     assert found.words.startswith(f"run {third.id} of ")
-    assert found.words.endswith("0 of 2 loops audited; what is said of the others is of earlier runs")
+    assert found.words.endswith("0 of 2 loops audited; the verdicts of the others are from earlier runs")
     assert found.words in plant_report(backend)
     cancel_audit(backend, third.id)
     assert "was cancelled, 0 of 2 loops audited; " in newest_run(backend).words
@@ -42,7 +42,7 @@ def test_a_run_that_goes_on_stands_before_the_one_that_ended(backend: Backend, a
 def test_one_loop_is_told_as_one(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("A", n=600)
     first = start_audit(backend)
-    assert newest_run(backend).words.endswith(" goes on, 0 of 1 loop audited")
+    assert newest_run(backend).words.endswith(" is still running, 0 of 1 loop audited")
     cancel_audit(backend, first.id)
     audited(backend)
     assert newest_run(backend).words.endswith(" audited its only loop")

@@ -37,8 +37,8 @@ def row_of(verdict: str, reliability: str, likely_cause: str | None) -> dict[str
         (("stiction", "not_reliable", "stiction"), "in manual"),
         (("inconclusive", "not_reliable", "stuck_valve_or_dead_transmitter"), "Look today"),
         (("inconclusive", "not_reliable", None), "unless it stays like that for weeks"),
-        (("no_stiction", "reliable", "external_oscillation"), "shakes this loop"),
-        (("no_stiction", "reliable", "tight_tuning"), "weaker tuning"),
+        (("no_stiction", "reliable", "external_oscillation"), "disturbs this loop"),
+        (("no_stiction", "reliable", "tight_tuning"), "looser tuning"),
         (("no_stiction", "reliable", None), "Nothing at the valve"),
         (("not_auditable", "not_reliable", "not_in_automatic"), "in manual"),
         (("not_auditable", "not_reliable", None), "better recording"),
@@ -80,8 +80,10 @@ def test_what_a_step_says_of_one_loop_is_told_apart():
     row |= {"oscillation_period_s": 2067.0, "episode_start": "2026-11-29T00:22:00Z"}
     step = step_of(row, UTC_CLOCK)
     assert (step.code, step.asks) == ("began_to_stick", Ask.BEGAN_TO_STICK)
-    assert step.besides == "a longer record tells more: 5 swings of this one take 2.9 h"
-    assert step.text.endswith("ask for a stroke test. A longer record tells more: 5 swings of this one take 2.9 h.")
+    assert step.besides == "a longer record will tell more: 5 cycles of this loop take 2.9 h"
+    assert step.text.endswith(
+        "ask for a stroke test. A longer record will tell more: 5 cycles of this loop take 2.9 h."
+    )
     sure = step_of(row_of("stiction", "reliable", "stiction"), UTC_CLOCK)
     assert (sure.asks, sure.text, sure.besides) == (Ask.STICKS, Ask.STICKS, "")
 
@@ -160,7 +162,7 @@ def test_too_few_swings_ask_for_a_longer_record_and_say_how_long():
     row = row_of("stiction", "not_reliable", "stiction")
     row["oscillation_period_s"] = 2067.0
     assert next_step(row | {"reasons": "few_cycles"}).endswith(
-        "A longer record tells more: 5 swings of this one take 2.9 h."
+        "A longer record will tell more: 5 cycles of this loop take 2.9 h."
     )
     assert next_step(row | {"oscillation_period_s": 130.0, "reasons": "few_cycles"}).endswith("take 11 min.")
     assert "longer record" not in next_step(row)
@@ -173,8 +175,8 @@ def test_a_longer_record_is_not_asked_for_where_the_record_has_room_for_the_swin
     row = row_of("stiction", "not_reliable", "stiction") | {"reasons": "stiction_began;few_cycles"}
     row |= {"oscillation_period_s": 5426.0, "sampling_interval_s": 20.0}
     assert next_step(row | {"window_samples": 21600}).endswith("ask for a stroke test.")
-    assert next_step(row | {"window_samples": 1356}).endswith("5 swings of this one take 7.6 h.")
-    assert next_step(row | {"window_samples": None}).endswith("5 swings of this one take 7.6 h.")
+    assert next_step(row | {"window_samples": 1356}).endswith("5 cycles of this loop take 7.6 h.")
+    assert next_step(row | {"window_samples": None}).endswith("5 cycles of this loop take 7.6 h.")
 
 
 def test_a_repair_counts_from_when_it_is_written_down():

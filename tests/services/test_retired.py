@@ -216,7 +216,7 @@ def test_of_a_plant_whose_loops_are_all_retired_nothing_good_is_said(backend: Ba
     for tag in (*STAYS, GONE):
         patch_loop(backend, tag, {"retired": True})
     told = as_text(digest_of(backend, run_to_tell(backend)))
-    assert "Of no loop in service there is a verdict." in told
+    assert "No loop in service has a verdict." in told
     assert "as far as the records tell" not in told
     assert NOTHING_NEW not in told
     with pytest.raises(NotFoundError, match="no loop of the plant is in service"):

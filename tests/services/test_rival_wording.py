@@ -22,13 +22,15 @@ def told(probability: float, *rivals: Rival) -> str | None:
 def test_stiction_above_one_half_wins_against_a_higher_score_and_it_is_said_why():
     said = told(0.6, Rival("saturated_op", 1.0, "seen"), Rival("tight_tuning", 0.3, "seen"))
     assert said is not None
-    assert said.startswith("“the valve sticks” wins although “OP at its limit” scored higher: its score is the prob")
+    assert said.startswith("“the valve sticks” wins although “OP at its limit” scored higher: its score is what")
 
 
 def test_the_nearer_of_two_that_stand_out_wins_and_it_is_said_why():
     said = told(0.1, Rival("saturated_op", 0.7, "seen"), Rival("external_oscillation", 0.9, "seen"))
     assert said is not None
-    assert said.startswith("“OP at its limit” wins although “shaken from outside” scored higher: all of them stand out")
+    assert said.startswith(
+        "“OP at its limit” wins although “external oscillation” scored higher: all of them stand out"
+    )
 
 
 def test_all_that_scored_higher_are_named():

@@ -64,10 +64,10 @@ def told_of(backend: Backend, audit_id: int | None = None) -> Counter[str]:
 
 
 def test_the_plant_and_its_night_count_what_their_rows_say(backend: Backend, run: int) -> None:
-    assert told_of(backend) == told_of(backend, run) == {"yes": 3, "from before the repair": 2, "of an old record": 1}
+    assert told_of(backend) == told_of(backend, run) == {"yes": 3, "from before the repair": 2, "from an old record": 1}
     seen = overview(backend)
     assert (seen.verdicts["stiction"], seen.reliable["stiction"]) == (7, 3)
-    assert seen.relied("stiction") == "3 to be relied on, 1 of old records, 2 from before the repair"
+    assert seen.relied("stiction") == "3 can be relied on, 1 from old records, 2 from before the repair"
     (night,) = course(backend)
     assert (night.sticking, night.apart, night.of_units) == (3, 3, {None: 3})
     assert " 7 valves stick (3 can be relied on)" in subject(digest_of(backend, str(run)))
@@ -79,13 +79,13 @@ def test_the_report_lists_as_sticking_what_can_be_relied_on_and_names_the_others
     assert sorted(row["loop"] for row in found.apart) == ["A2", "A3", "A4"]
     assert found.more == 0
     apart = plant_report(backend).partition('id="sticking-apart"')[2].partition("</p>")[0]
-    assert "A2 (of an old record)" in apart
+    assert "A2 (from an old record)" in apart
     assert "A4 (from before the repair)" in apart
 
 
 def test_a_list_of_old_records_says_of_those_without_a_date_what_is_counted_of_them(backend: Backend, run: int) -> None:
     since_ns = arrivals(backend).current_ns
-    old = {"A2": "of an old record", "A7": "of an old record", "A4": "from before the repair", "A5": "yes"}
+    old = {"A2": "from an old record", "A7": "from an old record", "A4": "from before the repair", "A5": "yes"}
     assert {row["loop"]: rely(row) for row in worst_of_old(backend, since_ns)} == old
     assert {row["loop"]: rely(row) for row in complaints_of_old(backend, since_ns, shelf(backend))} == old
     told = {one.loop: one.told.rpartition(", ")[2] for one in digest_of(backend, str(run)).old}
@@ -97,7 +97,7 @@ def test_an_earlier_night_counts_by_what_was_known_by_its_end(backend: Backend, 
     with backend.database.write() as connection:
         connection.execute(update(audits).values(created_at=long_ago, ended_at=long_ago))
     audited(backend)
-    assert told_of(backend, run) == {"yes": 4, "of an old record": 2}
+    assert told_of(backend, run) == {"yes": 4, "from an old record": 2}
     earlier = course(backend)[0]
     assert (earlier.run, earlier.sticking, earlier.apart) == (str(run), 4, 2)
     assert " 7 valves stick (4 can be relied on)" in subject(digest_of(backend, str(run)))
@@ -107,4 +107,4 @@ def test_of_a_collection_of_records_of_the_past_none_is_set_apart(backend: Backe
     with backend.database.write() as connection:
         connection.execute(update(audits).values(created_at=datetime.now(UTC) + timedelta(days=40)))
     assert told_of(backend) == {"yes": 4, "from before the repair": 2}
-    assert overview(backend).relied("stiction") == "4 to be relied on, 2 from before the repair"
+    assert overview(backend).relied("stiction") == "4 can be relied on, 2 from before the repair"

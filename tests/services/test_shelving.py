@@ -121,7 +121,7 @@ def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
     say(judged, "A", **SURE)
     first = work_list(judged, shelf(judged))[0]
     assert (first.loop, first.step.text.startswith(Ask.STICKS)) == ("A", True)
-    assert "(work order WO-17), but by now the valve sticks, and that is to be relied on" in first.facts
+    assert "(work order WO-17), but by now the valve sticks, and that can be relied on" in first.facts
     assert first.facts.count("WO-17") == 1
     assert first.shelved in plant_report(judged)
     notes.add_note(judged, "A", "ordered again", "WO-18")
@@ -273,7 +273,7 @@ def test_a_repair_that_is_stated_after_it_ends_it_as_long_as_it_stands(judged: B
 @pytest.mark.parametrize(
     ("then", "now", "words", "step"),
     [
-        (UNSURE, SURE, "by now the valve sticks, and that is to be relied on", Ask.STICKS),
+        (UNSURE, SURE, "by now the valve sticks, and that can be relied on", Ask.STICKS),
         (UNSURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
         (SURE, DEAD, "by now PV never answers OP: look today", BY_CAUSE[UNANSWERED]),
     ],

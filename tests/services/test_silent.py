@@ -21,7 +21,7 @@ from app.storage.tables import audits, loops, newest_rows, verdicts
 AddLoops = Callable[..., dict[str, int]]
 FIRST = datetime(2026, 3, 1, tzinfo=UTC)
 TAGS = ("A", "B", "C", "D", "E")
-STOPPED = "One loop has stopped, though the others went on: no newer sample than"
+STOPPED = "One loop has stopped while the others went on: no sample newer than"
 
 
 @pytest.fixture
@@ -101,8 +101,8 @@ def test_the_verdict_of_an_old_record_does_not_read_as_if_it_were_of_today(
     run = nights(night(1), night(9, E=1))
     since_ns = ns_of(FIRST + timedelta(days=7))
     (row,) = worst.worst_of_old(backend, since_ns)
-    assert (row["loop"], rely(row), brief(row)) == ("E", "of an old record", "of an old record")
+    assert (row["loop"], rely(row), brief(row)) == ("E", "from an old record", "from an old record")
     with backend.database.write() as connection:
         connection.execute(update(verdicts).values(verdict="stiction", reliability="reliable", reasons=""))
     (told,) = digest_of(backend, str(run)).old
-    assert told.told.endswith("of an old record")
+    assert told.told.endswith("from an old record")

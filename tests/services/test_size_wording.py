@@ -57,7 +57,7 @@ def test_what_the_record_lacks_is_said(verdict):
     size = {"findings": [finding("size_cycles"), finding("size_width", "pass"), finding("size_new")]}
     told = size_in_words(ROW | {"verdict": verdict, "stiction_S": None}, {"stiction_size": size})
     assert told.headline == NOT_TOLD
-    assert told.lines == ("the record holds only 2.8 swings, at least 5 are needed", "as the engine says")
+    assert told.lines == ("the record holds only 2.8 cycles, at least 5 are needed", "as the engine says")
 
 
 @pytest.mark.parametrize("detail", [{}, {"stiction_size": None}])

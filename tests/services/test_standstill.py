@@ -109,7 +109,7 @@ def test_a_worker_that_could_call_nobody_has_given_a_sign(
 def test_who_waits_for_a_run_that_nobody_works_on_is_told_so(backend: Backend, old_run: int) -> None:
     told = "Nobody works on it: for 20 minutes no worker gave a sign."
     assert run_figures(backend, str(old_run)).nobody_works.startswith(told)
-    assert f" goes on, 0 of 2 loops audited. {told}" in newest_run(backend).words
+    assert f" is still running, 0 of 2 loops audited. {told}" in newest_run(backend).words
     holds_a_loop(backend, old_run)
     assert run_figures(backend, str(old_run)).nobody_works == ""
     assert newest_run(backend).words.endswith("0 of 2 loops audited")

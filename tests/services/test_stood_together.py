@@ -43,7 +43,7 @@ from tests.table_rows import table_page
 DOWN = ("D0", "D1", "D2", "D3")
 DAY = 1440
 SINCE = "2025-06-16T06:06:40Z"
-WORDS = "PV of 4 loops came to stand within 15 minutes, all of U1"
+WORDS = "PV of 4 loops froze within 15 minutes, all of U1"
 
 
 def audited(backend: Backend, wanted: LoopFilter | None = None) -> int:
@@ -121,7 +121,7 @@ def test_each_row_says_with_which_others_and_what_to_look_at_first(plant: Backen
         row = rows[tag]
         assert row["reasons"].split(";")[:2] == ["stood_together", "pv_stands"]
         others = ", ".join(other for other in DOWN if other != tag)
-        told = f"PV of 3 other loops came to stand within 15 minutes, all of U1 ({others}): look first at whether"
+        told = f"PV of 3 other loops froze within 15 minutes, all of U1 ({others}): look first at whether"
         assert row["reasons_text"].startswith(told)
         assert (row["stood_with"], row["stood_together_since"], row["next_step"]) == (3, SINCE, Ask.STOOD_TOGETHER)
     assert [rows[tag]["unanswered_since"] for tag in ("D0", "D3")] == [SINCE, "2025-06-16T06:21:40Z"]
@@ -138,7 +138,7 @@ def test_every_view_of_a_row_says_the_same(plant: Backend) -> None:
     assert (reason["code"], reason["operator"], reason["threshold"]) == ("stood_together", "<", 0.01)
     assert 0.0 < reason["statistic"] < 1e-3
     assert loop_sheet(plant, find(plant, "D1"), None)["stood_with"] == ["D0", "D2", "D3"]
-    assert "It came to stand with D0, D2, D3." in loop_report(plant, "D1")
+    assert "It froze together with D0, D2, D3." in loop_report(plant, "D1")
 
 
 def test_the_digest_and_the_report_of_the_plant_tell_of_them_once(plant: Backend) -> None:
@@ -306,7 +306,7 @@ def test_one_that_is_audited_later_is_told_of_with_them_though_it_came_to_stand_
     assert (since["Z"], since["D0"]) == ("2025-06-16T06:01:40Z", SINCE)
     assert sorted(today(plant)) == [(*DOWN, "Z"), ("X1",)]
     together = as_one(plant).of("Z")
-    assert (together.since, together.words) == (since["Z"], "PV of 5 loops came to stand within 20 minutes, all of U1")
+    assert (together.since, together.words) == (since["Z"], "PV of 5 loops froze within 20 minutes, all of U1")
     assert loop_sheet(plant, find(plant, "Z"), None)["stood_with"] == list(DOWN)
     assert as_one(plant, audit_id=run).by_tag == {}
 

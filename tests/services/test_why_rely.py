@@ -140,7 +140,7 @@ def test_an_explanation_that_names_stiction_contradicts_a_cleared_valve():
     assert contradiction(row, {"state": "done", "effects": [*found["effects"], other]}) is None
 
 
-@pytest.mark.parametrize(("likely", "why"), [(0.28, "hardly tells"), (0.8, "may be so besides")])
+@pytest.mark.parametrize(("likely", "why"), [(0.28, "can hardly tell"), (0.8, "may also be true")])
 def test_where_an_explanation_names_no_valve_it_is_said_which_to_follow(likely, why):
     effects = [{"effect": "process.outflow_law", "alternatives": [], "probability": likely}]
     found = {"state": "done", "effects": effects}
@@ -157,8 +157,8 @@ def test_where_an_explanation_names_no_valve_it_is_said_which_to_follow(likely, 
     assert older_said(later, older, None, 100.0, UTC_CLOCK) is None
     assert older_said(later, older, "2026-03-01T02:00:00Z", 35.0, UTC_CLOCK) is None, "of before the repair"
     words = older_said(later, older, None, 35.0, UTC_CLOCK)
-    assert words.startswith(f"An older explanation named something else than the valve (probability {likely:.2f})")
-    assert "until 2026-03-01" in words
+    assert words.startswith(f"An older explanation named something other than the valve (probability {likely:.2f})")
+    assert "up to 2026-03-01" in words
     assert older_said(later, None, None, 35.0, UTC_CLOCK) is None
     effects[0]["alternatives"] = ["valve.deadband"]
     assert names_otherwise(told()[0], found) is None

@@ -117,7 +117,7 @@ def test_a_row_of_an_old_record_says_so_wherever_it_is_told(backend: Backend, wa
         rows = sorted(rows, key=lambda row: row["loop"])
         assert rows[0]["next_step"] == Ask.NOTHING_NEWER != rows[1]["next_step"]
     health = json.loads(loop_verdicts.loop_health_json(backend, "FIC0"))
-    assert (health["of_old_record"], rely(health)) == (True, "of an old record")
+    assert (health["of_old_record"], rely(health)) == (True, "from an old record")
     assert not json.loads(loop_verdicts.loop_health_json(backend, "FIC1"))["of_old_record"]
     assert old_of(loop_verdicts.verdict_history(backend, "FIC0").rows) == {"FIC0"}
     notes.add_note(backend, "FIC0", "", work_order="WO-17")

@@ -117,7 +117,7 @@ def test_a_form_of_another_login_is_loaded_again(serve, web_backend):
         note = client.post("/loops/FIC101/notes", data={"text": "x", "csrf_token": "old"}, headers=BROWSER)
         text = told(note, 403, "csrf_token")
         assert '<a href="/loops/FIC101">the page of the form</a>' in text
-        assert "Load it again" in text
+        assert "Reload it" in text
         assert "for a key with the role" not in text
         client.post("/logout", data={"csrf_token": form_token(client)})
         text = told(client.post(f"{HOSTILE_PAGE}/notes", data={"text": "x"}, headers=BROWSER), 401, "key_needed")
@@ -132,11 +132,11 @@ def form_token(client: httpx.Client) -> str:
 @pytest.mark.parametrize(
     ("status", "code", "said"),
     [
-        (429, "too_many_requests", "send it again as it is"),
+        (429, "too_many_requests", "send it again unchanged"),
         (507, "disk_full", "its disk is full"),
-        (409, "wrong_state", "look how it stands now"),
-        (404, "unknown_audit", "stand under Runs"),
-        (404, "unknown_upload", "stand under Uploads"),
+        (409, "wrong_state", "check its current state"),
+        (404, "unknown_audit", "listed under Runs"),
+        (404, "unknown_upload", "listed under Uploads"),
         (404, "unknown_loop", "look it up in the table"),
         (403, "cross_site", "by its own address"),
         (403, "role", "a key with the role"),

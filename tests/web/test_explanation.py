@@ -74,7 +74,7 @@ def part(explanation: dict | None) -> str:
     ("explanation", "words"),
     [
         (None, "has been compared"),
-        (ASKED, "Being worked out; asked for at 2026-01-01 00:00 UTC"),
+        (ASKED, "In progress; requested at 2026-01-01 00:00 UTC"),
         (ASKED | {"located": {"block": "valve", "condition": "after OP reversals"}}, "differ at the valve, after OP"),
         (
             ASKED | {"located": {"block": None, "condition": "nowhere"}},
@@ -85,8 +85,11 @@ def part(explanation: dict | None) -> str:
             "Since 2026-01-01 01:00 there is no room on the disk to keep its answer",
         ),
         (ASKED | {"state": "failed", "error_code": "time_limit", "error_text": "too long"}, "too long (time_limit)"),
-        (DONE, "01:00 UTC, against a given model; asked for by run 3"),
-        (DONE | {"as_judged": True}, "01:00 UTC, of a long record what its audit judges, against a given model"),
+        (DONE, "01:00 UTC, against a given model; requested by run 3"),
+        (
+            DONE | {"as_judged": True},
+            "01:00 UTC, the part of a long record that its audit judges, against a given model",
+        ),
         (DONE | {"remarks": ["This is of before the repair."]}, "<b>This is of before the repair.</b>"),
     ],
 )

@@ -44,7 +44,7 @@ def page(client, tag: str) -> str:
 def test_a_failed_audit_is_told_with_its_run_and_reason(client, web_backend, failed):
     why = "valve &lt;b&gt;9&lt;/b&gt; &amp; more"
     said = f'Its newest audit, in <a href="/runs/{failed}">run {failed}</a>, failed: {why}.'
-    before = "What follows is of the audit before."
+    before = "What follows is from the audit before."
     old, new, untouched = page(client, HOSTILE), page(client, NEW), page(client, "FIC101")
     assert f"{said} {before}" in old
     assert 'class="verdict"' in old

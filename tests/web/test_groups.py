@@ -27,11 +27,11 @@ def test_no_source_is_named_of_loops_that_may_share_a_period_by_chance(client, w
     crowded = group_of("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
     monkeypatch.setattr(groups, "soon", lambda backend: (crowded,))
     told = " ".join(seen(client, "/groups").texts)
-    assert "No loops were found of which one is likely to shake the others." in told
-    assert "1 group that shares its period likely by chance" in told
+    assert "No loops were found of which one is likely to disturb the others." in told
+    assert "1 group that shares its period probably by chance" in told
     assert "Probability of chance 0.84." in told
     assert "Likeliest source:" not in told
-    assert "No member probably sticks" not in told
+    assert "Probably no member sticks" not in told
 
 
 def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web_backend, monkeypatch):
@@ -43,12 +43,12 @@ def test_a_group_that_something_shakes_stands_before_those_of_chance(client, web
     before, by_chance = html.split('<details id="by-chance">')
     assert 'id="group-1"' in before
     assert 'id="group-2"' in by_chance
-    assert "they do not move in step: that would take 0.70" in by_chance
+    assert "they do not move in step: that would need 0.70" in by_chance
     assert "they do not move in step" not in before
 
 
 @pytest.mark.parametrize(
-    ("moves", "said"), [(True, "their set points move together"), (False, "look outside of these loops")]
+    ("moves", "said"), [(True, "their set points move together"), (False, "look outside these loops")]
 )
 def test_of_healthy_loops_the_set_points_are_asked_first(client, web_backend, monkeypatch, moves, said):
     members = plant_groups(web_backend)[0].members
@@ -64,15 +64,15 @@ def test_of_valves_that_stick_each_by_itself_none_is_said_to_shake_the_others(cl
     several = group_of("1", 300.0, True, False, 0.001, None, members)
     monkeypatch.setattr(groups, "soon", lambda backend: (several,))
     told = client.get("/groups").text
-    assert "Members stick, but none does what the others share" in told
-    assert "No member probably sticks" not in told
+    assert "Some members stick, but none explains what the others share" in told
+    assert "Probably no member sticks" not in told
 
 
 def test_a_loop_that_shares_its_period_by_chance_is_not_said_to_swing_with_others(client, web_backend, monkeypatch):
     crowded = group_of("1", 300.0, True, True, 0.84, None, plant_groups(web_backend)[0].members)
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert "Its period is shared by 2 other loops , likely by chance." in told
+    assert "Its period is shared by 2 other loops , probably by chance." in told
     assert "oscillates together" not in told
 
 

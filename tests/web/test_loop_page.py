@@ -112,7 +112,7 @@ def test_the_period_of_each_figure_is_told(client, web_backend):
         "Audited window: 400 samples, 2026-01-01 00:00 to 2026-01-01 00:33.",
         "The stretch that speaks for it: 200 samples, 2026-01-01 00:00 to 2026-01-01 00:16.",
     )
-    assert told.of_figures.endswith("oscillation, Yper and band d are of what was judged")
+    assert told.of_figures.endswith("oscillation, Yper and band d are from what was judged")
     assert told.of_old == ""
 
 
@@ -134,7 +134,7 @@ def test_a_loop_that_was_never_audited_says_what_brings_its_verdict(client, web_
         receipt = receiving.commit()
     read_upload(web_backend, int(receipt.upload.id), "test")
     found = seen(client, "/loops/NEW1")
-    assert "This loop has not been audited yet: the next audit of the plant brings its verdict." in found.texts
+    assert "This loop has not been audited yet: the next audit of the plant will bring its verdict." in found.texts
     assert "Audit now" in found.texts
     assert "Audit this loop now" in seen(client, f"/uploads/{receipt.upload.id}").texts
     client.patch("/v1/loops/NEW1", json={"retired": True})
@@ -218,7 +218,7 @@ def test_a_winner_with_the_lower_score_is_explained(client, monkeypatch):
 
     monkeypatch.setattr(loop_verdicts, "verdict_detail", told)
     monkeypatch.setattr(loop_verdicts, "loop_health", lambda *asked: health(*asked) | {"rival_winner": "saturated_op"})
-    assert "wins although “shaken from outside” scored higher" in client.get("/loops/FIC101").text
+    assert "wins although “external oscillation” scored higher" in client.get("/loops/FIC101").text
     assert "wins although" in client.get("/v1/loops/FIC101/report").text
 
 

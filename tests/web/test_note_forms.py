@@ -136,7 +136,7 @@ def test_notes_that_say_nothing_or_too_much_are_refused(client, note):
 def test_a_refused_note_says_why_at_its_form_and_keeps_what_was_typed(client, note, why):
     answer = client.post(f"{HOSTILE_PAGE}/notes", data=note)
     found = Seen(answer.text)
-    assert any(text.startswith("Not written down:") and why in text for text in found.texts)
+    assert any(text.startswith("Not saved:") and why in text for text in found.texts)
     assert found.forbidden == []
     for typed in note.values():
         assert str(escape(typed)) in answer.text

@@ -36,7 +36,7 @@ def test_where_no_loop_is_left_for_the_worst_that_is_said_and_no_empty_table_sho
     assert 'id="no-worst"' not in client.get("/").text
     monkeypatch.setattr(pages, "listed_first", lambda *_: ([], []))
     html = client.get("/").text
-    assert "No others: what was judged is listed under other heads of this page." in html
+    assert "No others: what was judged is listed under other headings of this page." in html
     assert 'aria-label="Worst loops"' not in html
 
 
@@ -63,7 +63,7 @@ def test_the_worst_say_where_the_valves_are_that_they_have_no_room_for(client, m
 
 def test_a_plant_says_how_old_its_records_are(client):
     told = next(text for text in seen(client, "/").texts if text.startswith("Recorded up to 2026-01-01 00:49 UTC, "))
-    assert told.endswith(" days ago: no newer export has come.")
+    assert told.endswith(" days ago: no newer export has arrived.")
     assert any("newest sample 2026-01-01 00:49, " in text for text in seen(client, "/loops/FIC101").texts)
     one = seen(client, "/table?column=recorded_to&sort=-recorded_to")
     assert "Recorded until, UTC" in one.texts
@@ -88,7 +88,7 @@ def test_the_course_of_the_plant_comes_apart_from_its_page(client, monkeypatch):
     html = client.get("/plant/course").text
     assert html.count("<li>") == 3
     assert 'aria-label="2026-03-02: 12 valves stick, of 300 loops audited; health 81"' in html
-    assert 'aria-label="2026-03-03: 1 valve sticks, and 1 more of old records or from before a repair, of' in html
+    assert 'aria-label="2026-03-03: 1 valve sticks, and 1 more from old records or from before a repair, of' in html
     assert '<rect width="10" y="0.0" height="100.0"/>' in html
     monkeypatch.setattr(pages, "course", lambda _: [])
     assert "No night so far" in client.get("/plant/course").text
@@ -113,11 +113,11 @@ def test_while_a_run_goes_on_its_link_stands_in_place_of_the_button(client, web_
     run = start_audit(web_backend)
     told = " ".join(seen(client, "/").texts)
     assert f"run {run.id} of " in told
-    assert " goes on, 0 of 3 loops audited; what is said of the others is of earlier runs" in told
+    assert " is still running, 0 of 3 loops audited; the verdicts of the others are from earlier runs" in told
     for path in ("/", "/runs"):
         page = client.get(path).text
         assert BUTTON not in page
-        assert f'<a href="/runs/{run.id}">Run {run.id} goes on</a>' in page
+        assert f'<a href="/runs/{run.id}">Run {run.id} is still running</a>' in page
     assert client.post("/runs").headers["location"] == f"/runs/{run.id}"  # of a page that was loaded before
     cancel_audit(web_backend, run.id)
     assert client.get("/").text.count(BUTTON) == 1

@@ -92,9 +92,9 @@ def test_reports_of_many_loops_are_those_that_a_filter_leaves(two_nights, client
     assert re.fullmatch(r'attachment; filename="plant-loops-[\d-]+\.html"', some.headers["content-disposition"])
     assert "LIC7" not in some.text
     assert "1 loop: with “fic” in tag, description or owner." in words_of(some.text)
-    assert "No loop fits." in client.get("/v1/reports", params={"unit": "elsewhere"}).text
+    assert "No loop matches." in client.get("/v1/reports", params={"unit": "elsewhere"}).text
     of_run = words_of(client.get("/v1/reports", params={"audit_id": "1"}).text)
-    assert f"{len(TAGS)} loops, as run 1 found them. What is said of each here is of its newest verdict." in of_run
+    assert f"{len(TAGS)} loops, as run 1 found them. Each report here is of the loop's newest verdict." in of_run
     assert "found them" not in whole
     assert client.get("/v1/reports", params={"limit": 51}).status_code == 422
     assert client.get("/v1/reports", params={"audit_id": "777"}).status_code == 404
@@ -154,8 +154,8 @@ def test_a_report_names_the_tag_that_notes_and_nights_are_of(two_nights):
     patch_loop(two_nights, "LIC7", {"continues": "FIC101"})
     try:
         add_note(two_nights, "LIC7", "goes on")
-        assert "Until it got this tag it was FIC101" in words_of(reports.loop_report(two_nights, "LIC7"))
-        assert "It goes on as LIC7" in words_of(reports.loop_report(two_nights, "FIC101"))
+        assert "Before it got this tag it was FIC101" in words_of(reports.loop_report(two_nights, "LIC7"))
+        assert "It continues as LIC7" in words_of(reports.loop_report(two_nights, "FIC101"))
         assert re.search(r"\w FIC101 (yes|look first|look today)", words_of(reports.loop_report(two_nights, "LIC7")))
     finally:
         patch_loop(two_nights, "LIC7", {"continues": None})
@@ -166,7 +166,7 @@ def test_a_period_that_is_shared_by_chance_is_no_company(two_nights, monkeypatch
     crowded = group_of("1", 300.0, True, True, 0.84, None, plant_groups(two_nights)[0].members)
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [crowded])
     told = words_of(of_loop(two_nights))
-    assert "Its period is shared by 2 other loops, likely by chance." in told
+    assert "Its period is shared by 2 other loops, probably by chance." in told
     assert "oscillates together" not in told
 
 

@@ -48,7 +48,7 @@ def test_the_plant_is_told_night_by_night(client, web_backend):
     assert f'<a href="/runs/{run}">{run}</a>' in html
     assert "No run of the whole plant has ended yet" not in html
     assert '<th scope="col" class="number">Not judged: not in automatic</th>' in html
-    assert "went to manual, and was judged on what it did before, counts as judged" in html
+    assert "went to manual and was judged on data from before counts as judged" in html
     assert '<th scope="col" class="number">no unit</th>' in html
     assert 'href="/nights"' in client.get("/").text
 

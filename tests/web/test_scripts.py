@@ -34,7 +34,7 @@ def test_the_list_of_uploads_says_by_itself_what_became_of_them(opened: Page, cl
     number = client.post("/v1/uploads?filename=nothing.csv", content=b"not a table").json()["id"]
     opened.goto("/uploads")
     state = opened.locator("#uploads tr", has_text="nothing.csv").locator("td").nth(2)
-    expect(state).to_have_text("received, waits to be read")
+    expect(state).to_have_text("received, waiting to be read")
     read_upload(web_backend, int(number), "test")
     expect(state).to_contain_text("failed: no column of times with signals beside it was found", timeout=10_000)
     expect(state).to_have_class("refused why")
@@ -132,7 +132,7 @@ def test_an_upload_is_waited_for_though_an_answer_was_lost(opened: Page, client,
 
 def test_all_files_that_are_dropped_are_sent(opened: Page, web_backend):
     opened.goto("/uploads")
-    opened.get_by_label("Drop an export").set_input_files([csv("D1"), csv("D2"), csv("D3")])
+    opened.get_by_label("Drop a historian export").set_input_files([csv("D1"), csv("D2"), csv("D3")])
     with opened.expect_navigation(url=re.compile("/uploads$")):
         opened.get_by_role("button", name="Send").click()
     assert {"D1.csv", "D2.csv", "D3.csv"} <= {upload.filename for upload in list_uploads(web_backend).rows}
@@ -140,7 +140,7 @@ def test_all_files_that_are_dropped_are_sent(opened: Page, web_backend):
 
 def test_of_some_files_those_are_named_that_were_not_taken(opened: Page, web_backend):
     opened.goto("/uploads")
-    opened.get_by_label("Drop an export").set_input_files([csv("E1"), {**csv("E2"), "buffer": b""}, csv("E3")])
+    opened.get_by_label("Drop a historian export").set_input_files([csv("E1"), {**csv("E2"), "buffer": b""}, csv("E3")])
     opened.get_by_role("button", name="Send").click()
     expect(opened.locator("#sending")).to_contain_text("2 of 3 files were taken. E2.csv: not taken: ")
 

@@ -40,7 +40,7 @@ def today(client) -> str:
 def test_the_plant_lists_them_once_with_links_and_the_other_apart(standing):
     part = today(standing)
     assert part.count("<tr>") == 1 + 2
-    said = "PV of 7 loops came to stand within 30 minutes, all of Unit 3, since 2025-06-16 06:06:"
+    said = "PV of 7 loops froze within 30 minutes, all of Unit 3, since 2025-06-16 06:06:"
     assert f"<b>{said}</b> look first at whether their unit is down" in part
     assert [tag for tag in (*DOWN, "X1") if f'href="/loops/{tag_in_url(tag)}"' in part] == [*DOWN[:5], "X1"]
     assert '#stood-with">and 2 more</a>' in part
@@ -50,23 +50,23 @@ def test_the_plant_lists_them_once_with_links_and_the_other_apart(standing):
 def test_each_of_them_says_it_with_links_to_the_others(standing, tag):
     told = seen(standing, f"/loops/{tag_in_url(tag)}")
     text = " ".join(" ".join(told.texts).split())
-    assert "it came to stand with other loops; look today, first at what they share" in text
-    assert "PV of 6 other loops came to stand within 30 minutes, all of Unit 3 (" in text
+    assert "PV froze together with other loops; look today, first at what they share" in text
+    assert "PV of 6 other loops froze within 30 minutes, all of Unit 3 (" in text
     others = [f"/loops/{tag_in_url(other)}" for other in DOWN if other != tag]
     assert set(others) <= set(told.links)
 
 
 def test_a_loop_that_stands_alone_says_nothing_of_others(standing):
     html = standing.get("/loops/X1").text
-    assert "came to stand" not in html
+    assert "froze " not in html
     assert "a stuck valve or a dead transmitter; look today" in html
 
 
 def test_the_report_and_the_digest_tell_of_them_in_one_line(standing):
-    told = "PV of 7 loops came to stand within 30 minutes, all of Unit 3"
+    told = "PV of 7 loops froze within 30 minutes, all of Unit 3"
     assert standing.get("/v1/report").text.count(told) == 1
     assert as_html(digest_of(standing.backend, "1")).count(told) == 1
-    assert "It came to stand with" in standing.get(f"/v1/loops/{FIRST}/report").text
+    assert "It froze together with" in standing.get(f"/v1/loops/{FIRST}/report").text
 
 
 def test_the_table_lists_each_of_them_as_it_is(standing):
@@ -82,7 +82,7 @@ def narrow(chromium: Pages, standing):
 @pytest.mark.browser
 def test_on_a_telephone_the_entry_leads_to_the_others(narrow: Page):
     narrow.goto("/")
-    expect(narrow.get_by_text("PV of 7 loops came to stand within 30 minutes")).to_be_visible()
+    expect(narrow.get_by_text("PV of 7 loops froze within 30 minutes")).to_be_visible()
     assert width(narrow) <= NARROW["width"]
     narrow.get_by_role("link", name="and 2 more").click()
     expect(narrow.locator("#stood-with")).to_be_in_viewport()

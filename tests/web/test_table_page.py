@@ -255,7 +255,7 @@ def test_an_importance_that_orders_loops_is_shown_where_it_is_not_the_usual_one(
 @pytest.mark.parametrize("query", ["likely_cause=nothing", "unit=Elsewhere", "retired=true", "search=nothing"])
 def test_a_filter_that_leaves_no_loop_says_nothing_of_audits(client, query):
     texts = seen(client, f"/table?{query}").texts
-    assert "No loop fits." in texts
+    assert "No loop matches." in texts
     assert not any("been audited yet" in text for text in texts)
 
 
@@ -264,7 +264,7 @@ def test_a_verdict_that_there_is_none_of_is_not_said_to_fit_no_loop(client, name
     page = client.get(f"/table?{name}=b%3Cad%3E")
     texts = Seen(page.text).texts
     assert f"There is no {name} 'b<ad>'." in texts
-    assert "No loop fits." not in texts
+    assert "No loop matches." not in texts
     assert "<option selected>b&lt;ad&gt;</option>" in page.text
 
 
@@ -330,7 +330,7 @@ def test_every_order_that_a_head_leads_to_can_be_chosen_without_heads(client):
 def test_rows_are_narrowed_by_the_likely_cause(client):
     page = client.get("/table?likely_cause=data")
     assert '<option value="data" selected>too little usable data</option>' in page.text
-    assert "No loop fits." in page.text
+    assert "No loop matches." in page.text
     assert '<option value="own" selected>own</option>' in client.get("/table?likely_cause=own").text
 
 

@@ -45,12 +45,12 @@ def test_an_upload_that_waits_for_room_says_so_on_its_page_and_in_the_list(clien
         stored_uploads.wait(connection, claim, 20.0, for_room=True)
     since = client.get(f"/v1/uploads/{answer['id']}").json()["waits_for_room_since"]
     page = seen(client, f"/uploads/{answer['id']}").texts
-    assert "waits for room on the disk" in page
+    assert "waiting for room on the disk" in page
     assert any(text.startswith(f"Since {since[:10]} {since[11:16]} there is no room to read it.") for text in page)
-    assert "waits for room on the disk" in seen(client, "/uploads").texts
+    assert "waiting for room on the disk" in seen(client, "/uploads").texts
     folder = web_backend.settings.uploads_dir
     away = folder.rename(folder.with_name("away"))
-    assert "The data folder of the service is gone" in client.get(f"/uploads/{answer['id']}").text
+    assert "The data folder of the service is missing" in client.get(f"/uploads/{answer['id']}").text
     away.rename(folder)
     assert "The data folder" not in client.get(f"/uploads/{answer['id']}").text
     read_upload(web_backend, int(answer["id"]), "test")
@@ -63,9 +63,9 @@ def test_an_upload_whose_file_no_worker_sees_says_so_on_its_page_and_in_the_list
         assert stored_uploads.note_unseen(connection, int(answer["id"]), 20.0, 40.0)
     since = client.get(f"/v1/uploads/{answer['id']}").json()["waits_for_file_since"]
     page = seen(client, f"/uploads/{answer['id']}").texts
-    assert "waits: no worker sees its file" in page
+    assert "waiting: no worker sees its file" in page
     assert any(text.startswith(f"Since {since[:10]} {since[11:16]} no worker that was asked") for text in page)
-    assert "waits: no worker sees its file" in seen(client, "/uploads").texts
+    assert "waiting: no worker sees its file" in seen(client, "/uploads").texts
     read_upload(web_backend, int(answer["id"]), "test")
     assert "no worker" not in client.get(f"/uploads/{answer['id']}").text
 
@@ -134,11 +134,11 @@ def test_a_file_is_read_again_with_another_mapping(client, web_backend):
     [
         (
             "2026-03-01 12:00:00",
-            "from 2026-03-01 12:00 to 2026-03-01 12:01; their times were read as those of UTC.",
+            "from 2026-03-01 12:00 to 2026-03-01 12:01; their times were read as UTC.",
         ),
         (
             "2026-03-01T12:00:00+01:00",
-            "from 2026-03-01 11:00 to 2026-03-01 11:01; the file tells their time zone.",
+            "from 2026-03-01 11:00 to 2026-03-01 11:01; the file states their time zone.",
         ),
         ("0", "Its times have no date."),
     ],
@@ -189,7 +189,7 @@ def test_tags_and_refusals_that_are_not_shown_are_counted(client, monkeypatch):
     tags = sum(1 for loop in told["tags"] for name in ("pv", "op", "sp", "mode") if loop[name])
     page = client.get("/uploads/1").text
     assert f'{tags - 2} more tags: <a href="/v1/uploads/1">' in page
-    assert f'{len(told["rejects"]) - 1} more with what was got: <a href="/v1/uploads/1">' in page
+    assert f'{len(told["rejects"]) - 1} more with what was received: <a href="/v1/uploads/1">' in page
     assert page.count("<tr data-tag=") == 2
 
 

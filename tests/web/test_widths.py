@@ -244,7 +244,7 @@ def test_a_printed_report_fits_the_paper(opened: Page, client, monkeypatch: pyte
 
 def test_a_long_verdict_of_an_explanation_does_not_widen_a_narrow_screen(narrow: Page):
     settled(narrow, "/loops/FIC101")
-    words = "physics is missing from the simulation; which, the record hardly tells"
+    words = "physics is missing from the simulation; which one, the record can hardly tell"
     card = narrow.locator("#explanation .card").first
     card.evaluate("(card, words) => { card.innerHTML = `<p><span class='badge'>${words}</span></p>`; }", words)
     assert width(narrow) <= NARROW["width"]

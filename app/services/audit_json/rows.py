@@ -39,7 +39,7 @@ STATED, STATED_OF_LOOP = "stated", ("op_range", "pv_range", "integrating")
 """What the verdict took of the loop beside its samples: kept with it, because it may be stated otherwise later."""
 OF_LOOP_NOW = ("unit",)  # what is asked of the loop when a row is sent, because it may have changed since the verdict
 FORM = hashlib.blake2b(
-    json.dumps([5, list(TableRow.model_fields), OF_LOOP_NOW, list(KeyFiguresLine.model_fields), as_table()]).encode(),
+    json.dumps([6, list(TableRow.model_fields), OF_LOOP_NOW, list(KeyFiguresLine.model_fields), as_table()]).encode(),
     digest_size=8,
 ).hexdigest()
 """Which fields a stored row has, and which steps it may name: rows that an older version wrote are made anew from

@@ -67,8 +67,8 @@ class Unlisted:
     def words(self) -> str:
         """Empty where every loop is listed."""
         counted = (
-            (self.reliable, "valves that stick, to be relied on"),
-            (self.unsure, "valves that stick, to be looked at first"),
+            (self.reliable, "valves that stick, rely on it"),
+            (self.unsure, "valves that stick, look first"),
             (self.unanswered, "loops in which PV does not answer OP"),
         )
         told = ", ".join(f"{what} ({count:,} more)" for count, what in counted if count)
@@ -169,7 +169,7 @@ class Digest:
         told = (
             [f"newly said to stick as well: {', '.join(map(one_line, self.new_besides))}"] if self.new_besides else []
         )
-        told += [f"and {self.other_changes:,} more that changed otherwise"] if self.other_changes else []
+        told += [f"and {self.other_changes:,} more that changed in another way"] if self.other_changes else []
         return "; ".join(told)
 
     def recorded(self, loop: DigestLoop) -> str:

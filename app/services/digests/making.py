@@ -197,8 +197,8 @@ def _made(read: _Read, clock: PlantClock) -> Digest:
 
 def _manual_words(found: Sequence[ToManual], clock: PlantClock) -> list[str]:
     return [
-        f"{one_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is of "
-        f"before: {one.judged.words(clock)}"
+        f"{one_line(one.loop)}: went to manual (automatic -> manual); its verdict, {VERDICT_WORDS[one.verdict]}, is "
+        f"from before that: {one.judged.words(clock)}"
         for one in found[:CHANGES]
     ]
 
@@ -245,5 +245,5 @@ def _why_old(since_ns: int | None, clock: PlantClock) -> str:
         return ""
     return (
         f"no sample since {clock.told_at(moment_of(since_ns))}, {LATE.days} days before the newest of the plant, or "
-        "without a date; what is said of them is of then"
+        "without a date; their verdicts date from then"
     )

@@ -110,9 +110,9 @@ def as_json(digest: Digest) -> dict[str, Any]:
 
 
 HOW_TO_READ = (
-    "What is newly said to stick comes first, then what lacks most to full health, times its importance. "
-    "The worst are told of loops that stick, may, or show no answer of PV to OP; the page of the plant has all. "
-    "'Look first' means that the evidence does not suffice: look at the loop before a valve is taken out."
+    "Valves newly said to stick come first, then loops by (100 - health) x importance. The lists of the worst have "
+    "loops whose valve sticks or may stick, or whose PV does not answer OP; the plant page has all loops. 'Look "
+    "first' means that the evidence is not sufficient: look at the loop before a valve is taken out."
 )
 
 
@@ -191,12 +191,12 @@ def _repair_line(repair: RepairView, clock: PlantClock) -> str:
 def _no_change(digest: Digest) -> str:
     if not digest.compared:
         return "This is the first run: there is nothing to compare with."
-    return "No verdict is another one than in the run before."
+    return "No verdict changed since the run before."
 
 
 def _nothing_worst(digest: Digest) -> str:
     if not sum(digest.verdicts.values()):
-        return "Of no loop in service there is a verdict."
+        return "No loop in service has a verdict."
     return nothing_worst(digest.verdicts.get("stiction", 0), bool(digest.old))
 
 

@@ -12,7 +12,7 @@ LEAST_P = 0.001
 VERDICT_WORDS = {
     "missing_physics": "physics is missing from the simulation",
     "consistent": "nothing is missing",
-    "inconclusive": "the record does not tell",
+    "inconclusive": "the record cannot tell",
 }
 LOOP_WORDS = {
     "recorded": "recorded",
@@ -42,7 +42,7 @@ EFFECT_WORDS = {
     "process.gain_drift": "the gain drifts",
     "process.overflow": "the vessel overflows",
     "process.inverse_response": "the process first answers the wrong way",
-    "process.resonance": "the process swings by itself",
+    "process.resonance": "the process oscillates by itself",
     "process.friction": "friction in a moving mass",
     "sensor.lag": "the sensor lags",
     "sensor.quantization": "the measurement is coarse",
@@ -53,7 +53,7 @@ EFFECT_WORDS = {
     "sensor.step": "the sensor's reading steps",
     "sensor.compression": "the historian kept only some of the samples",
     "sensor.sample_hold": "PV is measured once an interval and held until the next time",
-    "disturbance.oscillation": "a disturbance that swings",
+    "disturbance.oscillation": "a disturbance that oscillates",
     "disturbance.step": "a disturbance that steps",
     "disturbance.ramp": "a disturbance that ramps",
     "disturbance.coupling": "another signal moves PV",
@@ -71,39 +71,39 @@ EVIDENCE_WORDS = {
     "parameters_off": "other parameters of the simulation explain the record better than any effect, or are far off",
     "lack_of_fit": "terms without a name still explain much of what the effect leaves",
     "nearest_name": "the name that came nearest, where none fits",
-    "held_out_disagrees": "data that no fit has seen refuse what was fitted",
-    "whole_disagrees": "what a shortened record suggested does not hold on the whole one",
+    "held_out_disagrees": "data that no fit has seen contradict what was fitted",
+    "whole_disagrees": "what a shortened record suggested does not hold on the full one",
     "held_out_worse": "the free run on data that no fit has seen is worse with the effect, which stands nevertheless",
     "op_moves_nothing": "PV does not answer OP",
     "too_few_data": "too few samples, or too short a record, to judge a simulation by",
-    "free_run_astray": "the free run is far from PV on unseen data, as where a load wanders, or acts slowly",
+    "free_run_astray": "the free run is far from PV on unseen data, as with a load that wanders, or acts slowly",
     "too_little_excitation": "OP explains too little of PV to judge a simulation by",
     "simulation_unrelated": "the simulated trace does not answer the recorded OP",
-    "simulation_shifted": "the simulation is early or late and was shifted before it was compared",
+    "simulation_shifted": "the simulation is early or late and was shifted before the comparison",
     "simulation_bridged": "samples of the simulation without a value are bridged",
     "second_elsewhere": "the second recording is far from the first: another unit, loop or operating point",
     "second_not_simulated": "the given simulation is not linear, and there is none of the second recording",
     "simulation_cut": "samples of the simulation outside the recording are not compared",
-    "controller_cleared": "a PID law explains OP: the controller does its part",
+    "controller_cleared": "a PID law explains OP: the controller works as it should",
     "controller_not_evaluated": "no PID law explains OP: the controller is not judged",
-    "controller_differs": "the simulation's controller is tuned otherwise than the recorded one",
+    "controller_differs": "the simulation's controller is tuned differently from the recorded one",
     "yper_lacked": "what the clean simulation lacked for Yper to come out as recorded",
     "pv_held": "PV is held between measurements",
     "pv_levels": "PV takes few levels",
-    "pv_at_limit": "PV stands at a limit",
+    "pv_at_limit": "PV is at a limit",
     "pv_repeats": "PV repeats one value while the loop moves",
     "pv_dropped": "PV jumps to a value, repeats it and jumps back",
-    "pv_frozen": "PV stands, with less noise than it has elsewhere, while the loop moves",
+    "pv_frozen": "PV is frozen, with less noise than elsewhere, while the loop moves",
     "pv_straight": "PV lies on straight lines between few samples",
     "read_back": "a measured signal is the valve's own position",
-    "given_not_validated": "of a given simulation there is one of the first or of the second recording alone",
+    "given_not_validated": "the given simulation covers only the first or only the second recording",
     "samples_damaged": "a part of the samples cannot be read and is left out",
-    "wild_samples": "samples of PV far outside of all others are left out",
+    "wild_samples": "samples of PV far outside all others are left out",
     "time_runs_back": "times run back in the file",
-    "part_explained": "of a long record a part alone is explained",
-    "numbers_in_doubt": "numbers of the file may be read in two ways",
-    "times_assumed": "no column of the file is named as times: which were taken",
-    "times_repeated": "samples whose time was there before are left out",
+    "part_explained": "only part of a long record is explained",
+    "numbers_in_doubt": "numbers in the file can be read in two ways",
+    "times_assumed": "no column of the file is named as times: which one was taken",
+    "times_repeated": "samples with a repeated time are left out",
 }
 SHOWN_WINDOWS = 4
 UNASKED = "–"
@@ -113,13 +113,13 @@ SAME_HELD_OUT = (
     "out there"
 )
 LEFT = (
-    "is a pattern left of PV, or OP, beside the noise model of each? This names nothing, for that model may take up "
-    "what is missing; the names and the held-out RMSE decide:"
+    "is a pattern of PV, or of OP, left beside the noise model of each? This names nothing, because that model may "
+    "absorb what is missing; the names and the held-out RMSE decide:"
 )
 WAVE_PARTS = ("sine", "cosine")
 """How the numbers of a wave begin, of which any may be zero."""
 SIZED_ELSEWHERE = ("valve.stiction", "valve.deadband")
-NO_SIZE = "S and J of the model that reproduces PV, not the size: the audit states that, and J is not told"
+NO_SIZE = "S and J of the model that reproduces PV, not the size: the audit states that, and J cannot be determined"
 RANGES = "The range behind a number is right only where the model is. It is no 95 % interval on a plant's records"
 HELD = (
     "since engine 0.1.17 those of a valve's S count what OP did between two samples, and held the true S in 34 of 35 "
@@ -206,7 +206,9 @@ def verdict_in_words(
     words = VERDICT_WORDS.get(verdict or "", "")
     if verdict == "consistent" and any(reason["code"] == "parameters_off" for reason in evidence):
         return f"{words}, but the simulation's own parameters are off"
-    return words if verdict != "missing_physics" or named(effects) else f"{words}; which, the record hardly tells"
+    return (
+        words if verdict != "missing_physics" or named(effects) else f"{words}; which one, the record can hardly tell"
+    )
 
 
 def named(effects: Sequence[Mapping[str, Any]]) -> bool:
@@ -275,7 +277,7 @@ def beyond_held_out(fit: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]
     """Of which named effects the held-out error says nothing, because they do not act there."""
     held = fit["held_out"] or []
     return [
-        f"{effect['effect']} does not act in the stretch that no fit has seen: the held-out RMSE says nothing of it"
+        f"{effect['effect']} does not act in the stretch that no fit has seen: the held-out RMSE says nothing about it"
         for effect in effects
         if held and effect["windows"] and not any(_overlap(own, part) for own in effect["windows"] for part in held)
     ]

@@ -10,8 +10,10 @@ from app.services.recency import DATED_NS, LATE
 from app.services.telling.naming import NAMED, named
 from app.storage import arrivals as stored
 
-NOTHING_NEW = "Nothing was recorded since the run before: what is said is of the same records."
-NOTHING_NEW_THEN = "Nothing was recorded between the two newest runs that ended; what came since waits for the next."
+NOTHING_NEW = "Nothing has been recorded since the previous run: the verdicts are from the same records."
+NOTHING_NEW_THEN = (
+    "Nothing was recorded between the two newest runs that ended; what has arrived since waits for the next run."
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[st
     lines = []
     if found.recorded_to is not None:
         told = f"Recorded up to {clock.told(found.recorded_to)}"
-        lines.append(f"{told}{old(found.age, since)}: no newer export has come." if found.late else f"{told}.")
+        lines.append(f"{told}{old(found.age, since)}: no newer export has arrived." if found.late else f"{told}.")
     if found.behind:
         which = listed(found.named, found.behind, clock)
         lines.append(f"{_loops(found.behind)} no samples for two days or more before that: {which}.")
@@ -81,7 +83,7 @@ def sentences(found: Arrivals, clock: PlantClock, since: str = "ago") -> list[st
     if found.undated:
         which = listed(found.named_undated, found.undated)
         lines.append(
-            f"Without a date, because their files tell no start: {which}. No other loop is compared with them."
+            f"Without a date, because their files give no start: {which}. No other loop is compared with them."
         )
     return lines
 
@@ -109,7 +111,7 @@ def newest_in_words(samples_to: str | None, clock: PlantClock) -> str:
         return ""
     moment = datetime.fromisoformat(samples_to)
     if moment < FIRST_DATED:
-        return "time of day not known: its file tells no start, for which 1970-01-01 stands below"
+        return "time of day not known: its file gives no start, so 1970-01-01 stands in for it below"
     age = datetime.now(UTC) - moment
     said = ", ahead of the clock: is its time zone right?" if age < -AHEAD else old(age)
     return f"newest sample {clock.short(samples_to)}{said}"

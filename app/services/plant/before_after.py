@@ -16,7 +16,7 @@ from app.storage import notes, verdicts
 from app.storage.repaired import sides
 
 NONE = "–"
-NOT_TOLD = "the record does not tell"
+NOT_TOLD = "the record cannot tell"
 
 Told = dict[str, Any]
 Line = tuple[str, str, str]

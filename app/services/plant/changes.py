@@ -25,11 +25,11 @@ SECOND_NIGHT = "said for the second night"
 NEWS_FROM = 0.3
 """By so much the probability has moved where a change that is not to be relied on is news."""
 TOLD_FIRST: dict[Kind, int] = {"new": 0, "cured": 1, "flipped": 1, "wavers": 2}
-LONGER_WORDS = "more was recorded than before"
+LONGER_WORDS = "more data than before"
 OF_REPAIRS = {SINCE_REPAIR, BEFORE_REPAIR}
 UNDECIDED_BY = {
-    WOUND_UP: ("OP stands at its limit, and PV does not come back for it", "OP stands at its limit no longer"),
-    UNCOUPLED: ("PV and OP move without regard to each other", "PV and OP go together again"),
+    WOUND_UP: ("OP stays at its limit, and PV does not come back", "OP is no longer at its limit"),
+    UNCOUPLED: ("PV and OP are unrelated", "PV and OP are related again"),
 }
 """Reasons that nothing can be told of a valve, whatever the probability: what is said where one comes, and goes."""
 

@@ -32,7 +32,7 @@ class Figure:
 
 
 FIGURES = (
-    Figure("health", "Health", "of 100", 0, OURS, "Chosen weights, not fitted: see what it is made of."),
+    Figure("health", "Health", "of 100", 0, OURS, "Its weights are chosen, not fitted: see what it is made of."),
     Figure("good_share_pct", "Good samples", "%", 1, JELALI),
     Figure("service_factor_pct", "Service factor", "%", 1, JELALI),
     Figure("op_saturation_pct", "OP at a limit", "%", 1, JELALI),
@@ -55,7 +55,7 @@ FIGURES = (
         "(regular above 1; at most 100)",
         1,
         THORNHILL,
-        "Above 1 it is regular; more than 100 is not told. What is left of a load that wanders is often above 1, too, "
+        "Above 1 it is regular; values above 100 are not shown. What a wandering load leaves is often above 1 too, "
         "but seldom stronger than 0.5: look at both.",
     ),
     Figure("oscillation_strength", "Strength of the oscillation", "(0 none, 1 strongest)", 2, THORNHILL),
@@ -69,8 +69,8 @@ FIGURES = (
         "an hour",
         1,
         JELALI,
-        "Where OP is noisy its noise counts, the more the finer the sampling and the less OP moves otherwise: compare "
-        "nights of the same sampling interval and of like loads.",
+        "Where OP is noisy, its noise counts, all the more with faster sampling and the less OP moves otherwise: "
+        "compare nights with the same sampling interval and similar loads.",
     ),
     Figure("response_time_s", "Time an upset is felt", "s", 0, JELALI, "Closed loop; gaps in the record shorten it."),
     Figure(
@@ -79,12 +79,12 @@ FIGURES = (
         "(1 is best, 0 worst)",
         2,
         HARRIS,
-        "Rests on an assumed dead time, the same of every loop, and punishes loops that follow a set point or let a "
-        "level swing: compare a loop with itself over time, never one loop with another. Not told where a historian "
-        "drew PV on straight lines between the samples that it kept: these foretell themselves.",
+        "Rests on an assumed dead time, the same for every loop, and penalises loops that follow a set point or let "
+        "a level float: compare a loop with itself over time, never one loop with another. Not given where a "
+        "historian drew PV on straight lines between the samples that it kept: these predict themselves.",
     ),
     Figure("harris_horizon_samples", "Dead time the Harris index assumes", "samples", 0, HARRIS),
-    Figure("yper_pct", "Yper", "%", 1, YPER, "A measure of how far the identification can be trusted, no detector."),
+    Figure("yper_pct", "Yper", "%", 1, YPER, "A measure of how far the identification can be trusted, not a detector."),
     Figure("stiction_band_pct_of_op_range", "Band d of the published rule (not the size)", "% of OP's range", 1, YPER),
 )
 

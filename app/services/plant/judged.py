@@ -19,7 +19,7 @@ LEFT_OUT = timedelta(hours=1)
 """Newer samples than what was judged are told of where they are of an hour or more."""
 
 NOT_JUDGED = "what was recorded since was not judged"
-NEWER_DISAGREES = "what was recorded since is shorter, and says otherwise"
+NEWER_DISAGREES = "what was recorded since is shorter, and disagrees"
 
 LOOKED_AT = 200
 """So many loops, the weightiest, are looked through for those that went to manual."""

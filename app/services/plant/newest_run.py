@@ -49,9 +49,9 @@ def _in_words(run: AuditOut, any_before: bool, clock: PlantClock) -> str:
     others is of earlier runs."""
     name = f"run {run.id} of {clock.short(run.created_at)}"
     audited = f"{run.done:,} of {_loops(run.total)}"
-    of_others = "; what is said of the others is of earlier runs" if any_before else ""
+    of_others = "; the verdicts of the others are from earlier runs" if any_before else ""
     if not run.ended:
-        return f"{name} goes on, {audited} audited{of_others}"
+        return f"{name} is still running, {audited} audited{of_others}"
     if run.cancelled:
         return f"{name} was cancelled, {audited} audited{of_others}"
     if run.failed:

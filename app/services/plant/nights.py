@@ -84,7 +84,7 @@ def _again(row: NightRow, before: NightRow | None) -> str:
     if row.input_end_ns == before.input_end_ns:
         return "nothing new was recorded"
     same_window = row.window_end is not None and row.window_end == before.window_end
-    return "judged on what was judged before" if same_window else ""
+    return "judged on the same data as before" if same_window else ""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def periods(backend: Backend, loop: OneLoop, row: Mapping[str, Any], detail: Map
     lines.append(f"Audited window: {window['samples']:,} samples, {span}." if judged else "All of it was looked at.")
     stretch = _speaking(row, window, identified, detail)
     lines += _identified(backend.clock, stretch, window, identified)
-    of_verdict = "; oscillation, Yper and band d are of what was judged"
+    of_verdict = "; oscillation, Yper and band d are from what was judged"
     of_figures = whole + (of_verdict if judged or len(lines) > 2 else "")
     return Periods(tuple(lines), of_figures, _of_old(backend.clock, stretch, ends))
 

@@ -22,7 +22,7 @@ OUTCOME_WORDS: dict[Outcome, str] = {
     "sticks": "did not help: the valve sticks",
     "doubtful": "may not have helped: look first",
     "unanswered": "did not help: PV does not answer OP",
-    "new": "the valve sticks, and was not said to before",
+    "new": "the valve sticks now; before the repair the verdict was no stiction",
     "unsure": "seems to have helped",
     "open": "cannot tell whether it helped",
     "helped": "helped",

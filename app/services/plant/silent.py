@@ -35,7 +35,7 @@ def silences(
         return []
     have = f"{len(found):,} loops have" if len(found) > 1 else "One loop has"
     named = listed(tuple(found[:NAMED]), len(found), backend.clock)
-    return [f"{have} stopped, though the others went on: no newer sample than {named}."]
+    return [f"{have} stopped while the others went on: no sample newer than {named}."]
 
 
 def of_run(backend: Backend, audit_id: int, at: datetime, found: Arrivals) -> list[str]:

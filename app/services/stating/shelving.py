@@ -19,7 +19,7 @@ from app.storage.shelvings import SaidOf, ShelvedRow
 LONGEST = timedelta(days=366)
 STICKS = "sticks"
 WORSE_WORDS = {
-    STICKS: "by now the valve sticks, and that is to be relied on",
+    STICKS: "by now the valve sticks, and that can be relied on",
     UNANSWERED: "by now PV never answers OP: look today",
 }
 """What is worse in kind than what was said when the loop was shelved."""

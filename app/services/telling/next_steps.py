@@ -34,14 +34,14 @@ from app.services.telling.wording import (
 
 
 def _began_to_stick(hour: str) -> str:
-    return f"It sticks, at least since {hour}, whatever the rest of the record says: ask for a stroke test."
+    return f"It has been sticking at least since {hour}, whatever the rest of the record says: ask for a stroke test."
 
 
 def _has_band(quarter: str) -> str:
     return (
-        f"When somebody works at the valve anyway, have OP moved in steps of {quarter}, a few up, then a few down, and "
-        "watch the stem. The valve may stick or have play by as much as that band, although the loop does not swing. A "
-        "load that switches to and fro looks the same."
+        f"When someone is working on the valve anyway, have OP moved in steps of {quarter}, a few up, then a few down, "
+        "and watch the stem. The valve may stick or have backlash by as much as that band, although the loop does not "
+        "oscillate. An alternating load disturbance looks the same."
     )
 
 
@@ -53,66 +53,67 @@ class Ask(StrEnum):
         "Tuning does not cure it."
     )
     MAY_STICK = (
-        "Look before anyone takes a spanner: where operation allows it, put the loop in manual for some periods. A "
-        "swing that goes on comes from outside; one that stops is made here, and a stroke test tells valve from "
-        "tuning."
+        "Look before anyone picks up a spanner: where operation allows it, put the loop in manual for a few cycles. "
+        "If the oscillation goes on, it comes from outside; if it stops, this loop makes it, and a stroke test tells "
+        "valve from tuning."
     )
     MAY_BE_SHAKEN = (
-        "Look first for what else goes to and fro with this period: another loop (the page of groups), a pump, a "
-        "batch. Where operation allows it, put the loop in manual for some periods: a swing that goes on comes from "
-        "outside, one that stops asks for a stroke test."
+        "Look first for what else oscillates with this period: another loop (see the Groups page), a pump, a batch. "
+        "Where operation allows it, put the loop in manual for a few cycles: if the oscillation goes on, it comes "
+        "from outside; if it stops, ask for a stroke test."
     )
     SHAKEN = (
-        "Look at the loop that is named first: once its valve is mended, this one may stop by itself. If it swings on, "
-        "ask for a stroke test here."
+        "Look first at the loop that is named: once its valve is repaired, this one may stop oscillating by itself. "
+        "If it goes on, ask for a stroke test here."
     )
     TUNING_UNSURE = (
-        "Before anybody touches the tuning, put the loop in manual for some periods, where operation allows it: a "
-        "swing that goes on comes from outside, one that stops asks for a stroke test, and for weaker tuning where the "
-        "valve is free."
+        "Before anybody touches the tuning, put the loop in manual for a few cycles, where operation allows it: if "
+        "the oscillation goes on, it comes from outside; if it stops, ask for a stroke test, and for looser tuning "
+        "if the valve moves freely."
     )
-    WEAK_UNSURE = "See how it answers a small step of the set point before its tuning is made stronger."
+    WEAK_UNSURE = "See how it responds to a small set-point step before its tuning is tightened."
     OUTER = (
-        "Look at the loop whose set point this OP is: that one moves the valve. Ask for a stroke test here only where "
-        "OP moves a valve of its own besides, and say so in the loop's settings."
+        "Look at the loop whose set point this OP is: it moves the valve. Ask for a stroke test here only if OP also "
+        "moves a valve of its own, and say so in the loop's settings."
     )
     NO_VALVE = (
-        "Look at the loop whose set point this OP is: that one moves the valve, this one none, as its settings say."
+        "Look at the loop whose set point this OP is: it moves the valve; this loop moves none, according to its "
+        "settings."
     )
     BEGAN_TO_STICK = _began_to_stick("the hour that is named")
     CLEARED = "Nothing at the valve."
     NOT_CLEARED = (
-        "Nothing now: nothing accuses the valve, and the reasons say what keeps this from clearing it. If it stays "
-        "like that for weeks, a stroke test tells more than another night."
+        "Nothing for now: nothing points to the valve, and the reasons say why it is not cleared. If it stays like "
+        "that for weeks, a stroke test will tell more than another night."
     )
     STANDS_FAST = (
-        "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and see "
-        "whether PV goes along."
+        "Find out whether the valve moves at all: where operation allows it, move OP by a few per cent by hand and "
+        "see whether PV follows."
     )
     HAS_BAND = _has_band("a quarter of the band that is named")
-    CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test tells more than another night."
+    CANNOT_TELL = "Nothing, unless it stays like that for weeks; then a stroke test will tell more than another night."
     OBJECTED = (
-        "Audit a longer record before the valve is left alone: this is not to be relied on, and the published rule, or "
-        "its fit, says that the valve sticks. If it stays like that, ask for a stroke test."
+        "Audit a longer record before the valve is left alone: this verdict cannot be relied on, and the published "
+        "rule, or its fit, says that the valve sticks. If it stays like that, ask for a stroke test."
     )
-    NOT_AUDITABLE = "Tell the control engineer what the checks say: better recording brings a verdict."
+    NOT_AUDITABLE = "Tell the control engineer what the checks say: a better recording will bring a verdict."
     UNRELATED = (
-        "Find out whether PV and OP are tags of one loop, and recorded. If they are, see in the field whether the stem "
-        "moves when OP does: behind a valve that is stuck PV owes nothing to OP."
+        "Find out whether PV and OP are tags of one loop, and whether both are recorded. If so, check in the field "
+        "whether the stem moves when OP does: with a stuck valve PV does not depend on OP."
     )
-    WAIT = "Wait until enough is recorded since the repair: what is said here is of before it."
+    WAIT = "Wait until enough has been recorded since the repair: this verdict is from before it."
     NOTHING_NEWER = (
-        "Find out why nothing newer had come of this loop when it was audited (its export, its tags, or it is out of "
-        "service): what is said here is of its last record then. Send nobody to the valve for it."
+        "Find out why no newer samples of this loop had arrived when it was audited (its export, its tags, or it is "
+        "out of service): this verdict is from the last record there was. Do not send anyone to the valve for it."
     )
-    WAIT_ON_SHELF = "Wait, until the time that is named."
+    WAIT_ON_SHELF = "Wait until the time that is named."
     UNTIL_THEY_AGREE = (
         "Touch neither valve nor tuning yet, because the audit clears the valve and the newest explanation says that "
-        "it sticks: audit and explain a longer record, and where they still disagree, ask for a stroke test."
+        "it sticks: audit and explain a longer record, and if they still disagree, ask for a stroke test."
     )
     AT_LIMIT = (
         "Find out why OP stands at its limit: a valve that does not move, its size, a bypass, a set point out of "
-        "reach; too strong tuning where it runs from one limit to the other."
+        "reach, or tuning that is too tight, if OP runs from one limit to the other."
     )
     LOOK_TODAY = (
         "Look today, at both: whether the transmitter reads anything (impulse lines, wiring, a frozen signal), and in "
@@ -120,29 +121,32 @@ class Ask(StrEnum):
     )
     STOOD_TOGETHER = (
         "Look today, and first at what these loops share: is their unit down, or has an I/O card, a multiplexer, a "
-        "gateway or the historian's interface failed? Only where nothing of that is so, look at transmitter and valve "
-        "of each. Where the unit stays down, shelve them until it runs again."
+        "gateway or the historian's interface failed? Only if none of this applies, look at the transmitter and the "
+        "valve of each. If the unit stays down, shelve them until it runs again."
     )
     SHAKEN_FROM_OUTSIDE = (
-        "Leave the valve alone and look for what shakes this loop: the page of groups shows the loops that swing with "
-        "it."
+        "Leave the valve alone and look for what disturbs this loop: the Groups page shows the loops that oscillate "
+        "with it."
     )
     UPSET = "Leave the valve alone and look for what upsets the process."
     TUNING_OR_SINE = (
-        "Put the loop in manual for some periods, where operation allows it: a swing that stops asks for weaker "
-        "tuning, one that goes on comes from outside."
+        "Put the loop in manual for a few cycles, where operation allows it: if the oscillation stops, ask for "
+        "looser tuning; if it goes on, it comes from outside."
     )
-    WEAKER_TUNING = "Ask for weaker tuning: less gain, or a longer integral time."
-    STRONGER_TUNING = "Ask for stronger tuning."
-    HAS_PLAY = "Have linkage and positioner looked at: there is play between OP and the stem."
+    WEAKER_TUNING = "Ask for looser tuning: less gain, or a longer integral time."
+    STRONGER_TUNING = "Ask for tighter tuning."
+    HAS_PLAY = "Have linkage and positioner checked: there is backlash between OP and the stem."
     FOLLOWS_SET_POINT = (
-        "Nothing at the valve: PV goes with its set point. Where that should not move so much, look at what moves it."
+        "Nothing at the valve: PV follows its set point. If the set point should not move so much, look at what "
+        "moves it."
     )
-    DOES_NOT_SWING = "Nothing: it does not swing."
-    SWITCHES = "Nothing where it is meant to switch: leave it out of the audits. Else have OP stored finer."
-    COARSE_SENSOR = "Have the resolution of transmitter and historian looked at."
-    SENSOR_SPIKES = "Have transmitter and wiring looked at: single values jump."
-    SENSOR_STICKS = "Have the transmitter looked at: it holds one value and jumps to the next."
+    DOES_NOT_SWING = "Nothing: it does not oscillate."
+    SWITCHES = (
+        "Nothing, if it is meant to switch: leave it out of the audits. Otherwise have OP stored with finer resolution."
+    )
+    COARSE_SENSOR = "Have the resolution of transmitter and historian checked."
+    SENSOR_SPIKES = "Have transmitter and wiring checked: single values jump."
+    SENSOR_STICKS = "Have the transmitter checked: it holds one value, then jumps to the next."
     DOES_NOT_ACT = (
         "Find out whether the controller acts at all, whether OP stands at a limit, and whether it is recorded."
     )
@@ -150,7 +154,7 @@ class Ask(StrEnum):
         "Find out why it is in manual, or in a mode that is not understood (the upload says which), and whether it may "
         "be put in automatic."
     )
-    TOO_SLOW = "Have it recorded faster: ten samples a cycle or more."
+    TOO_SLOW = "Have it recorded faster: ten samples per cycle or more."
 
 
 REOPEN = "reopen the order."
@@ -193,7 +197,7 @@ BY_CAUSE_UNSURE = {
 
 FEW_CYCLES: ReasonCode = "few_cycles"
 ENOUGH_CYCLES = VerdictConfig().min_cycles
-LONGER = "A longer record tells more"
+LONGER = "A longer record will tell more"
 
 OBJECTIONS: frozenset[ReasonCode] = frozenset({"reference_disagrees", "yper_high_stiction"})
 """Reasons of a verdict that is not stiction, for which the published rule says that it is."""
@@ -258,7 +262,7 @@ def step_of(row: Mapping[str, Any], clock: PlantClock, repaired_at: str | None =
     lasts_s = ENOUGH_CYCLES * period_s
     if _window_s(row) >= lasts_s:  # of which a stretch was judged that no longer record makes longer
         return step
-    longer = f"{LONGER}: {ENOUGH_CYCLES:g} swings of this one take {in_hours(lasts_s)}"
+    longer = f"{LONGER}: {ENOUGH_CYCLES:g} cycles of this loop take {in_hours(lasts_s)}"
     return replace(step, text=f"{step.text} {longer}.", besides=f"{longer[:1].lower()}{longer[1:]}")
 
 
@@ -335,8 +339,8 @@ def _without_cause(row: Mapping[str, Any]) -> Ask:
 
 
 PID_CAVEAT = (
-    "Not so where the controller has derivative action (PID): a sticking valve is often cleared wrongly there. Then "
-    "ask for a stroke test where anything else speaks for the valve."
+    "This does not hold if the controller has derivative action (PID): a sticking valve is often wrongly cleared "
+    "there. Then ask for a stroke test if anything else points to the valve."
 )
 
 OF_NO_VERDICT = ("not_in_automatic", "sampled_too_slowly", "on_off_control", "op_at_limits", "controller_not_acting")
@@ -350,19 +354,19 @@ MOST_MET = (
     ("cannot tell, and no cause is named", Ask.CANNOT_TELL),
 )
 OF_STICTION = (
-    ("PV does not move as it would if the valve made the swing, or turns by itself", Ask.MAY_BE_SHAKEN),
-    ("a neighbour may shake it", Ask.SHAKEN),
+    ("PV does not move as it would if the valve caused the oscillation, or reverses by itself", Ask.MAY_BE_SHAKEN),
+    ("a neighbour may be disturbing it", Ask.SHAKEN),
     ("look first, but it sticks up to the end of the record", Ask.BEGAN_TO_STICK),
 )
 OF_NO_STICTION = (
     ("PV shows no answer to OP", Ask.STANDS_FAST),
-    ("PV goes as behind a valve with a band, and no nearer cause is named", Ask.HAS_BAND),
-    ("look first, the step would be nothing, and the published rule or its fit says stiction", Ask.OBJECTED),
-    ("the newest explanation says, likelier than not, that the valve sticks", Ask.UNTIL_THEY_AGREE),
+    ("PV moves as if the valve had a deadband, and no nearer cause is named", Ask.HAS_BAND),
+    ("look first, the step would otherwise be nothing, and the published rule or its fit says stiction", Ask.OBJECTED),
+    ("the newest explanation says that the valve more likely than not sticks", Ask.UNTIL_THEY_AGREE),
 )
-OF_CANNOT_TELL = (("PV has nothing to do with OP", Ask.UNRELATED),)
+OF_CANNOT_TELL = (("PV and OP are unrelated", Ask.UNRELATED),)
 OF_ANY = (
-    ("PV of other loops came to stand at about the same time", Ask.STOOD_TOGETHER),
+    ("PV of other loops froze at about the same time", Ask.STOOD_TOGETHER),
     ("OP is the set point of another loop", Ask.OUTER),
     ("the loop's settings say that OP moves no valve", Ask.NO_VALVE),
     ("repaired, and too little recorded since", Ask.WAIT),
@@ -374,11 +378,11 @@ OF_ANY = (
         "PV did not answer OP before a repair of the last fortnight, and does not since",
         "The page says that the repair of that day (with its work order) did not help. Look today, as above.",
     ),
-    ("shelved, and nothing got worse in kind since", Ask.WAIT_ON_SHELF),
-    ("of an old record", Ask.NOTHING_NEWER),
+    ("shelved, and it has not become worse in kind since", Ask.WAIT_ON_SHELF),
+    ("from an old record", Ask.NOTHING_NEWER),
     (
-        "look first, for too few swings",
-        "Do what the line above for this verdict says, and where the page says how many hours they take, have a longer "
+        "look first, for too few cycles",
+        "Do what the line above for this verdict says, and if the page says how many hours are needed, have a longer "
         "record audited.",
     ),
 )

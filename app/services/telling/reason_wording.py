@@ -15,19 +15,19 @@ _DATA = {
     "pv_flat": "PV holds one value: the valve is stuck, or the transmitter is dead.",
     "op_two_values": "OP is switched between two values: it does not show how a valve follows it.",
     "op_at_limits": "OP stands at an end of its span for most of the time.",
-    "samples_per_cycle": "An oscillation has too few samples a cycle to have a shape.",
+    "samples_per_cycle": "An oscillation has too few samples per cycle to have a shape.",
     "irregular_sampling": "Sampling is irregular: the record was interpolated to even steps.",
     "pv_quantised": "PV has few levels over its range: its resolution is coarse.",
     "op_quantised": "OP has few levels over its range.",
     "pv_interpolated": "PV mostly lies on straight lines: the historian compressed it.",
     "op_interpolated": "OP mostly lies on straight lines: the historian compressed it, or it integrates a standing PV.",
-    "time_skew": "OP and the PV that it answers are stamped some samples apart; they were put beside each other.",
-    "stored_points": "The historian stored too few points of PV a cycle: the shape is its own.",
+    "time_skew": "OP and the PV that responds to it have time stamps some samples apart; they were aligned.",
+    "stored_points": "The historian stored too few points of PV per cycle: the shape is the historian's own.",
     "filled_share": "So many samples were interpolated that the verdict is not reliable.",
     "mode_share": "The loop was in automatic for too small a part of the recording for the verdict to be reliable.",
-    "record_too_short": "The record is too short to be identified.",
-    "flat_signal": "PV or OP does not move in the stretch that was to be identified.",
-    "not_finite": "PV or OP has missing values in the stretch that was to be identified.",
+    "record_too_short": "The record is too short for an identification.",
+    "flat_signal": "PV or OP does not move in the stretch to be identified.",
+    "not_finite": "PV or OP has missing values in the stretch to be identified.",
     "signal_length": "PV and OP differ in length.",
 }
 _DOUBTS = {
@@ -37,34 +37,51 @@ _DOUBTS = {
     "few_cycles": "The record holds too few cycles to be trusted.",
     "few_samples": "The record holds too few samples to be trusted.",
     "windows_disagree": "Parts of the record say different things about the valve.",
-    "uncoupled_slowly": "PV and OP go together only in what is quick, not over a part of a swing.",
-    "uncoupled": "PV and OP move without regard to each other: they may be of two loops.",
-    "same_signal": "PV is OP on another scale: a controller of gain alone, one tag for both, or no process.",
+    "uncoupled_slowly": "PV and OP are related only in their fast movements, not over part of a cycle.",
+    "uncoupled": "PV and OP are unrelated: they may belong to two loops.",
+    "same_signal": "PV is OP on another scale: a proportional-only controller, one tag for both, or no process.",
     "set_point_moves": "PV and OP mostly follow the set point, so that their shape need not be the valve's.",
-    "set_point_rests": "The set point hides a limit cycle: judged where it rests and the loop cycles by itself.",
+    "set_point_rests": (
+        "The set point hides a limit cycle: judged where the set point is constant and the loop cycles by itself."
+    ),
     "nearly_sinusoidal": "PV and OP are nearly one sine, so that their shape need not be the valve's.",
-    "keeps_time": "The cycles keep time, as what a timer or a machine drives; a valve that sticks does not.",
-    "pv_stands": "PV has stood still up to the end while OP moved, as never before: dead transmitter, or stuck valve.",
-    "answers_no_more": "PV has stopped to answer OP, which runs to and fro: a stem that stands, or another signal.",
-    "no_answer": "PV shows no answer to OP: a valve that stands fast looks the same, whatever the shapes say.",
-    "hidden_band": "PV goes as behind a valve with a band: it may stick, or have play, whatever the shapes say.",
-    "foreign_cycle": "PV does not move as it would if the valve made the swing: it may be made elsewhere.",
-    "outside_corners": "PV turns by itself, not where OP has gone far enough: a load elsewhere may make the corners.",
-    "linear_look_alikes": "A loop whose valve does not stick would look as sticky by chance under a wandering load.",
-    "wound_up": "OP has come to stand at its limit, as never before, and PV does not come back: is the valve stuck?",
+    "keeps_time": "The cycles keep time, as if driven by a timer or a machine; a valve that sticks does not.",
+    "pv_stands": (
+        "PV has been frozen up to the end of the record while OP moved, which never happened before: dead "
+        "transmitter, or stuck valve."
+    ),
+    "answers_no_more": "PV has stopped answering OP, which moves up and down: a stuck stem, or another signal.",
+    "no_answer": "PV shows no answer to OP: a valve that is stuck fast looks the same, whatever the shapes say.",
+    "hidden_band": "PV moves as if the valve had a deadband: it may stick, or have backlash, whatever the shapes say.",
+    "foreign_cycle": "PV does not move as it would if the valve caused the oscillation: the cause may be elsewhere.",
+    "outside_corners": (
+        "PV reverses by itself, not where OP has travelled far enough: a load elsewhere may make the corners."
+    ),
+    "linear_look_alikes": "Under a wandering load, a loop whose valve does not stick would look as sticky by chance.",
+    "wound_up": (
+        "OP has stayed at its limit, which never happened before, and PV does not come back: is the valve stuck?"
+    ),
     "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
     "prior_only": "The probability is a prior between these two causes, not a measurement.",
 }
-_FOR = {"own_cycle": "PV moves as it does behind a valve that sticks for much of a cycle: the swing is likely its own."}
+_FOR = {
+    "own_cycle": (
+        "PV moves as it does with a valve that sticks for much of a cycle: the oscillation is probably its own."
+    )
+}
 _NEIGHBOURS = {
-    "moves_no_valve": "OP moves no valve, as is stated of this loop: the valve is judged at the loop it moves.",
-    "moves_set_point": "OP is another loop's set point: unless it moves a valve besides, the valve is judged there.",
-    "stood_together": "PV of other loops came to stand at about the same time: look first at what they share.",
-    "shaken_by_neighbour": "The loop swings in step with one that is likelier to be the source; that one may shake it.",
+    "moves_no_valve": (
+        "OP moves no valve, according to the loop's settings: the valve is judged at the loop whose set point it is."
+    ),
+    "moves_set_point": "OP is another loop's set point: unless it also moves a valve, the valve is judged there.",
+    "stood_together": "PV of other loops froze at about the same time: look first at what they share.",
+    "shaken_by_neighbour": (
+        "The loop oscillates in step with one that is more likely the source and may be disturbing it."
+    ),
 }
 _METHODS = {
-    "published_methods": "How the published methods vote; they do not move the verdict.",
-    "reference_disagrees": "The published rule says otherwise than the verdict.",
+    "published_methods": "How the published methods vote; they do not affect the verdict.",
+    "reference_disagrees": "The published rule disagrees with the verdict.",
     "yper_high_stiction": "Published rule: Yper is high and the identification finds stiction; it would rely on it.",
     "yper_low_no_stiction": "Published rule: Yper is low and the identification finds none; it would rely on it.",
     "yper_high_no_stiction": "Published rule: Yper is high, the identification finds none; it would not rely on it.",
@@ -82,7 +99,9 @@ NO_VOTE = frozenset(_METHODS)
 
 _EPISODES = {
     "stretches": "A long record was judged stretch by stretch; the middle one speaks for it.",
-    "newer_judged": "The newest stretch is judged by itself: it tells enough, and what was before is longer.",
+    "newer_judged": (
+        "The newest stretch is judged by itself: it is long enough to judge, although an earlier one is longer."
+    ),
     "newer_disagrees": "A newer and shorter stretch says otherwise.",
     "stretches_disagree": "Of a long record's stretches fewer than two of three, or none of the newest two, agree.",
     "short_lived_stiction": "The valve sticks in one spell of a long record; the rest shows nothing of it.",
@@ -91,15 +110,15 @@ _EPISODES = {
 }
 _REPAIRS = {
     "since_repair": "The loop is judged on what was recorded since its repair.",
-    "before_repair": "The verdict is of before the repair: too little was recorded since.",
+    "before_repair": "The verdict is from before the repair: too little has been recorded since.",
 }
 _SIZE = {
-    "size_regularity": "The oscillation is too irregular for the size of stiction to be told.",
-    "size_cycles": "The record has too few cycles for the size to be told.",
-    "size_samples_per_cycle": "A cycle has too few samples for the size to be told.",
-    "size_evidence": "Stiction explains too little of PV for its size to be told.",
-    "size_as_sampled": "A historian rebuilt PV or OP, so that the size cannot be told.",
-    "size_width": "The interval of the size is too wide for it to be told.",
+    "size_regularity": "The oscillation is too irregular for the size of stiction to be determined.",
+    "size_cycles": "The record has too few cycles for the size to be determined.",
+    "size_samples_per_cycle": "A cycle has too few samples for the size to be determined.",
+    "size_evidence": "Stiction explains too little of PV for its size to be determined.",
+    "size_as_sampled": "A historian rebuilt PV or OP, so that the size cannot be determined.",
+    "size_width": "The interval of the size is too wide for it to be determined.",
 }
 
 

@@ -7,11 +7,11 @@ from app.services.telling.wording import cause_words
 
 STICTION = "stiction"
 LEFT = (
-    "its score is the probability that is left once what the others tell against it has been taken off; the other "
-    "scores say how clearly each was seen, and all of them can be seen on a sticky loop too."
+    "its score is what is left of the probability after the other causes' evidence against it; the other scores say "
+    "how clearly each was seen, and all of them can be seen on a sticky loop too."
 )
 NEAREST = (
-    "all of them stand out (a score from 0.50 on), and then the cause nearest to the loop's own instruments wins, "
+    "all of them stand out (a score of 0.50 or more), and then the cause nearest to the loop's own instruments wins, "
     "because it can bring about what the farther ones show and not the other way round."
 )
 

@@ -7,24 +7,24 @@ from typing import Any
 
 # What a record lacks, by the code of the check that it did not pass; the values are its statistic and the limit.
 LACKING = {
-    "size_regularity": "the swing is too irregular (regularity {0:.2g}, at least {1:.2g} is needed)",
-    "size_cycles": "the record holds only {0:.2g} swings, at least {1:.2g} are needed",
-    "size_samples_per_cycle": "the swing is sampled only {0:.2g} times, at least {1:.2g} times are needed",
-    "size_evidence": "its shapes tell that the valve sticks; PV is explained nearly as well whatever the size",
+    "size_regularity": "the oscillation is too irregular (regularity {0:.2g}, at least {1:.2g} is needed)",
+    "size_cycles": "the record holds only {0:.2g} cycles, at least {1:.2g} are needed",
+    "size_samples_per_cycle": "a cycle has only {0:.2g} samples, at least {1:.2g} are needed",
+    "size_evidence": "the shapes show that the valve sticks, but PV fits nearly as well with any size",
     "size_as_sampled": "the historian stored too few points and drew lines between them",
-    "size_width": "sizes too far apart explain PV equally well",
+    "size_width": "sizes too far apart fit PV equally well",
 }
 NOT_STUCK = {
     "no_stiction": "Nothing to state: the valve is not said to stick.",
     "not_auditable": "Not stated, because the record could not be audited.",
 }
 NO_SWING = (
-    "Not stated: PV and OP do not swing together in this record, so there is nothing to read a size from. "
-    "A record in which the loop cycles would tell."
+    "Not stated: PV and OP do not oscillate together in this record, so there is nothing to read a size from. A "
+    "record in which the loop cycles would show it."
 )
 NOT_TOLD = (
-    "The record cannot tell how large it is, so no size is measured. Other values of S and J on this page are "
-    "assumptions of the method that they stand with."
+    "The record does not show how large it is, so no size is stated. Other values of S and J on this page are "
+    "assumptions of the method beside which they stand."
 )
 
 
@@ -66,7 +66,7 @@ def _as_fraction(row: Mapping[str, Any], detail: Mapping[str, Any]) -> tuple[str
     if not ends or not 0.0 <= ends[0] < ends[1] <= 1.0 or row["stiction_S_pct_of_span"] is not None:
         return ()
     return (
-        f"OP lies between {ends[0]:.2g} and {ends[1]:.2g} in this record. Where that is a fraction of its span and no "
+        f"OP lies between {ends[0]:.2g} and {ends[1]:.2g} in this record. Where that is a fraction of its span, not "
         f"per cent, S is {100.0 * row['stiction_S']:.1f} % of the span; state the span of OP (0 to 1) in the settings.",
     )
 
@@ -80,8 +80,8 @@ def equal_digits(size: float, *others: float) -> tuple[str, ...]:
 def meaning(row: Mapping[str, Any]) -> tuple[str, ...]:
     size, low, high = equal_digits(row["stiction_S"], row["stiction_S_low"], row["stiction_S_high"])
     return (
-        f"After OP turns round it must travel about {size} units before the stem moves; until then PV does not answer.",
-        "J, how far the stem jumps when it lets go, is not stated: PV and OP do not tell it.",
+        f"After OP reverses it must travel about {size} units before the stem moves; until then PV does not answer.",
+        "J, how far the stem jumps when it lets go, is not stated: it cannot be determined from PV and OP.",
         f"To see it in the field: with the controller in manual, move OP by less than {low} units against the last "
         f"move, and PV should stand; by more than {high}, and it should follow.",
     )

@@ -15,12 +15,12 @@ def with_others(group: StoodTogether, tag: str) -> str:
     """The reason that one of the group has, as a sentence begins."""
     count = len(group.stands) - 1
     others = [stand.tag for stand in group.stands[: NAMED + 1] if stand.tag != tag]
-    return f"PV of {counted(count, 'other loop')} came to stand {when(group)} ({named(others, count)}): {look(group)}"
+    return f"PV of {counted(count, 'other loop')} froze {when(group)} ({named(others, count)}): {look(group)}"
 
 
 def of_all(group: StoodTogether) -> str:
     """What happened, of the whole group, for the one place that tells of it."""
-    return f"PV of {len(group.stands):,} loops came to stand {when(group)}"
+    return f"PV of {len(group.stands):,} loops froze {when(group)}"
 
 
 def look(group: StoodTogether) -> str:

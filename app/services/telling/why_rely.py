@@ -60,7 +60,9 @@ OLDER: tuple[ReasonCode, ...] = ("before_repair",)
 AGAINST = frozenset((*UNCLEAR, *APART, *DIVIDED, *POOR, *DOUBTED, *OLDER))
 
 WITHOUT_A_VOTE: dict[CheckCode, str] = {
-    "op_interpolated": "an integrating controller draws such lines by itself while PV stands; but no size is told then",
+    "op_interpolated": (
+        "an integrating controller draws such lines by itself while PV stands still; but no size is stated then"
+    ),
 }
 """Why a check of the record that did not pass takes nothing from a verdict, where that is not plain."""
 
@@ -70,15 +72,15 @@ DISAGREES = (
 )
 
 NAMES_OTHERWISE = (
-    "The explanation below names something else than the valve (probability {probability}). Follow the verdict: it is "
-    "to be relied on, and {why}."
+    "The explanation below names something other than the valve (probability {probability}). Follow the verdict: it "
+    "can be relied on, and {why}."
 )
 OLDER_SAID = (
-    "An older explanation {what} (probability {probability}), of what was recorded until {until}, long before what the "
-    "verdict is of: follow the verdict, and explain the loop again where you doubt it."
+    "An older explanation {what} (probability {probability}), of data up to {until}, long before the data of this "
+    "verdict: follow the verdict, and explain the loop again if you doubt it."
 )
-HARDLY = "the record hardly tells that name from others"
-BESIDES = "the explanation says what a simulation lacks, which may be so besides; look at that after the valve"
+HARDLY = "the record can hardly tell that cause from others"
+BESIDES = "the explanation says what a simulation lacks, which may also be true; look at that after the valve"
 AT_THE_VALVE = (STICKS, "valve.deadband")
 """Effects that are the same repair as a valve that sticks."""
 
@@ -86,8 +88,9 @@ LEAST_DERIVATIVE = 0.1
 """Derivative time in sampling intervals: what is read off noise is less."""
 
 DERIVATIVE = (
-    "The controller of this loop has derivative action. A valve that sticks is often missed then, even where the "
-    "verdict is to be relied on: of 220 simulated ones 62 were cleared reliably. A stroke test tells more."
+    "The controller of this loop has derivative action. A valve that sticks is often missed then, even if the "
+    "verdict is marked reliable: with an earlier fit of the model behind it, 62 of 220 simulated sticking valves "
+    "were wrongly cleared as reliable. A stroke test tells more."
 )
 
 
@@ -114,7 +117,7 @@ def points(row: Mapping[str, Any], detail: Mapping[str, Any], shaken_by: str | N
     found = [
         _kept("shapes", f"probability of stiction {probability(row['stiction_probability'])}", UNCLEAR, reasons),
         _rivals(row, detail.get("rivals", ()), reasons),
-        _kept("PV and OP", "they have to do with each other, beyond chance", APART, reasons),
+        _kept("PV and OP", "they are related, beyond chance", APART, reasons),
         _kept("length", f"{row['cycles'] or 0.0:.1f} cycles, and its parts agree", DIVIDED, reasons),
         _kept("record", _whole(row), POOR, reasons),
         _not_passed(detail, reasons),
@@ -179,7 +182,7 @@ def older_said(
     likeliest = _likeliest(row, explanation, repaired_at)
     if likeliest is None or not (sticks or names_otherwise(row, explanation, repaired_at)):
         return None
-    what = "said that the valve sticks" if sticks else "named something else than the valve"
+    what = "said that the valve sticks" if sticks else "named something other than the valve"
     told = probability(likeliest["probability"])
     return OLDER_SAID.format(what=what, probability=told, until=clock.day(explanation["window_end"]))
 
@@ -222,7 +225,7 @@ def _others(row: Mapping[str, Any], reasons: Mapping[str, str], shaken_by: str |
     if shaken_by is None or not reasons.keys().isdisjoint(DOUBTED):
         return _kept("other loops", "none of them is known to move it", DOUBTED, reasons)
     says: Says = "agrees" if row["verdict"] == "no_stiction" else "otherwise"
-    return Point(says, f"other loops: it swings in step with {shaken_by}, which may be what shakes it")
+    return Point(says, f"other loops: it oscillates in step with {shaken_by}, which may be disturbing it")
 
 
 def _time(reasons: Mapping[str, str]) -> Point | None:
@@ -250,7 +253,7 @@ def _not_passed(detail: Mapping[str, Any], reasons: Mapping[str, str]) -> Point 
     if not silent:
         return None
     told = "; ".join(f"{code.replace('_', ' ')}{_because(code)}" for code in silent)
-    return Point("nothing", f"checks that did not pass, and take nothing from the verdict: {told}")
+    return Point("nothing", f"checks that did not pass, but do not weaken the verdict: {told}")
 
 
 def _because(code: CheckCode) -> str:
@@ -299,5 +302,5 @@ def _published(row: Mapping[str, Any], reasons: Mapping[str, str]) -> Point | No
     if row["table2_reading"] is None:
         return None
     otherwise = "reference_disagrees" in reasons
-    told = f"published rule: {'it says otherwise' if otherwise else 'it says the same'}"
+    told = f"published rule: {'it disagrees' if otherwise else 'it agrees'}"
     return Point("otherwise" if otherwise else "agrees", told, moves=False)

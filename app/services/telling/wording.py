@@ -35,14 +35,14 @@ STOOD_TOGETHER: ReasonCode = "stood_together"
 """The reasons that other loops give for not relying on a verdict, one of them a loop at most."""
 
 RELIABILITY_WORDS = {
-    "reliable": "all that counts agrees; rely on it",
-    "not_reliable": "the evidence does not suffice; look first",
+    "reliable": "everything that counts agrees; rely on it",
+    "not_reliable": "the evidence is not sufficient; look first",
 }
 
 LOOK_TODAY_WORDS = "a stuck valve or a dead transmitter; look today"
 """In place of these where PV does not answer OP: that is a failure, whatever the evidence says of stiction."""
 
-LOOK_TOGETHER_WORDS = "it came to stand with other loops; look today, first at what they share"
+LOOK_TOGETHER_WORDS = "PV froze together with other loops; look today, first at what they share"
 """The same where others came to stand with it."""
 
 RELIABILITY_SHORT = {"reliable": "yes", "not_reliable": "look first"}
@@ -51,12 +51,12 @@ RELIABILITY_BRIEF = {**RELIABILITY_SHORT, "reliable": "rely on it"}
 
 CAUSE_WORDS = {
     "stiction": "the valve sticks",
-    "external_oscillation": "shaken from outside",
+    "external_oscillation": "external oscillation",
     "disturbance": "disturbances",
-    "tuning_or_sinusoidal_disturbance": "tight tuning, or a sine from outside",
+    "tuning_or_sinusoidal_disturbance": "tight tuning, or an external sinusoidal disturbance",
     "tight_tuning": "tight tuning",
-    "aggressive_controller": "controller too strong",
-    "sluggish_controller": "controller too weak",
+    "aggressive_controller": "controller too aggressive",
+    "sluggish_controller": "controller too sluggish",
     "backlash": "backlash at the valve",
     "set_point_following": "follows its set point",
     "no_oscillation": "does not oscillate",
@@ -84,7 +84,7 @@ WHY_WORDS = {
     "method": "the method changed (engine or settings)",
     "repair": "a repair was stated",
     "data": "the record changed (gaps, length or sampling)",
-    "loop": "what was seen differs a little from the record before",
+    "loop": "what was seen differs a little from the previous record",
 }
 
 STATE_WORDS = {
@@ -93,14 +93,14 @@ STATE_WORDS = {
     "done": "done",
     "partial": "done, some loops failed",
     "cancelled": "cancelled",
-    "received": "received, waits to be read",
+    "received": "received, waiting to be read",
     "reading": "being read",
     "failed": "failed",
 }
 
 
-NO_ROOM_YET = "waits for room on the disk"
-FILE_UNSEEN = "waits: no worker sees its file"
+NO_ROOM_YET = "waiting for room on the disk"
+FILE_UNSEEN = "waiting: no worker sees its file"
 """Of an upload that is received and cannot be read for that, as that before."""
 READ_IN_PART = "done, but the file came damaged"
 
@@ -131,7 +131,7 @@ def headline(row: Mapping[str, Any]) -> str:
     if _of_before_repair(row):
         return "judged from before the repair; wait for newer records"
     if row.get("of_old_record"):
-        return "of an old record; nothing newer had come"
+        return "from an old record; no newer samples had arrived"
     if not looked_at_today(row):
         return RELIABILITY_WORDS[row["reliability"]]
     return LOOK_TOGETHER_WORDS if STOOD_TOGETHER in codes_of(row) else LOOK_TODAY_WORDS
@@ -151,18 +151,18 @@ def _short(row: Mapping[str, Any], words: Mapping[str, str]) -> str:
     if _of_before_repair(row):
         return "from before the repair"
     if row.get("of_old_record"):
-        return "of an old record"
+        return "from an old record"
     return "look today" if looked_at_today(row) else words[row["reliability"]]
 
 
-APART_WORDS = {"old_record": "of old records", "before_repair": "from before the repair"}
+APART_WORDS = {"old_record": "from old records", "before_repair": "from before the repair"}
 """Of verdicts that could be relied on when they were made, why their rows say something else, in the plural."""
 
 
 def relied_words(relied: int, apart: Mapping[str, int]) -> str:
-    """ "37 to be relied on, 5 of old records"."""
+    """ "37 can be relied on, 5 from old records"."""
     others = [f"{apart[why]:,} {words}" for why, words in APART_WORDS.items() if apart.get(why)]
-    return ", ".join([f"{relied:,} to be relied on", *others])
+    return ", ".join([f"{relied:,} can be relied on", *others])
 
 
 def cause_words(code: str | None) -> str:

@@ -117,7 +117,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
             text = f"the backup has tables of version {told['schema']}, which is newer than {schema.newest_revision()}"
             raise RequestError("backup_newer", f"{text}; restore it with the version of loopaudit that made it")
         if not force and _in_use(database):
-            raise RequestError("not_empty", "the data base is not empty; --force replaces what is in it")
+            raise RequestError("not_empty", "the database is not empty; --force replaces what is in it")
         settings.prepare_folders()
         if not is_sqlite and told["database"] == POSTGRESQL:
             # What is restored replaces tables of its own version only: newer ones would stay, and hold on to it.
@@ -177,7 +177,7 @@ def _copy_database(settings: Settings, draft: Path) -> tuple[str, str]:
     try:
         revision = schema.current_revision(database)
         if revision is None:
-            raise RequestError("no_tables", "the data base has no tables; there is nothing to keep")
+            raise RequestError("no_tables", "the database has no tables; there is nothing to keep")
         if database.is_sqlite:
             with _written(draft / SQLITE) as target:
                 _copy_sqlite(file_of(database.url), target)
@@ -252,7 +252,7 @@ def _put_sqlite(source: Path, target: Path) -> None:
     found = check.execute("PRAGMA quick_check").fetchone()[0]
     check.close()
     if found != "ok":
-        raise RequestError("backup_broken", f"the data base in the backup is damaged: {found}")
+        raise RequestError("backup_broken", f"the database in the backup is damaged: {found}")
     draft = _drafted(source, target)
     draft.chmod(0o600)
     _settle(target)

@@ -39,7 +39,7 @@ OLD_WORK_S = 6 * 3600
 LONGEST_REASON = 400
 SOON = timedelta(days=14)
 NO_TABLES = "there are none"
-ALL_IN_USE = "all connections are in use: more of them (max_connections, CONNECTION LIMIT of role or data base)"
+ALL_IN_USE = "all connections are in use: more of them (max_connections, CONNECTION LIMIT of role or database)"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -188,21 +188,21 @@ def growth(backend: Backend) -> Check:
         advice = f"give the file and its folder to this user (uid {os.getuid()}); its address must not say mode=ro"
         return Check(name, "problem", f"{_where(backend)} cannot be written", advice)
     if backend.database.is_sqlite:
-        return Check(name, "ok", "the data base is on the disk of the data folder")
+        return Check(name, "ok", "the database is on the disk of the data folder")
     try:
         with backend.database.write() as connection:
             health.try_to_grow(connection)
     except DATABASE_AWAY as error:
         if takes_no_writes(error):
             advice = "name the server that takes writes in LOOPAUDIT_DATABASE_URL, or let this one take them again"
-            return Check(name, "problem", f"the data base is read-only: {_reason(error)}", advice)
+            return Check(name, "problem", f"the database is read-only: {_reason(error)}", advice)
         if not no_room(error):
             raise
         advice = "make room on the disk of its server: until then nothing is audited, and exports wait to be read"
-        return Check(name, "problem", f"the data base has no room: {_reason(error)}", advice)
+        return Check(name, "problem", f"the database has no room: {_reason(error)}", advice)
     except SQLAlchemyError as error:  # as where temporary tables are not allowed
         return Check(name, "ok", f"cannot be tried: {_reason(error)}")
-    return Check(name, "ok", f"the data base takes {health.PROBED_MB} MB more")
+    return Check(name, "ok", f"the database takes {health.PROBED_MB} MB more")
 
 
 def tables(backend: Backend) -> Check:
@@ -232,9 +232,9 @@ def journal(backend: Backend) -> Check:
 def clock(backend: Backend) -> Check:
     with backend.database.read() as connection:
         difference_s = health.clock_difference_s(connection)
-    found = f"{difference_s:.1f} s apart from the data base's"
+    found = f"{difference_s:.1f} s apart from the database's"
     if difference_s > LARGEST_CLOCK_DIFFERENCE_S:
-        return Check("clock", "warning", found, "let both keep time by NTP; leases follow the data base's clock")
+        return Check("clock", "warning", found, "let both keep time by NTP; leases follow the database's clock")
     return Check("clock", "ok", found)
 
 
@@ -416,7 +416,7 @@ def _guarded(name: str, check: Callable[[Backend], Check], backend: Backend) -> 
     except SQLAlchemyError as error:
         # SQLite has one class of errors for a table that is not there and for a file that cannot be read.
         away = isinstance(error, DATABASE_AWAY) and not backend.database.is_sqlite
-        usual = "look at the log of the data base" if away else "run `loopaudit migrate`"
+        usual = "look at the log of the database" if away else "run `loopaudit migrate`"
         return Check(name, "problem", f"cannot be looked at: {_reason(error)}", _advice(backend, error) or usual)
 
 

@@ -112,7 +112,7 @@ def _kept(found: Figures, free: int) -> tuple[Metric, ...]:
         _gauge("loopaudit_explanations", "Explanations by state.", _by("state", found.explanations)),
         _gauge(
             "loopaudit_data_folder_free_bytes",
-            "Room left on the volume of the data folder: exports, and the data base where it is SQLite.",
+            "Room left on the volume of the data folder: exports, and the database where it is SQLite.",
             (Sample(free),),
         ),
         *_ended("run", "the newest ended run of any kind", found.last_run),

@@ -31,7 +31,7 @@ def at_work(settings: Settings) -> Iterator[None]:
     with _locked(settings, fcntl.LOCK_SH, refusal), ExitStack() as stack:
         with suppress(*DATABASE_AWAY):  # it is waited for; who brings back a backup needs it too
             if not stack.enter_context(present(settings.resolved_database_url, alone=False)):
-                raise RequestError("being_restored", text.format("the data base"))
+                raise RequestError("being_restored", text.format("the database"))
         yield
 
 
@@ -69,7 +69,7 @@ def alone(settings: Settings) -> Iterator[None]:
         present(settings.resolved_database_url, alone=True) as nobody_else,
     ):
         if not nobody_else:
-            raise RequestError("still_running", text.format("the data base, from another data folder or machine"))
+            raise RequestError("still_running", text.format("the database, from another data folder or machine"))
         yield
 
 

@@ -37,7 +37,7 @@ def lacking(found: ReadyOut) -> list[str]:
     checks, free, needed = found.checks, found.checks["disk_free_bytes"], megabytes(LEAST_FREE_BYTES)
     gone = checks["data_folder"] == "gone"
     said = {
-        f"the data base is {checks['database']}": checks["database"] != "ok",
+        f"the database is {checks['database']}": checks["database"] != "ok",
         "its tables are not those of this version (`loopaudit migrate`)": checks["schema"] == "not current",
         "the data folder is not there": gone,
         f"the disk of the data folder has {megabytes(free)} free, and {needed} are needed": (

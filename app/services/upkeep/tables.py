@@ -57,14 +57,14 @@ def refuse_unmigrated(settings: Settings) -> None:
         refuse_other_tables(database)
         _tell_of_no_writes(database)
     except DATABASE_AWAY as error:
-        log.warning("the data base cannot be used yet, it is waited for: %s", getattr(error, "orig", None) or error)
+        log.warning("the database cannot be used yet, it is waited for: %s", getattr(error, "orig", None) or error)
     finally:
         database.close()
 
 
 def _tell_of_no_writes(database: Database) -> None:
     if database.takes_writes() is False:
-        log.error("the data base takes no writes: pages can be read, nothing is stored; `loopaudit doctor` says more")
+        log.error("the database takes no writes: pages can be read, nothing is stored; `loopaudit doctor` says more")
 
 
 def refuse_other_tables(database: Database) -> None:
@@ -73,7 +73,7 @@ def refuse_other_tables(database: Database) -> None:
     current = schema.current_revision(database)
     refuse_newer(current)
     if current is None:
-        raise RequestError("no_tables", "the data base has no tables; run `loopaudit migrate`")
+        raise RequestError("no_tables", "the database has no tables; run `loopaudit migrate`")
     if current != newest:
         text = f"the tables have version {current}, and this program needs {newest}; run `loopaudit migrate`"
         raise RequestError("older_tables", text)
@@ -82,7 +82,7 @@ def refuse_other_tables(database: Database) -> None:
 def refuse_newer(current: str | None) -> None:
     if current is not None and not schema.is_known(current):
         text = f"the tables have version {current}, which this program does not know: a newer loopaudit made them. "
-        text += "Run that one, or restore the backup of before it, on PostgreSQL into an empty data base"
+        text += "Run that one, or restore the backup of before it, on PostgreSQL into an empty database"
         raise RequestError("newer_tables", text)
 
 
@@ -103,7 +103,7 @@ def refuse_missing(settings: Settings) -> None:
     for file in database_files(settings):
         if not file.is_file():
             where = f"{file.parent} ({file.name})"
-            text = f"there is no data base in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
+            text = f"there is no database in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
             makes = "serve" if settings.embedded else "migrate"
             raise RequestError("no_database", f"{text} `loopaudit {makes}` makes one")
 

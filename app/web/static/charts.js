@@ -66,6 +66,6 @@ const chartLibrary = () => new Promise((done, failed) => {
   const script = document.createElement("script");
   script.src = "/static/plotly.min.js";
   script.onload = done;
-  script.onerror = () => failed(new Error("the chart library did not come"));
+  script.onerror = () => failed(new Error("the chart library did not load"));
   document.head.append(script);
 });

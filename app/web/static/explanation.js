@@ -47,7 +47,7 @@
     const told = document.createElement("p");
     told.className = "error";
     told.setAttribute("role", "alert");
-    told.textContent = "Your login has ended: what comes of this is shown once you have logged in and loaded the page again.";
+    told.textContent = "Your login has ended: log in and reload the page to see the result.";
     part.querySelector(".card").prepend(told);
   }
 

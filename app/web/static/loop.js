@@ -9,9 +9,9 @@ const valvesNote = ({ valve, size }) => (size
 const LONG_MS = 86400000, AROUND = 0.25; // a record of days is a solid block: it opens at what speaks for it, and some of what is beside it
 const parted = (count) => count.toLocaleString("en");
 const countNote = ({ samples, shown }, back = "") => (shown < samples
-  ? `${parted(shown)} of ${parted(samples)} samples shown, of each stretch the least and the greatest: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
+  ? `${parted(shown)} of ${parted(samples)} samples shown, the minimum and maximum of each stretch: the lines between them were not recorded. Drag over a part to see all of its samples.${back}`
   : `All ${parted(samples)} samples shown.${back}`);
-const BACK = " A double click shows the whole again.";
+const BACK = " Double-click to show the whole record again.";
 
 // Where OP travels and PV stands still: under the lines, as with a marker pen.
 const marked = (values, standing) => values.map((value, k) => (standing[k] ? value : null));

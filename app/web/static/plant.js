@@ -122,7 +122,7 @@ const failed = (error) => tell(treemap, `The treemap could not be loaded: ${erro
 // What a fortnight said is read apart: on a large plant that takes longer than the page.
 const course = document.getElementById("course");
 if (course) {
-  const without = (why) => tell(course, `The last nights could not be read: ${why}.`);
+  const without = (why) => tell(course, `The last nights could not be loaded: ${why}.`);
   fetch(course.dataset.url).then(async (answer) => {
     if (!answer.ok || answer.redirected) return without(answer.redirected ? "the login has ended" : `the service answered ${answer.status}`);
     const found = new DOMParser().parseFromString(await answer.text(), "text/html");

@@ -218,7 +218,7 @@ def test_a_large_plant_is_told_how_many_are_not_listed_and_of_all_that_is_new(
     found = digest_of(backend, night)
     assert [one.loop for one in found.work] == [HOSTILE, "A1"]  # the one that weighs least is new
     assert (found.unlisted.reliable, found.unlisted.unsure, found.unlisted.unanswered) == (1, 1, 0)
-    left = "valves that stick, to be relied on (1 more), valves that stick, to be looked at first (1 more)"
+    left = "valves that stick, rely on it (1 more), valves that stick, look first (1 more)"
     assert left in as_text(found)
     assert left in as_html(found)
     assert "A1 (U1): NEW" in as_text(found)
@@ -291,7 +291,7 @@ def test_what_got_worse_since_it_was_shelved_is_listed_all_the_same(backend: Bac
     shelved_before(backend, night, "A1", shelved_as="")
     found = digest_of(backend, night)
     first = found.areas[0].loops[0]
-    words = "(work order WO-9), but by now the valve sticks, and that is to be relied on"
+    words = "(work order WO-9), but by now the valve sticks, and that can be relied on"
     assert first.loop == "A1"
     assert first.shelved.endswith(words)
     assert first.shelved in as_text(found)
