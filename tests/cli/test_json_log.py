@@ -97,7 +97,7 @@ def test_why_a_command_ends_is_json_with_its_code(tmp_path: Path, command: tuple
 
 def test_what_a_command_says_at_its_end_is_json(tmp_path: Path) -> None:
     assert app(tmp_path, "migrate").wait(60) == 0
-    assert lines(tmp_path)[-1]["event"].startswith("the data base is at ")
+    assert lines(tmp_path)[-1]["event"].startswith("the database is at ")
     assert app(tmp_path, "backup", str(tmp_path / "kept")).wait(60) == 0
     assert lines(tmp_path)[-1]["event"].startswith(f"{tmp_path / 'kept'} holds ")
 

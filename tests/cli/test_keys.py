@@ -33,7 +33,7 @@ def test_keys_are_made_shown_once_listed_and_revoked(monkeypatch, capsys, tmp_pa
 def test_a_key_of_a_data_base_that_was_not_there_says_that_it_is_new(monkeypatch, capsys, tmp_path):
     """Made without the settings of the service it is good for nothing there."""
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(tmp_path))
-    told = f"there is no data base in {tmp_path} yet: a new one is made there (LOOPAUDIT_DATA_DIR)"
+    told = f"there is no database in {tmp_path} yet: a new one is made there (LOOPAUDIT_DATA_DIR)"
     _, _, first = as_program(monkeypatch, capsys, "keys", "create", "me")
     _, _, second = as_program(monkeypatch, capsys, "keys", "create", "me too")
     assert (told in first, told in second) == (True, False)

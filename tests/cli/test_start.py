@@ -15,7 +15,7 @@ from app.settings import Settings
 from app.storage import Database, schema
 from tests.conftest import bare_postgres
 
-NOT_MIGRATED = "loopaudit: the data base has no tables; run `loopaudit migrate` [no_tables]\n"
+NOT_MIGRATED = "loopaudit: the database has no tables; run `loopaudit migrate` [no_tables]\n"
 AT_THE_BASE = (
     ("serve", "--port", "0"), ("worker",), ("worker", "--check"), ("beat",), ("nightly",),
     ("keys", "list"), ("keys", "create", "me"), ("trail",), ("digest",), ("report", "--plant"),
@@ -58,7 +58,7 @@ def test_a_data_base_that_is_away_is_told_in_words(tmp_path: Path, command: tupl
     servers = {"database_url": "postgresql://127.0.0.1:1/nobody", "broker_url": "redis://127.0.0.1:1/0"}
     done = run(*command, data_dir=tmp_path, **servers)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("loopaudit: the data base cannot be used: ")
+    assert done.stderr.startswith("loopaudit: the database cannot be used: ")
     assert done.stderr.endswith(" [database_away]\n")
 
 

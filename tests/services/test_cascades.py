@@ -222,7 +222,7 @@ def test_an_op_that_moves_two_set_points_names_both() -> None:
     doubt = cascades_doubts([Cascade("TIC1", "FIC2", 0.99), Cascade("TIC1", "FIC3", 0.95)], said)["TIC1"]
     assert doubt.text == (
         "OP is the set point of FIC2 and the set point of FIC3 (from sample to sample they move alike, 0.95 of 1): "
-        "unless OP moves a valve of its own besides, the valve is judged there (FIC2: no stiction, rely on it; FIC3: "
+        "unless OP also moves a valve of its own, the valve is judged there (FIC2: no stiction, rely on it; FIC3: "
         "not auditable)"
     )
 

@@ -121,7 +121,7 @@ def test_an_upload_that_waits_for_room_is_named(tmp_path, make_tables):
         assert check.state == state
         assert "parts" in check.advice
     size = f"{len(EXPORT) + len('large.csv'):,} bytes"
-    assert check.found == f"1 upload waiting for room on the disk, 1 (large.csv, {size}) since 2026-01-31 03:00 UTC"
+    assert check.found == f"1 upload waits for room on the disk, 1 (large.csv, {size}) since 2026-01-31 03:00 UTC"
     with backend.database.write() as connection:
         connection.execute(update(tables.uploads).where(tables.uploads.c.id == 2).values(waits_since=datetime.now(UTC)))
     assert of("room", settings).found.startswith("2 uploads wait for room on the disk, 1 (large.csv")
@@ -355,7 +355,7 @@ def test_a_data_base_that_cannot_grow_is_a_problem(
     tmp_path: Path, postgres_url: str, monkeypatch: pytest.MonkeyPatch, error: Exception, state: str, said: str
 ) -> None:
     settings = Settings(data_dir=tmp_path, database_url=postgres_url)
-    assert of("growth", settings).found == "the data base takes 4 MB more"
+    assert of("growth", settings).found == "the database takes 4 MB more"
 
     def fails(connection: Connection) -> None:
         raise error

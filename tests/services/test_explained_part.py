@@ -83,7 +83,7 @@ def test_an_explanation_says_what_to_keep_in_mind(backend: Backend, add_loops: A
     repaired_at = datetime.fromisoformat(found["window_end"]) + timedelta(minutes=101)
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=repaired_at)
     repair, audit = explanations.newest(backend, "FIC1")["remarks"]
-    assert repair.startswith(f"This is of before the repair of {repaired_at:%Y-%m-%d %H:%M} UTC")
+    assert repair.startswith(f"This is from before the repair of {repaired_at:%Y-%m-%d %H:%M} UTC")
     assert audit.startswith("It was asked for before the audit of ")
     explanations.ask(backend, "FIC1")
     assert len(explanations.newest(backend, "FIC1")["remarks"]) == 1

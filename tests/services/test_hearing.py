@@ -115,17 +115,17 @@ def test_who_swings_together_is_found_only_for_loops_that_it_could_say_something
 def test_a_source_that_swung_sooner_is_not_called_likelier() -> None:
     shaken = Suspect("TIC201", 0.95, 1.4, 9000.0, 0.91, -3.0)
     source = Suspect("FIC101", 0.85, 1.7, None, 1.0, 0.0)
-    assert "is likelier to stick (0.98 against 0.95)" in neighbour_text(
+    assert "is more likely to stick (0.98 against 0.95)" in neighbour_text(
         shaken, replace(source, stiction_probability=0.98)
     )
-    assert "whose swing began sooner (0.85 against 0.95)" in neighbour_text(shaken, source)
+    assert "whose oscillation began sooner (0.85 against 0.95)" in neighbour_text(shaken, source)
 
 
 @pytest.mark.parametrize(
     ("source", "shaken", "told"),
     [
         (0.9931, 0.9912, "valve is as likely to stick (0.99) and may be"),
-        (0.9912, 0.9931, "valve is as likely to stick and whose swing began sooner (0.99) and may be"),
+        (0.9912, 0.9931, "valve is as likely to stick and whose oscillation began sooner (0.99) and may be"),
         (0.9912, 0.9912, "valve is as likely to stick (0.99) and may be"),
     ],
 )

@@ -112,7 +112,7 @@ def test_until_there_are_enough_the_verdict_says_that_it_is_of_before(backend: B
     assert found["health"] == before["health"]
     reasons = loop_verdicts.verdict_detail(backend, "FIC1")["reasons"]
     assert reasons[0]["text"].startswith(
-        "of before the repair of 2026-03-01 08:00 UTC: 60 samples since then are too few"
+        "from before the repair of 2026-03-01 08:00 UTC: 60 samples since then are too few"
     )
 
 

@@ -107,7 +107,7 @@ def test_a_worker_that_could_call_nobody_has_given_a_sign(
 
 
 def test_who_waits_for_a_run_that_nobody_works_on_is_told_so(backend: Backend, old_run: int) -> None:
-    told = "Nobody works on it: for 20 minutes no worker gave a sign."
+    told = "Nobody works on it: for 20 minutes no worker has given a sign of life."
     assert run_figures(backend, str(old_run)).nobody_works.startswith(told)
     assert f" is still running, 0 of 2 loops audited. {told}" in newest_run(backend).words
     holds_a_loop(backend, old_run)
@@ -116,7 +116,7 @@ def test_who_waits_for_a_run_that_nobody_works_on_is_told_so(backend: Backend, o
 
 
 def test_a_standstill_is_told_to_health_checks(backend: Backend, old_run: int) -> None:
-    with pytest.raises(RequestError, match="no worker gave a sign for"):
+    with pytest.raises(RequestError, match="no worker has given a sign of life for"):
         refuse_standstill(backend.settings)
     sweep(backend)
     refuse_standstill(backend.settings)

@@ -336,7 +336,9 @@ def test_a_run_is_watched_while_it_goes_on(opened: Page, web_backend):
 def test_a_file_is_sent_read_and_its_tags_mapped_anew(opened: Page, web_backend):
     opened.goto("/uploads")
     body = b"time,NEW1.PV,NEW1.OP,NEW1.X\n0,1,2,3\n1,2,3,bad\n2,3,4,5\n"
-    opened.get_by_label("Drop an export").set_input_files({"name": "new.csv", "mimeType": "text/csv", "buffer": body})
+    opened.get_by_label("Drop a historian export").set_input_files(
+        {"name": "new.csv", "mimeType": "text/csv", "buffer": body}
+    )
     opened.get_by_role("button", name="Send").click()
     opened.wait_for_url("**/uploads/*")
     number = int(opened.url.rpartition("/")[2])

@@ -90,7 +90,7 @@ def part(explanation: dict | None) -> str:
             DONE | {"as_judged": True},
             "01:00 UTC, the part of a long record that its audit judges, against a given model",
         ),
-        (DONE | {"remarks": ["This is of before the repair."]}, "<b>This is of before the repair.</b>"),
+        (DONE | {"remarks": ["This is from before the repair."]}, "<b>This is from before the repair.</b>"),
     ],
 )
 def test_every_state_is_told(explanation: dict | None, words: str) -> None:

@@ -63,7 +63,7 @@ def test_so_does_a_data_base_that_is_away(
     monkeypatch.setattr(tasks.sweeping, "sweep", raising(away))
     tasks.sweep()
     (line,) = [record for record in caplog.records if record.levelno == logging.ERROR]
-    assert f"the data base {told}" in line.getMessage()
+    assert f"the database {told}" in line.getMessage()
     assert not line.exc_info
 
 

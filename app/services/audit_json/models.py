@@ -249,7 +249,7 @@ class WrittenFields(BaseModel):
     shelved_until: str | None = Field(
         None, description="Until when it is left out of what to look at first, ISO 8601, UTC; null: it is not shelved."
     )
-    of_before_repair: bool = Field(False, description="Whether the verdict is of before the repair at repaired_at.")
+    of_before_repair: bool = Field(False, description="Whether the verdict is from before the repair at repaired_at.")
 
 
 class TableRow(WrittenFields, ReliabilityRow):

@@ -203,11 +203,11 @@ def neighbour_text(shaken: Suspect, source: Suspect) -> str:
     """The probability of the source is less than that of the shaken loop only where its swing began sooner."""
     sticks, probability = source.stiction_probability or 0.0, shaken.stiction_probability or 0.0
     told, beside = told_probability(sticks), told_probability(probability)
-    alike, sooner = told == beside, " and whose swing began sooner" if sticks < probability else ""
-    likely = "as likely to stick" if alike else "likely to stick too" if sooner else "likelier to stick"
+    alike, sooner = told == beside, " and whose oscillation began sooner" if sticks < probability else ""
+    likely = "as likely to stick" if alike else "likely to stick too" if sooner else "more likely to stick"
     return (
-        f"PV swings in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve is {likely}{sooner} "
-        f"({told if alike else f'{told} against {beside}'}) and may be what shakes this loop"
+        f"PV oscillates in step with {source.tag} (coherence {shaken.coherence:.2f}), whose valve is {likely}{sooner} "
+        f"({told if alike else f'{told} against {beside}'}) and may be disturbing this loop"
     )
 
 
@@ -215,14 +215,14 @@ def cascade_text(inner: Sequence[Cascade], said: Mapping[str, Said]) -> str:
     """inner: the cascades of one outer loop."""
     alike = min(one.alike for one in inner)
     return (
-        f"OP is {_set_points(inner)} (from sample to sample they move alike, {alike:.2f} of 1): unless OP moves a "
-        f"valve of its own besides, the valve is judged there ({_told_there(inner, said)})"
+        f"OP is {_set_points(inner)} (from sample to sample they move alike, {alike:.2f} of 1): unless OP also "
+        f"moves a valve of its own, the valve is judged there ({_told_there(inner, said)})"
     )
 
 
 def without_valve_text(inner: Sequence[Cascade], said: Mapping[str, Said]) -> str:
     """inner: the cascades of one outer loop that is stated to move no valve; none where they are not found."""
-    stated = "OP moves no valve of its own, as is stated of this loop"
+    stated = "OP moves no valve of its own, according to the loop's settings"
     if not inner:
         return f"{stated}: the valve is judged at the loop whose set point OP is, which the records do not show"
     return f"{stated}, but {_set_points(inner)}: the valve is judged there ({_told_there(inner, said)})"

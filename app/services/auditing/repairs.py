@@ -43,7 +43,7 @@ class Window:
             text = f"judged from the repair of {at} on: what came before it is left out"
             return replace(audit, judgement=replace(judged, reasons=(*judged.reasons, Reason(SINCE_REPAIR, text))))
         few = counted(self.since_repair, "sample since then is", "samples since then are")
-        text = f"of before the repair of {at}: {few} too few to judge by"
+        text = f"from before the repair of {at}: {few} too few to judge by"
         reasons = (Reason(BEFORE_REPAIR, text), *judged.reasons)
         return replace(audit, judgement=replace(judged, reliability="not_reliable", reasons=reasons))
 

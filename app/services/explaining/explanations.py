@@ -124,7 +124,7 @@ def _remarks(backend: Backend, loop: LoopRow, row: ExplanationRow) -> list[str]:
         heard = verdicts.fingerprint_before(connection, loop.id, row.asked_at)
     told = []
     if repaired_at is not None and explained_before(summary(row, loop.tag), iso_utc(repaired_at)):
-        told.append(f"This is of before the repair of {backend.clock.told_at(repaired_at)}.")
+        told.append(f"This is from before the repair of {backend.clock.told_at(repaired_at)}.")
     if newest_verdict is None:
         return told
     if newest_verdict.audited_at > row.asked_at and _of_other_samples(newest_verdict, row, heard):

@@ -244,7 +244,12 @@ def workers(backend: Backend) -> Check:
         found = figures.waiting(connection)
     if silent_s := stands_still_s(backend):
         advice = "start `loopaudit worker` and `loopaudit beat`, or look at their logs"
-        return Check("workers", "problem", f"loops wait, and no worker gave a sign for {silent_s:.0f} s", advice)
+        return Check(
+            "workers",
+            "problem",
+            f"loops are waiting, and no worker has given a sign of life for {silent_s:.0f} s",
+            advice,
+        )
     open_, claimed = found.items.get("open", 0), found.items.get("claimed", 0)
     none = "no loop waits; whether a worker runs shows only while loops wait"
     return Check("workers", "ok", f"{counted(claimed, 'loop')} in work, {open_} waiting" if open_ or claimed else none)

@@ -82,7 +82,7 @@ def refuse_other_tables(database: Database) -> None:
 def refuse_newer(current: str | None) -> None:
     if current is not None and not schema.is_known(current):
         text = f"the tables have version {current}, which this program does not know: a newer loopaudit made them. "
-        text += "Run that one, or restore the backup of before it, on PostgreSQL into an empty database"
+        text += "Run that one, or restore the backup from before it, on PostgreSQL into an empty database"
         raise RequestError("newer_tables", text)
 
 

@@ -300,7 +300,7 @@ def test_tables_of_a_newer_version_are_replaced_with_their_file_and_refused_on_a
             backups.restore(plant.settings, tmp_path / "kept", force=True)
             assert schema.current_revision(plant.database) == version
         else:
-            with pytest.raises(RequestError, match="into an empty data base") as refused:
+            with pytest.raises(RequestError, match="into an empty database") as refused:
                 backups.restore(plant.settings, tmp_path / "kept", force=True)
             assert refused.value.code == "newer_tables"
             assert schema.current_revision(plant.database) == "9999"
@@ -368,11 +368,11 @@ def test_nothing_is_brought_back_under_a_service_on_another_data_folder(plant, t
     before = contents(plant)
     elsewhere = plant.settings.model_copy(update={"data_dir": tmp_path / "elsewhere"})
     with at_work(elsewhere), at_work(elsewhere):
-        with pytest.raises(RequestError, match="data base, from another data folder") as refused:
+        with pytest.raises(RequestError, match="database, from another data folder") as refused:
             backups.restore(plant.settings, tmp_path / "kept", force=True)
         assert refused.value.code == "still_running"
         assert contents(plant) == before
-    with alone(plant.settings), pytest.raises(RequestError, match="into the data base") as refused, at_work(elsewhere):
+    with alone(plant.settings), pytest.raises(RequestError, match="into the database") as refused, at_work(elsewhere):
         pass
     assert refused.value.code == "being_restored"
     plant.database.close()
