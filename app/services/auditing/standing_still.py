@@ -25,6 +25,6 @@ def nobody_works(backend: Backend) -> str:
     if not silent_s:
         return ""
     return (
-        f"Nobody works on it: for {silent_s / 60:.0f} minutes no worker has given a sign of life. Tell whoever runs this service; "
-        "loopaudit doctor says why."
+        f"Nobody works on it: for {silent_s / 60:.0f} minutes no worker has given a sign of life. Tell whoever runs "
+        "this service; loopaudit doctor says why."
     )
