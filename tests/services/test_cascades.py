@@ -199,7 +199,10 @@ def test_an_outer_loop_that_is_stated_to_be_without_a_valve(outer: Said, inner: 
     found = [] if inner is None else [Cascade("TIC1", "FIC2", 1.0)]
     told = cascades_doubts(found, said, {"TIC1"})
     assert list(told) == ["TIC1"] * doubted
-    assert all(doubt.text.startswith("OP moves no valve of its own, as is stated") for doubt in told.values())
+    assert all(
+        doubt.text.startswith("OP moves no valve of its own, according to the loop's settings")
+        for doubt in told.values()
+    )
     assert all(("FIC2: " in doubt.text) == (inner is not None) for doubt in told.values())
 
 
