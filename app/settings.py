@@ -88,7 +88,7 @@ class Settings(BaseSettings):
         "that name no zone.",
     )
     date_order: Literal["auto", "day", "month"] = Field(
-        "auto", description="What stands first in dates such as 03/04/2026, where an export does not tell."
+        "auto", description="What stands first in dates such as 03/04/2026, where an export leaves it open."
     )
     require_keys: bool = Field(False, description="Ask for keys on loopback too; elsewhere they are always asked for.")
     allow_open: bool = Field(False, description="Listen on other addresses than loopback without keys.")

@@ -47,7 +47,7 @@ Filename = Annotated[
 ]
 DateOrder = Annotated[
     Literal["day", "month"] | None,
-    Query(description="What stands first in dates such as 03/04/2026, where the file does not tell."),
+    Query(description="What stands first in dates such as 03/04/2026, where the file leaves it open."),
 ]
 TimeZone = Annotated[str | None, Query(max_length=60, description="Zone of time stamps that name none (IANA).")]
 

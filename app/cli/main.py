@@ -64,7 +64,7 @@ def told_of_closed_stdout() -> Iterator[None]:
     except BrokenPipeError as error:
         if stdout_is_closed():
             raise StdoutClosedError from error
-        raise RequestError("output", "the results could not be written: who reads them is gone") from error
+        raise RequestError("output", "the results could not be written: their reader is gone") from error
     except SystemExit as error:  # what rich makes of it, once it has put another stdout in its place
         if isinstance(error.__context__, BrokenPipeError):
             raise StdoutClosedError from error

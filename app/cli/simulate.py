@@ -104,7 +104,7 @@ def simulate(
         typer.Option(
             "--date-order",
             envvar="LOOPAUDIT_DATE_ORDER",
-            help="What stands first in its dates such as 03/04/2026, where it is ambiguous.",
+            help="What stands first in its dates such as 03/04/2026, where it leaves it open.",
             rich_help_panel=EXPLAINED,
         ),
     ] = DateOrder.auto,

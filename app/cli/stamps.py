@@ -27,7 +27,7 @@ DateOrderOption = Annotated[
     typer.Option(
         "--date-order",
         envvar="LOOPAUDIT_DATE_ORDER",
-        help="What stands first in dates such as 03/04/2026, where the file does not tell.",
+        help="What stands first in dates such as 03/04/2026, where the file leaves it open.",
     ),
 ]
 

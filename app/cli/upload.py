@@ -59,7 +59,7 @@ def upload(
 ) -> None:
     """Send export files to a running service. The same file again changes nothing.
 
-    Exit code 1: some files were refused, or (told by --wait) hold no loop, came damaged, or were not read within
+    Exit code 1: some files were refused, or (told by --wait) hold no loop, arrived damaged, or were not read within
     --timeout; 2: no file could be used, or none was read within --timeout.
 
     [bold]Examples[/bold]

@@ -130,7 +130,7 @@ async def with_token(asked: Asked, identity: Identity | None, receive: Receive) 
         return receive
     carried, receive = await carries_token(asked.headers, receive, identity.form_token)
     if not carried:
-        raise Refusal(403, "csrf_token", "the form has no valid csrf_token; load its page again and send it anew")
+        raise Refusal(403, "csrf_token", "the form has no valid csrf_token; reload its page and send it again")
     return receive
 
 

@@ -73,7 +73,7 @@ def _plain(value: Any) -> bool:
 
 
 def refused(cursor: str) -> RequestError:
-    return RequestError("bad_cursor", f"got the cursor {cursor[:40]!r}; give back `next_cursor` of the page before")
+    return RequestError("bad_cursor", f"got the cursor {cursor[:40]!r}; pass on `next_cursor` of the page before")
 
 
 def identifier(text: str) -> int:

@@ -83,7 +83,7 @@ class UploadListed:
     damaged: Annotated[
         bool,
         Field(
-            description="Whether a part of the file could not be read because it came damaged, as a gzip file "
+            description="Whether a part of the file could not be read because it arrived damaged, as a gzip file "
             "that was cut or a sheet of a workbook; what could be read is kept, and `notes` say what "
             "was lost."
         ),
@@ -260,7 +260,7 @@ class AuditOut:
 class NightOfUnitOut:
     unit: Annotated[str | None, Field(description="Plant unit as it is now; null: none is named.")]
     sticking: Annotated[
-        int, Field(description="Valves that stick, to be relied on; none of old records or before repairs.")
+        int, Field(description="Valves that stick (reliable verdicts); none from old records or before repairs.")
     ]
 
 
@@ -274,7 +274,7 @@ class NightOut:
     run: Annotated[str, Field(description="Identifier of the run.")]
     audited: Annotated[int, Field(description="Loops with a verdict.")]
     sticking: Annotated[
-        int, Field(description="Valves that stick, to be relied on; none of old records or before repairs.")
+        int, Field(description="Valves that stick (reliable verdicts); none from old records or before repairs.")
     ]
     health: Annotated[float | None, Field(description="Mean health, weighted by importance; null: no loop has one.")]
     in_manual: Annotated[
@@ -330,7 +330,7 @@ class GroupMemberOut:
     ]
     coherence: Annotated[float, Field(description="How closely it moves in step with the likeliest source, 0 to 1.")]
     lag_s: Annotated[
-        float | None, Field(description="How long after the likeliest source PV swings, in s; null: not in step.")
+        float | None, Field(description="By how long PV lags the likeliest source, in s; null: not in step.")
     ]
     onset: Annotated[
         str | None, Field(description="When its oscillation began, ISO 8601, UTC; null: before the record.")

@@ -33,7 +33,7 @@ def test_op_keeps_step_with_traces_at_an_interval_that_is_no_whole_number_of_sam
     np.testing.assert_array_equal(as_many(np.arange(10.0), 10), np.arange(10.0))
 
 
-@pytest.mark.parametrize(("verdict", "said"), [("consistent", "nothing is missing"), ("inconclusive", "does not tell")])
+@pytest.mark.parametrize(("verdict", "said"), [("consistent", "nothing is missing"), ("inconclusive", "cannot tell")])
 def test_a_plot_without_names_says_what_the_verdict_says(verdict: Verdict, said: str) -> None:
     op = 40.0 + moves()
     found = replace(explain(Comparison("loop", TS, op, recorded(moves()), simulation=GIVEN)), verdict=verdict)

@@ -320,7 +320,7 @@ def test_a_note_is_written(opened: Page):
     opened.goto("/loops/LIC7")
     opened.get_by_role("textbox", name="Note").fill("<b>looked at</b> the packing")
     opened.get_by_role("textbox", name="Work order").fill("WO-7")
-    opened.get_by_role("button", name="Write it down").click()
+    opened.get_by_role("button", name="Save the note").click()
     expect(opened.locator(".said").first).to_have_text("<b>looked at</b> the packing")
 
 

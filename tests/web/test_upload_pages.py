@@ -77,7 +77,7 @@ def test_an_upload_that_came_damaged_is_marked_on_its_page_and_in_the_list(clien
     read_upload(web_backend, int(answer["id"]), "test")
     assert client.get(f"/v1/uploads/{answer['id']}").json()["damaged"] is True
     for page in (f"/uploads/{answer['id']}", "/uploads"):
-        assert "done, but the file came damaged" in seen(client, page).texts
+        assert "done, but the file arrived damaged" in seen(client, page).texts
 
 
 def test_an_upload_that_failed_says_why_in_the_list(client, web_backend):

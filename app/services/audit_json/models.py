@@ -152,13 +152,13 @@ class AuditFields(BaseModel):
     )
     stood_with: int | None = Field(
         None,
-        description="How many other loops' PV came to stand at about the same time, beyond chance; null: none, or PV "
-        "does not stand.",
+        description="How many other loops' PV froze at about the same time, beyond chance; null: none, or PV "
+        "is not frozen.",
     )
     stood_together_since: str | None = Field(
         None,
-        description="When the first of all of them came to stand, ISO 8601, UTC: the same in the rows of one run, and "
-        "another one where a loop that came to stand before was audited later; null: where stood_with is.",
+        description="When the first of all of them froze, ISO 8601, UTC: the same in the rows of one run, and "
+        "another one where a loop that froze before was audited later; null: where stood_with is.",
     )
     hidden_band_op: float | None = Field(
         None,
@@ -235,7 +235,7 @@ class ReliabilityRow(FlatSize, AuditFields):
     of_old_record: bool = Field(
         False,
         description="Whether the record of the verdict ended two days or more before the newest sample that the plant "
-        "had when the run was begun: what is said is of then.",
+        "had when the run was started: the verdict dates from then.",
     )
 
 

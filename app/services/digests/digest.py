@@ -67,7 +67,7 @@ class Unlisted:
     def words(self) -> str:
         """Empty where every loop is listed."""
         counted = (
-            (self.reliable, "valves that stick, rely on it"),
+            (self.reliable, "valves that stick, reliable verdict"),
             (self.unsure, "valves that stick, look first"),
             (self.unanswered, "loops in which PV does not answer OP"),
         )

@@ -118,7 +118,7 @@ def forget(backend: Backend, file: str, loop: str) -> None:
         rows = stored.kept(connection)
         own = [row for row in rows if _listed_under(row) == (storable(loop).casefold(), storable(file))]
         if not own:
-            raise NotFoundError("nothing_kept", f"nothing is said of tags of {loop!r} for later files")
+            raise NotFoundError("nothing_kept", f"no tag mapping of {loop!r} is kept for later files")
         stored.drop(connection, _with_exchanged(own, rows))
 
 

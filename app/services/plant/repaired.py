@@ -27,7 +27,7 @@ OUTCOME_WORDS: dict[Outcome, str] = {
     "open": "cannot tell whether it helped",
     "helped": "helped",
     "clean": "does not stick; what it did before is not known",
-    "unmoved": "the valve was not said to stick before it either",
+    "unmoved": "the valve was not said to stick before the repair either",
     "waiting": "not judged since",
 }
 """In the order in which they are listed."""

@@ -4,7 +4,8 @@ _HTTP = {
     "bad_request": "The body is not a form that can be parsed; send it as multipart, with its content type.",
     "body_too_large": "The body is larger than this route takes, or than the disk of the service; send it in parts.",
     "busy": (
-        "The service is already answering as many such requests as it may at once; retry after Retry-After seconds."
+        "The service is already answering as many such requests as it may at once; retry after the seconds in "
+        "Retry-After."
     ),
     "client_gone": "The connection was closed before the whole body had arrived; send it again.",
     "cross_site": "A page of another site sent this; open the service by its own address and send it from there.",
@@ -31,8 +32,8 @@ _HTTP = {
     "role": "The key has a role that may not do this; use a key with the role that is named.",
     "route_not_listed": "The route has no entry in the table of permissions, a fault of the service; report it.",
     "too_many_requests": (
-        "The key sends more requests than it may, or too many wrong keys came from the address; retry after "
-        "Retry-After seconds."
+        "The key sends more requests than it may, or too many wrong keys came from the address; retry after the "
+        "seconds in Retry-After."
     ),
     "too_slow": "The body took too long to arrive; send it again over a faster line, or in smaller parts.",
     "unavailable": "The service cannot answer now; try again in a short while.",

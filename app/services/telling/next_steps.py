@@ -362,7 +362,7 @@ OF_NO_STICTION = (
     ("PV shows no answer to OP", Ask.STANDS_FAST),
     ("PV moves as if the valve had a deadband, and no nearer cause is named", Ask.HAS_BAND),
     ("look first, the step would otherwise be nothing, and the published rule or its fit says stiction", Ask.OBJECTED),
-    ("the newest explanation says that the valve more likely than not sticks", Ask.UNTIL_THEY_AGREE),
+    ("the newest explanation says that the valve sticks, more likely than not", Ask.UNTIL_THEY_AGREE),
 )
 OF_CANNOT_TELL = (("PV and OP are unrelated", Ask.UNRELATED),)
 OF_ANY = (

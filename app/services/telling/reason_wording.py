@@ -100,7 +100,7 @@ NO_VOTE = frozenset(_METHODS)
 _EPISODES = {
     "stretches": "A long record was judged stretch by stretch; the middle one speaks for it.",
     "newer_judged": (
-        "The newest stretch is judged by itself: it is long enough to judge, although an earlier one is longer."
+        "The newest stretch is judged by itself: it is sufficient for a reliable verdict, and the longest one is older."
     ),
     "newer_disagrees": "A newer and shorter stretch says otherwise.",
     "stretches_disagree": "Of a long record's stretches fewer than two of three, or none of the newest two, agree.",

@@ -7,8 +7,8 @@ from app.services.telling.wording import cause_words
 
 STICTION = "stiction"
 LEFT = (
-    "its score is what is left of the probability after the other causes' evidence against it; the other scores say "
-    "how clearly each was seen, and all of them can be seen on a sticky loop too."
+    "its score is what is left of the probability once the other causes' evidence against it is taken off; the other "
+    "scores say how clearly each was seen, and all of them can be seen on a sticky loop too."
 )
 NEAREST = (
     "all of them stand out (a score of 0.50 or more), and then the cause nearest to the loop's own instruments wins, "

@@ -10,7 +10,7 @@ LACKING = {
     "size_regularity": "the oscillation is too irregular (regularity {0:.2g}, at least {1:.2g} is needed)",
     "size_cycles": "the record holds only {0:.2g} cycles, at least {1:.2g} are needed",
     "size_samples_per_cycle": "a cycle has only {0:.2g} samples, at least {1:.2g} are needed",
-    "size_evidence": "the shapes show that the valve sticks, but PV fits nearly as well with any size",
+    "size_evidence": "the shapes show that the valve sticks, but any size fits PV nearly as well",
     "size_as_sampled": "the historian stored too few points and drew lines between them",
     "size_width": "sizes too far apart fit PV equally well",
 }
@@ -24,7 +24,7 @@ NO_SWING = (
 )
 NOT_TOLD = (
     "The record does not show how large it is, so no size is stated. Other values of S and J on this page are "
-    "assumptions of the method beside which they stand."
+    "assumptions of the method that they belong to."
 )
 
 

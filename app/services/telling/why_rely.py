@@ -76,8 +76,8 @@ NAMES_OTHERWISE = (
     "can be relied on, and {why}."
 )
 OLDER_SAID = (
-    "An older explanation {what} (probability {probability}), of data up to {until}, long before the data of this "
-    "verdict: follow the verdict, and explain the loop again if you doubt it."
+    "An older explanation {what} (probability {probability}), based on data up to {until}, long before the data of "
+    "this verdict: follow the verdict, and explain the loop again if you doubt it."
 )
 HARDLY = "the record can hardly tell that cause from others"
 BESIDES = "the explanation says what a simulation lacks, which may also be true; look at that after the valve"

@@ -102,7 +102,7 @@ STATE_WORDS = {
 NO_ROOM_YET = "waiting for room on the disk"
 FILE_UNSEEN = "waiting: no worker sees its file"
 """Of an upload that is received and cannot be read for that, as that before."""
-READ_IN_PART = "done, but the file came damaged"
+READ_IN_PART = "done, but the file arrived damaged"
 
 STARTERS = {
     "schedule": "the nightly schedule",

@@ -148,7 +148,7 @@ async function drawRepair(chart) {
   const sides = await Promise.all([chart.dataset.before, chart.dataset.after].map((audit) => load(`${charts.dataset.url}?audit=${audit}`)));
   const about = (values) => { const mean = values.reduce((sum, value) => sum + value, 0) / values.length; return values.map((value) => value - mean); };
   const lines = [["before", "--op"], ["after", "--good"]].map(([name, colour], k) => sides[k].pv_op && line(about(sides[k].pv_op.op), about(sides[k].pv_op.pv), name, colour, { line: { color: paint(colour), width: 0.8 } }));
-  draw("repair-path", lines.every(Boolean) && lines, { height: 320, xaxis: axis("OP less its mean"), yaxis: axis("PV less its mean") }, "The samples of before or after are no longer kept.");
+  draw("repair-path", lines.every(Boolean) && lines, { height: 320, xaxis: axis("OP less its mean"), yaxis: axis("PV less its mean") }, "The samples from before or after the repair are no longer kept.");
 }
 
 const charts = document.getElementById("charts"), repaired = document.getElementById("repair-path");

@@ -218,7 +218,7 @@ def test_a_large_plant_is_told_how_many_are_not_listed_and_of_all_that_is_new(
     found = digest_of(backend, night)
     assert [one.loop for one in found.work] == [HOSTILE, "A1"]  # the one that weighs least is new
     assert (found.unlisted.reliable, found.unlisted.unsure, found.unlisted.unanswered) == (1, 1, 0)
-    left = "valves that stick, rely on it (1 more), valves that stick, look first (1 more)"
+    left = "valves that stick, reliable verdict (1 more), valves that stick, look first (1 more)"
     assert left in as_text(found)
     assert left in as_html(found)
     assert "A1 (U1): NEW" in as_text(found)
