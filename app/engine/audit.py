@@ -162,7 +162,7 @@ def _unidentifiable(error: DataError, record: UniformRecord) -> Judgement:
     reason, cause = Reason(cast(ReasonCode, error.code), error.message), None
     if np.ptp(record.pv) == 0.0 < np.ptp(record.op):
         moved = f"{record.samples:,} samples in which OP moves"
-        text = f"PV holds one value for {moved}: a stuck valve or a dead transmitter"
+        text = f"PV holds one value over {moved}: a stuck valve or a dead transmitter"
         reason, cause = Reason("pv_flat", text), UNANSWERED
     return Judgement("not_auditable", None, "not_reliable", (reason,), cause)
 

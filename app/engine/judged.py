@@ -103,12 +103,12 @@ def _of_both(longest: Judged, newest: Judged) -> Judged:
     told = f"the newest stretch, {since.samples:,} samples in {hours} h,"
     cleared = (said.verdict, said.reliability) == ("no_stiction", "reliable")
     if now.reliability == "reliable" and (now.verdict == "stiction" or cleared):
-        text = f"{told} is judged: it tells enough by itself; the longest, of {before.samples:,}, is older"
+        text = f"{told} is judged: it is long enough by itself; the longest, of {before.samples:,}, is older"
         return replace(newest, judgement=replace(now, reasons=(*now.reasons, Reason("newer_judged", text))))
     if now.verdict == said.verdict or said.reliability != "reliable":
         return longest
     probability = told_probability(now.stiction_probability or 0.0)
-    text = f"{told} was heard besides and says otherwise: probability of stiction {probability}"
+    text = f"{told} was judged as well and disagrees: probability of stiction {probability}"
     reasons = (*said.reasons, Reason("newer_disagrees", text))
     return replace(longest, judgement=replace(said, reliability="not_reliable", reasons=reasons))
 
@@ -174,8 +174,8 @@ def _began_first(reasons: tuple[Reason, ...]) -> tuple[Reason, ...]:
 def _rest_reason(fitness: Fitness, rest_of: UniformRecord) -> Reason:
     share = fitness.audited.samples / rest_of.samples
     text = (
-        f"the set point moves PV more than all else; judged where it stands, on {100 * share:.0f} % of the record, "
-        "because the loop cycles there by itself; the remainder is not judged"
+        f"the set point moves PV more than anything else; judged where it is constant, on {100 * share:.0f} % of the "
+        "record, because the loop cycles there by itself; the rest is not judged"
     )
     return Reason("set_point_rests", text)
 

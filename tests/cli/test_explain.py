@@ -235,7 +235,7 @@ def test_the_text_says_whose_figures_it_has_and_none_that_there_are_not(recordin
     without = other_recording(recording, tmp_path, columns=4)
     by_column = runner.invoke(cli, ["explain", str(recording), "--validate", str(without)]).stdout
     assert "\nvalidation     refitted 0." in by_column
-    assert "there is a simulation of the first recording and none of the second" in by_column
+    assert "there is a simulation for the first recording but none for the second" in by_column
     assert "None" not in by_column
 
 

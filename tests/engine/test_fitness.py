@@ -91,8 +91,8 @@ def test_not_in_automatic():
     [
         (slice(105, 130), (130, 400), "270 of them in a row; at least 100 in a row are needed"),
         (slice(215, 240), (240, 400), "160 of them in a row; at least 100 in a row are needed"),  # as it is now
-        (slice(265, 290), (0, 265), "needed; the 135 samples after them are not looked at"),  # too few since
-        (slice(300, 400), (0, 300), "needed; the 100 samples after them are not looked at"),
+        (slice(265, 290), (0, 265), "needed; the 135 samples after them are not used"),  # too few since
+        (slice(300, 400), (0, 300), "needed; the 100 samples after them are not used"),
     ],
 )
 def test_the_newest_long_stretch_in_automatic_is_audited(manual: slice, judged: tuple[int, int], said: str):

@@ -14,11 +14,11 @@ from tests.engine.cycling_loop import N, cycling, outcomes, refused
     [
         (250, slice(250, 400), "the newest has 150 of 400 samples"),  # as it is now, though more is known of before
         (150, slice(150, 400), "the newest has 250 of 400 samples"),
-        (305, slice(0, 305), "the 95 samples after it are not looked at"),  # too few to be judged
+        (305, slice(0, 305), "the 95 samples after it are not used"),  # too few to be judged
         (
             320,
             slice(0, 320),
-            "has 320 of 400 samples, at least 100 are needed; the 80 samples after it are not looked at",
+            "has 320 of 400 samples; at least 100 are needed; the 80 samples after it are not used",
         ),
     ],
 )

@@ -76,7 +76,7 @@ def test_the_audited_stretch_is_that_of_the_scan_and_says_so() -> None:
     assert fitness.audited.sampling_interval_s == pytest.approx(10.0)
     told = {finding.code: finding for finding in fitness.findings}["irregular_sampling"]
     assert told.outcome == "pass"
-    assert told.text == "samples every 10 s, taken as they are; each was stored 5 times"
+    assert told.text == "one sample every 10 s, used as recorded; each was stored 5 times"
 
 
 def test_a_controller_that_answers_a_little_later_is_paired_with_what_it_answers() -> None:

@@ -92,10 +92,10 @@ def scene(even: float, follows: float = 0.9, wave: float = 0.0, opposition: floa
 @pytest.mark.parametrize(
     ("even", "follows", "rests_on", "text"),
     [
-        (0.6, 0.9, (0.6, ">=", 0.5), "OP is in line with PV by 0.60"),
-        (0.4, 0.9, (0.4, ">=", 0.5), "OP is in line with PV by 0.40"),
-        (0.4, 0.2, (0.2, "<=", 0.3), "even where it was fitted a sticky valve explains 20 %"),
-        (0.0, 0.9, (0.9, "<=", 0.3), "even where it was fitted a sticky valve explains 90 %"),
+        (0.6, 0.9, (0.6, ">=", 0.5), "OP is in phase or antiphase with PV by 0.60"),
+        (0.4, 0.9, (0.4, ">=", 0.5), "OP is in phase or antiphase with PV by 0.40"),
+        (0.4, 0.2, (0.2, "<=", 0.3), "even on the data it was fitted to, a sticky valve explains 20 %"),
+        (0.0, 0.9, (0.9, "<=", 0.3), "even on the data it was fitted to, a sticky valve explains 90 %"),
     ],
 )
 def test_a_disturbance_tells_by_what_it_was_found(even, follows, rests_on, text):
@@ -107,10 +107,10 @@ def test_a_disturbance_tells_by_what_it_was_found(even, follows, rests_on, text)
 @pytest.mark.parametrize(
     ("even", "wave", "opposition", "rests_on", "text"),
     [
-        (0.6, 0.5, 0.0, (0.6, ">=", 0.5), "a regular swing, and OP is in line with PV by 0.60"),
-        (0.1, 0.9, 0.3, (0.9, ">=", 0.7), "a sine that keeps its phase explains 90 %"),
-        (0.1, 0.9, 0.6, (0.6, "<=", 0.55), "a sine that keeps its phase explains 90 %"),
-        (0.1, 0.6, 0.3, (0.6, ">=", 0.7), "a sine that keeps its phase explains 60 %"),
+        (0.6, 0.5, 0.0, (0.6, ">=", 0.5), "a regular oscillation, and OP is in phase or antiphase with PV by 0.60"),
+        (0.1, 0.9, 0.3, (0.9, ">=", 0.7), "a sine of constant phase explains 90 %"),
+        (0.1, 0.9, 0.6, (0.6, "<=", 0.55), "a sine of constant phase explains 90 %"),
+        (0.1, 0.6, 0.3, (0.6, ">=", 0.7), "a sine of constant phase explains 60 %"),
     ],
 )
 def test_a_wave_from_outside_tells_by_what_it_was_found(even, wave, opposition, rests_on, text):
@@ -127,7 +127,7 @@ def test_a_set_point_that_pv_and_op_go_along_with_tells_so():
     found = set_point_following(along)
     assert told(found) == (pytest.approx(0.8), ">=", 0.5)
     assert (found.strength, found.explained) == (pytest.approx(0.8), 0.5)
-    assert found.text == "PV and OP go along with the set point as it is, by 0.80"
+    assert found.text == "PV and OP follow the set point directly, by 0.80"
 
 
 def following(S: float, period_s: float) -> dict[str, Rival]:
@@ -149,7 +149,7 @@ def test_a_set_point_behind_all_that_moves_counts_against_stiction_that_explains
     found = following(0.0, 120.0)["set_point_following"]
     assert found.strength >= 0.85
     assert found.counts == 1.0
-    assert "no better than one that follows" in found.text
+    assert "no better than a linear one" in found.text
     assert following(15.0, 300.0)["set_point_following"].counts == 0.0
 
 
@@ -332,7 +332,7 @@ def test_stiction_wins_from_one_half_on_and_ranks_by_its_probability_below(proba
 def test_stiction_tells_what_a_sticky_valve_explains_in_free_run():
     told = SimpleNamespace(named={"held_sticky": 0.62, "held_linear": -0.3}.get)
     assert contest((), 0.8, told)[0].text == (
-        "probability 0.80; fitted on one half of each window and run freely on the other a sticky valve explains 62 % "
+        "probability 0.80; fitted on one half of each window and run freely on the other, a sticky valve explains 62 % "
         "of PV, a linear one 0 %"
     )
 

@@ -125,5 +125,5 @@ def test_a_skew_changes_no_verdict_and_is_told(make):
         as_recorded.judgement.reliability,
     )
     told = next(reason.text for reason in late.judgement.reasons if reason.code == "time_skew")
-    assert "3 samples (3 s) later: PV is stamped late" in told
+    assert "3 samples (3 s) before PV shows the cause: PV is stamped late" in told
     assert "time_skew" not in [reason.code for reason in as_recorded.judgement.reasons]

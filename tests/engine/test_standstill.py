@@ -80,7 +80,7 @@ def test_the_check_does_not_pass_and_says_since_when():
     (finding,) = (one for one in audit(restarted()).fitness.findings if one.code == "pv_flat")
     assert (finding.outcome, finding.unit) == ("fail", "h")
     assert finding.statistic == pytest.approx(2.775)
-    assert finding.text.startswith("PV has held 2 values, one after the other, for the last 2.77 h")
+    assert finding.text.startswith("PV has held 2 values, one after another, for the last 2.77 h")
 
 
 def test_health_is_capped_while_it_stands_by_parts_that_say_so():

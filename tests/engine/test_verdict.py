@@ -355,17 +355,17 @@ def vote(method: str, says: str | None, applies: bool = True) -> Corroboration:
         ([vote("a", None, applies=False)], "none of the published methods applies to this record"),
         (
             [vote("area_ratio", "stiction"), vote("b", None, applies=False)],
-            "the one published method that applies says stiction (area ratio); it does not move the verdict",
+            "the one published method that applies says stiction (area ratio); it does not affect the verdict",
         ),
         (
             [vote("cross_correlation", "no_stiction"), vote("b", "no_stiction")],
             "of 2 published methods that apply, none says stiction, 2 say no stiction (cross correlation, b); they do "
-            "not move the verdict",
+            "not affect the verdict",
         ),
         (
             [vote("a", "stiction"), vote("b", "no_stiction"), vote("c", None)],
             "of 3 published methods that apply, 1 says stiction (a), 1 says no stiction (b), 1 says neither (c); they "
-            "do not move the verdict",
+            "do not affect the verdict",
         ),
     ],
 )

@@ -169,7 +169,7 @@ def test_the_doubt_tells_what_it_was_found_by(evidence):
     follows = Rival("set_point_following", 0.1, "PV and OP follow", explained=0.96)
     (reason,) = (r for r in evidence.judged(0.9, (follows,)).reasons if r.code == "set_point_moves")
     assert (reason.measured, reason.measured.passed) == (Measured(0.96, "<", 0.95), False)
-    assert reason.text == "PV follows from the set point (96 % of its variance on unseen cycles)"
+    assert reason.text == "the set point explains PV (96 % of its variance on unseen cycles)"
 
 
 def test_of_a_record_too_short_to_tell_it_is_not_said_that_pv_and_op_are_strangers(evidence):
@@ -190,7 +190,7 @@ def test_a_loop_that_cycles_on_its_sensors_resolution_is_not_doubted_for_it(evid
     ("lost", "code", "cause", "said"),
     [
         ({"pv_dead_s": 5400.0}, "pv_stands", "stuck_valve_or_dead_transmitter", "held one value for the last 1.5 h"),
-        ({"wound_up_s": 7200.0}, "wound_up", "saturated_op", "stood at its limit for the last 2 h"),
+        ({"wound_up_s": 7200.0}, "wound_up", "saturated_op", "at its limit for most of the last 2 h"),
         (
             {"pv_dead_s": 5400.0, "wound_up_s": 7200.0},
             "pv_stands",

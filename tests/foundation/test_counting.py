@@ -48,11 +48,11 @@ SAID = {
     "refused": lambda: " ".join(beside_shown(4, 3)),
 }
 EXPECTED = {
-    "length": "1 sample, at least",
-    "missing": "in 1 of 1 sample, at least",
-    "clock": "time runs back once; sorted by time, the samples of a clock that was set are mixed "
-    "1 sample whose time was there before is left out",
-    "beyond": "; 1 sample of it lies outside and is not compared",
+    "length": "1 sample; at least",
+    "missing": "in 1 of 1 sample; at least",
+    "clock": "time runs back once; sorting by time mixes the samples around a clock that was reset "
+    "1 sample with a repeated time is left out",
+    "beyond": "; 1 of its samples lies outside and is not compared",
     "mapping": "of loops of the file 1 mapped tag is not in it: B "
     "of the 2 loops of the mapping 1 is not in this file: FIC2",
     "damage": " and 1 stretch more cannot be read",

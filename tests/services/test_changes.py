@@ -168,7 +168,7 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
     assert change.because == f"{seen}; more data than before"
     measured = '{"measured":{"shape_op_triangle":[0.4,"<",0.6],"shape_flat_eighth":[0.55,">",0.2]}}'
     rewrite(backend, second, ids["B"], extra_json=measured)
-    seen = "55 % of the travel of OP finds PV standing still (8 % before), probability 0.10 -> 0.99"
+    seen = "PV stands still during 55 % of OP's travel (8 % before), probability 0.10 -> 0.99"
     assert changes.changes(backend).rows[0].because == f"{seen}; more data than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.0004)
     rewrite(backend, second, ids["B"], stiction_probability=0.9996)
@@ -177,7 +177,11 @@ def test_a_changed_verdict_names_the_evidence_that_moved_most(
     rewrite(backend, first, ids["B"], stiction_probability=0.95)
     assert changes.changes(backend).rows[0].because == "more data than before"
     rewrite(backend, first, ids["B"], stiction_probability=0.1, reasons="few_cycles", reasons_text="few")
-    assert changes.changes(backend).rows[0].because.startswith("OP runs in triangles, probability 0.10 -> 0.99; ")
+    assert (
+        changes.changes(backend)
+        .rows[0]
+        .because.startswith("OP is close to a triangle wave, probability 0.10 -> 0.99; ")
+    )
 
 
 @pytest.mark.parametrize(

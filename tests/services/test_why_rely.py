@@ -19,9 +19,9 @@ from app.services.telling.why_rely import (
     points,
 )
 
-FIT = "fitted on one half of each window a sticky valve explains 19 % of PV, a linear one 34 %: it is the shapes"
+FIT = "fitted on one half of each window a sticky valve explains 19 % of PV, a linear one 34 %: the shapes of PV and OP"
 METHODS = (
-    "of 9 published methods that apply, 3 say stiction (a, b, c), 6 say no stiction (d); they do not move the verdict"
+    "of 9 published methods that apply, 3 say stiction (a, b, c), 6 say no stiction (d); they do not affect the verdict"
 )
 
 

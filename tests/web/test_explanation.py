@@ -60,7 +60,7 @@ DONE = ASKED | {
     ],
     "errors": [("as given", "1.2", "40", "no (p < 0.001)", "yes (p 0.4)")],
     "loops": [("recorded", "120", "1.4", "3.1", "0.87"), ("simulation as given", "none", "0.2", "8.0", "0.90")],
-    "reasons": ["the controller does its part"],
+    "reasons": ["the controller works as it should"],
     "ranges": f"{RANGES}: {HELD}.",
     "unmoved": [],
 }
@@ -114,8 +114,8 @@ def test_tests_of_the_residuals_and_the_loop_closed_again_are_shown() -> None:
 
 
 def test_what_speaks_for_an_effect_is_one_sentence_of_several_parts() -> None:
-    effect = DONE["told_effects"][0] | {"reasons": ["adds 42 points", "the next name is 30 behind"]}
-    said = "adds 42 points; the next name is 30 behind"
+    effect = DONE["told_effects"][0] | {"reasons": ["adds 42 points", "the next candidate is 30 behind"]}
+    said = "adds 42 points; the next candidate is 30 behind"
     assert f'<td class="why">{said}</td>' in part(DONE | {"told_effects": [effect]})
     assert f"<p>{said}.</p>" in part(DONE | {"unmoved": effect["reasons"]})
 

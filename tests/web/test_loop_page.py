@@ -336,8 +336,8 @@ def test_what_has_no_vote_is_folded_away_from_what_was_seen(client):
     page = client.get("/loops/LIC7").text
     heard, _, rest = page.partition('<details id="also-heard">')[2].partition("</details>")
     assert "published method" in heard
-    assert "does not move the verdict" not in rest
-    assert "do not move the verdict" not in rest
+    assert "; it does not affect the verdict" not in rest
+    assert "; they do not affect the verdict" not in rest
 
 
 def test_the_glossary_has_the_size_and_the_words_of_reliability(client):

@@ -28,7 +28,7 @@ def area_ratio(case: Case) -> Corroboration:
     halves = case.pv_halves
     if len(halves) < FEWEST_HALF_CYCLES:
         return METHOD.refuse(f"{len(halves)} whole half cycles in PV, needed {FEWEST_HALF_CYCLES}")
-    return METHOD.answer(_ratio(halves), f"area before the peak of the error over the area behind it{case.assumed}")
+    return METHOD.answer(_ratio(halves), f"area before the peak of the error over the area after it{case.assumed}")
 
 
 def _ratio(halves: FloatArray) -> float:

@@ -44,7 +44,7 @@ def histogram(case: Case) -> Corroboration:
     order, name = (2, "second difference") if case.integrating else (1, "slope")
     density = np.mean([_density(np.diff(window.pv_smooth, order)) for window in case.windows], axis=0)
     bell, camel = float(np.sum((density - _BELL) ** 2)), float(np.min(np.sum((density - _CAMELS) ** 2, axis=1)))
-    what = f"bell against two humps in the histogram of the {name} of PV{case.assumed}"
+    what = f"one peak against two in the histogram of the {name} of PV{case.assumed}"
     return METHOD.answer(camel / (camel + bell + 1e-12), what)
 
 

@@ -29,4 +29,6 @@ def movement_patterns(case: Case) -> Corroboration:
     if case.why_not_self_regulating:
         return METHOD.refuse(case.why_not_self_regulating)
     shares = [rho_3(window.op_smooth[::_STRIDE], window.pv_smooth[::_STRIDE]) for window in case.windows]
-    return METHOD.answer(float(np.mean(shares)), f"share of the time in which PV stands while OP moves{case.assumed}")
+    return METHOD.answer(
+        float(np.mean(shares)), f"share of the time in which PV stands still while OP moves{case.assumed}"
+    )

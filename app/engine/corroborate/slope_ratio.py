@@ -29,7 +29,9 @@ def slope_ratio(case: Case) -> Corroboration:
     if case.why_not_self_regulating:
         return METHOD.refuse(case.why_not_self_regulating)
     shares = [_share(window) for window in case.windows]
-    return METHOD.answer(float(np.mean(shares)), f"share of the time in which OP runs and PV stands{case.assumed}")
+    return METHOD.answer(
+        float(np.mean(shares)), f"share of the time in which OP ramps and PV stands still{case.assumed}"
+    )
 
 
 def _share(window: ShapeWindow) -> float:

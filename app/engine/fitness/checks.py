@@ -44,7 +44,7 @@ def not_evaluated(code: CheckCode, because: str) -> Finding:
 def check_length(samples: int, config: FitnessConfig, repeats: int = 1) -> Finding:
     enough = samples >= config.min_samples
     stored = f", each of them stored {repeats} times" if repeats > 1 else ""
-    text = f"{counted(samples, 'sample')}{stored}, at least {config.min_samples} are needed"
+    text = f"{counted(samples, 'sample')}{stored}; at least {config.min_samples} are needed"
     return _finding("too_short", enough, text, samples, config.min_samples, "samples", ">=")
 
 
@@ -52,9 +52,9 @@ def check_missing(both: BoolArray, interpolated: str | None, config: FitnessConf
     """both: (N,) True where PV and OP have a value. interpolated: the signal that was brought to the other's times."""
     usable, share = int(np.sum(both)), 1.0 - float(np.mean(both))
     of_all = counted(len(both), "sample")
-    text = f"PV and OP both have a value in {usable:,} of {of_all}, at least {config.min_samples} are needed"
+    text = f"PV and OP both have a value in {usable:,} of {of_all}; at least {config.min_samples} are needed"
     if interpolated is not None:
-        text += f"; they were stamped at different times, {interpolated} is interpolated"
+        text += f"; their time stamps differ, so {interpolated} is interpolated"
     return _finding("missing_values", usable >= config.min_samples, text, share, None, "share")
 
 
@@ -62,9 +62,9 @@ def check_wild(pv: FloatArray, op: FloatArray) -> Finding:
     """pv, op: the values of each that count as missing because they lie alone and far off."""
     found = [_told_wild(name, values) for name, values in (("PV", pv), ("OP", op)) if len(values)]
     if found:
-        text = f"samples that lie alone and far from all others are taken as missing: {' and '.join(found)}"
+        text = f"isolated samples far from all others are treated as missing: {' and '.join(found)}"
     else:
-        text = "no value of PV or OP lies alone and far outside of its range"
+        text = "no value of PV or OP is isolated and far outside its range"
     return _finding("wild_samples", not found, text, len(pv) + len(op), 0.0, "samples", "<=")
 
 
@@ -80,7 +80,7 @@ def check_automatic(automatic: BoolArray | None, kept: int, later: int, config: 
         return not_evaluated("not_in_automatic", "the mode was not recorded")
     share = float(np.mean(automatic)) if len(automatic) else 0.0
     text = (
-        f"by its recorded mode in automatic for {100 * share:.1f} % of the samples, {kept:,} of them in a row; "
+        f"in automatic, by its recorded mode, for {100 * share:.1f} % of the samples, {kept:,} of them in a row; "
         f"at least {config.min_samples} in a row are needed"
     )
     text += f"; {_after(later, 'them')}" if later and kept else ""
@@ -94,20 +94,16 @@ def check_gaps(unbroken: Unbroken, kept: int, samples: int, later: int, config: 
         text = f"no hole is longer than {most}"
     else:
         text = (
-            f"{counted(gaps, f'hole longer than {most} splits', f'holes longer than {most} split')} the record; of its "
-            f"long stretches the newest has {kept:,} of {counted(samples, 'sample')}, at least {config.min_samples} "
-            "are needed"
+            f"{counted(gaps, f'hole longer than {most} splits', f'holes longer than {most} split')} the record; the "
+            f"newest of its long stretches has {kept:,} of {counted(samples, 'sample')}; at least "
+            f"{config.min_samples} are needed"
         )
         text += f"; {_after(later, 'it')}" if later else ""
     return _finding("gaps", kept >= config.min_samples, text, gaps, None, "holes")
 
 
 def _after(later: int, what: str) -> str:
-    return (
-        f"the sample after {what} is not looked at"
-        if later == 1
-        else f"the {later:,} samples after {what} are not looked at"
-    )
+    return f"the sample after {what} is not used" if later == 1 else f"the {later:,} samples after {what} are not used"
 
 
 def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: FitnessConfig) -> Finding:
@@ -117,7 +113,7 @@ def check_flat(name: str, signal: FloatArray, meaning: str, kept: int, config: F
     text = f"{name.upper()} holds one value for {100 * share:.1f} % of the stretch"
     if dead:
         remain = counted(kept, "sample in a row remains", "samples in a row remain")
-        text += f": {meaning}; {remain}, at least {config.min_samples} are needed"
+        text += f": {meaning}; {remain}; at least {config.min_samples} are needed"
     usable = not dead or kept >= config.min_samples
     operator: Operator | None = None if dead and usable else "<"  # then what remains decides
     return _finding(_of(name, "flat"), usable, text, share, config.flat_share, "share", operator)
@@ -138,7 +134,7 @@ def check_two_values(op: FloatArray, config: FitnessConfig) -> Finding:
     text = (
         f"OP is at one of two values for {100 * share:.1f} % of the stretch, and switched {counted_times(at.switches)}"
     )
-    text += ": on/off control, or an OP that is stored more coarsely than it moves" if switched else ""
+    text += ": on/off control, or an OP stored too coarsely" if switched else ""
     return _finding("op_two_values", not switched, text, share, config.two_values_share, "share")
 
 
@@ -150,14 +146,14 @@ def check_op_limits(op: FloatArray, op_range: Span | None, two_values: Finding, 
     low, high = at_limit or at_extremes(op)
     share = max(float(np.mean(low)), float(np.mean(high)))
     where = "the end of its span" if at_limit else "its own extreme value (the span is not known)"
-    text = f"OP stands at {where} for {100 * share:.1f} % of the stretch"
+    text = f"OP is at {where} for {100 * share:.1f} % of the stretch"
     return _finding("op_at_limits", share < config.op_limit_share, text, share, config.op_limit_share, "share", "<")
 
 
 def check_sampling(regular: bool, record: UniformRecord, repeats: int = 1) -> Finding:
     """Irregular sampling does not refuse a record; how much had to be filled may."""
     if regular:
-        text = f"samples every {record.sampling_interval_s:g} s, taken as they are"
+        text = f"one sample every {record.sampling_interval_s:g} s, used as recorded"
     else:
         text = f"irregular sampling, interpolated linearly to one sample every {record.sampling_interval_s:g} s"
     text += f"; each was stored {repeats} times" if repeats > 1 else ""
@@ -175,14 +171,14 @@ def check_levels(name: str, signal: FloatArray, config: FitnessConfig) -> Findin
     if step is None:
         return not_evaluated(_of(name, "quantised"), f"{name.upper()} does not move")
     levels = float(np.ptp(signal)) / step
-    text = f"the range of {name.upper()} is {levels:.4g} times its least step"
+    text = f"the range of {name.upper()} is {levels:.4g} times its smallest step"
     code = _of(name, "quantised")
     return _finding(code, levels >= config.min_levels, text, levels, config.min_levels, "steps", ">=")
 
 
 def check_on_line(name: str, signal: FloatArray, config: FitnessConfig) -> Finding:
     share = on_line_share(signal)
-    text = f"{100 * share:.1f} % of the {name.upper()} samples lie on the straight line between their neighbours"
+    text = f"{100 * share:.1f} % of the {name.upper()} samples lie on a straight line between their neighbours"
     if share > config.max_on_line_share:
         text += ": compressed or interpolated by the historian"
     code = _of(name, "interpolated")
@@ -195,13 +191,13 @@ def check_skew(skew: Skew | None, record: UniformRecord) -> Finding:
         return not_evaluated("time_skew", "OP does not show at once what is new in PV")
     apart = f"{counted(abs(skew.samples), 'sample')} ({abs(skew.samples) * record.sampling_interval_s:.4g} s)"
     if skew.samples == 0:
-        text = "PV and OP were stamped at one time"
+        text = "PV and OP have the same time stamps"
     elif skew.samples < 0:
         text = (
-            f"OP answers what PV shows {apart} later: PV is stamped late, or OP early or fed forward; it is set right"
+            f"OP responds {apart} before PV shows the cause: PV is stamped late, or OP early or fed forward; corrected"
         )
     else:
-        text = f"OP answers what PV showed {apart} before: OP is stamped late, or PV early; it is set right"
+        text = f"OP responds {apart} after PV shows the cause: OP is stamped late, or PV early; corrected"
     return _finding("time_skew", skew.samples == 0, text, skew.samples, None, "samples")
 
 
@@ -211,7 +207,7 @@ def check_samples_per_cycle(oscillation: Oscillation, config: FitnessConfig) -> 
         # The period of noise is a few samples whatever the sampling interval.
         return not_evaluated("samples_per_cycle", "no regular oscillation was found")
     enough = per_cycle >= config.min_samples_per_cycle
-    text = f"{per_cycle:.3g} samples a cycle, at least {config.min_samples_per_cycle:g} are needed"
+    text = f"{per_cycle:.3g} samples per cycle; at least {config.min_samples_per_cycle:g} are needed"
     return _finding("samples_per_cycle", enough, text, per_cycle, config.min_samples_per_cycle, "samples", ">=")
 
 
@@ -220,7 +216,7 @@ def check_cycles(oscillation: Oscillation, record: UniformRecord, config: Fitnes
     if per_cycle is None:
         return not_evaluated("few_cycles", "no oscillation was found")
     cycles = record.samples / per_cycle
-    text = f"the stretch holds {cycles:.3g} cycles, {config.min_cycles:g} or more can be judged"
+    text = f"the stretch holds {cycles:.3g} cycles; at least {config.min_cycles:g} are needed to judge"
     return _finding("few_cycles", cycles >= config.min_cycles, text, cycles, config.min_cycles, "cycles", ">=")
 
 
@@ -230,10 +226,10 @@ def check_stored_points(oscillation: Oscillation, record: UniformRecord, config:
     if per_cycle is None or not oscillation.regular:
         return not_evaluated("stored_points", "no regular oscillation was found")
     points = stored_points(record.pv) * per_cycle / record.samples
-    text = f"{points:.3g} points of PV a cycle were stored, the rest is held or lies on lines between them"
+    text = f"{points:.3g} points of PV per cycle were stored; the rest is held or lies on lines between them"
     enough = points >= config.min_stored_points
     if not enough:
-        text += f"; below {config.min_stored_points:g} the shape is the historian's"
+        text += f"; below {config.min_stored_points:g} the shape is the historian's own"
     return _finding("stored_points", enough, text, points, config.min_stored_points, "points", ">=")
 
 

@@ -64,9 +64,9 @@ class Standstill:
     @property
     def text(self) -> str:
         """As a sentence begins."""
-        told = "one value" if self.levels == 1 else f"{self.levels} values, one after the other,"
+        told = "one value" if self.levels == 1 else f"{self.levels} values, one after another,"
         longer = " or longer" if self.from_start else ""
-        ends = "stands at its limit" if self.wound_up else "travelled"
+        ends = "was at its limit" if self.wound_up else "moved"
         holed = self.recorded_s < MOSTLY_RECORDED * self.for_s
         recorded = f", of which {in_digits(self.recorded_s / 3600.0, 3)} h were recorded," if holed else ","
         held = f"PV has held {told} for the last {in_digits(self.for_s / 3600.0, 3)} h{longer}"

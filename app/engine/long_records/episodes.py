@@ -139,11 +139,11 @@ def episode_reasons(episodes: Episodes) -> tuple[Reason, ...]:
 def episode_text(code: str, probability: float, start: str, end: str) -> str:
     """The sentence behind a reason of an episode; start, end: of it, in words, because a service knows the calendar."""
     if code == ENDED:
-        return f"the valve stuck until {end}, and nothing shows it since: repaired, eased, or less exercised"
+        return f"the valve stuck until {end}, and no sign of it since: repaired, freed, or less exercised"
     if code == BEGAN:
-        return f"the valve has been sticking since {start}; what was recorded before that shows nothing of it"
+        return f"the valve has been sticking since {start}; nothing recorded before that shows it"
     where = f"the valve sticks from {start} to {end} (probability {told_probability(probability)})"
-    return f"{where}, and the rest of the record shows nothing of it"
+    return f"{where}, and the rest of the record does not show it"
 
 
 def window_spans(record: UniformRecord, oscillation: Oscillation, config: EpisodeConfig) -> list[slice]:

@@ -198,16 +198,16 @@ def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     whose = "no simulation was given; our own linear loop" if own else "the simulation's own parameters, fitted"
     said = [*prepared.off, Reason("refit", f"{whose}: {in_words(base)}")]
     if selection.fit.given.behind_stem:
-        said.append(Reason("own_loop", f"behind the stem our own linear loop is another: {in_words(selection.fit)}"))
+        said.append(Reason("own_loop", f"driven by the stem, our own linear loop differs: {in_words(selection.fit)}"))
     if base.parts:
-        said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more lags than two"))
+        said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more than two lags"))
     best = selection.ranking[0] if selection.ranking and not selection.effects else None
     if best is not None and best.gain < best.block.penalty:
         said.append(
             Reason(
                 "no_effect_pays",
-                f"the best effect, {best.block.code}, adds {best.gain:.1f} points of log-likelihood, where "
-                f"{best.block.penalty:.1f} are asked",
+                f"the best effect, {best.block.code}, adds {best.gain:.1f} points of log-likelihood; "
+                f"{best.block.penalty:.1f} are required",
             )
         )
     return tuple(said)

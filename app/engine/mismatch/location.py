@@ -60,7 +60,7 @@ def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     if best.block.code == CODE:
         text = (
             f"other parameters of the simulation gain {best.gain:.1f} points of log-likelihood in a scan, more than "
-            "any effect"
+            "any effect does"
         )
         return Location(None, (), "nowhere", None, (Reason("parameters_off", text),))
     part = Part(best.block, best.starts[0].values)

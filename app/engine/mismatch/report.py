@@ -75,14 +75,17 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
     said = [
         Reason(
             "likelihood",
-            f"adds {effect.gain:.1f} points of log-likelihood, where {effect.contender.block.penalty:.1f} are asked",
+            f"adds {effect.gain:.1f} points of log-likelihood; {effect.contender.block.penalty:.1f} are required",
         )
     ]
     if np.isfinite(effect.margin):
-        said.append(Reason("margin", f"the next name is {effect.margin:.1f} points behind"))
+        said.append(Reason("margin", f"the next candidate is {effect.margin:.1f} points behind"))
     rmse = float(np.sqrt(np.mean(final.residual[final.record.usable] ** 2)))
     said.append(
-        Reason("residual", f"the free run leaves {rmse:.4g} (root mean square, unit of PV) over the whole record")
+        Reason(
+            "residual",
+            f"the free run leaves a residual of {rmse:.4g} (root mean square, unit of PV) over the whole record",
+        )
     )
     return (*said, *effect.left)
 

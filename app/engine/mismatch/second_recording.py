@@ -57,7 +57,7 @@ def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
     """That a second recording is hardly of the same loop in the same units, by its OP and PV."""
     sides = (("OP", first.op, second.op), ("PV", first.pv, second.pv))
     said = [
-        f"{name} is {in_range(two)}, in the first {in_range(one)}" for name, one, two in sides if elsewhere(one, two)
+        f"{name} runs {in_range(two)}, in the first {in_range(one)}" for name, one, two in sides if elsewhere(one, two)
     ]
     if not said:
         return ()
@@ -81,5 +81,5 @@ def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
     if first == second:
         return ()
     has, lacks = ("first", "second") if first else ("second", "first")
-    text = f"there is a simulation of the {has} recording and none of the {lacks}: it is not judged on the second"
+    text = f"there is a simulation for the {has} recording but none for the {lacks}: it is not judged on the second"
     return (Reason("given_not_validated", text),)

@@ -20,13 +20,13 @@ from app.engine.reference.reliability import Reference
 
 READINGS = {
     "high_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), and the identification finds "
-    "stiction; alone, by its table 2, it would rely on that",
+    "stiction; by its table 2 alone this would be reliable",
     "low_no_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), and the "
-    "identification finds no stiction; alone, by its table 2, it would rely on that",
+    "identification finds no stiction; by its table 2 alone this would be reliable",
     "high_no_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification finds "
-    "no stiction; by its table 2 it would not rely on that, the search space may be too small",
+    "no stiction; by its table 2 this is not reliable, the search space may be too small",
     "low_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification "
-    "finds stiction; by its table 2 it would not rely on that, the search space may be too small",
+    "finds stiction; by its table 2 this is not reliable, the search space may be too small",
 }
 
 # An uncalibrated rule never claims to be surer than some 2,000 to 1.
@@ -116,5 +116,5 @@ def _curve_reason(one: OneParameterResult) -> Reason:
     if one.stiction:
         text = f"a valve with a stiction band of {one.d_best:.4g} predicts PV {gain:.3g} % better than a free valve"
         return Reason("rmse_least_with_stiction", text)
-    text = f"no stiction band predicts PV better: the best one {-gain:.3g} % worse than a free valve"
+    text = f"no stiction band predicts PV better: the best one is {-gain:.3g} % worse than a free valve"
     return Reason("rmse_least_without_stiction", text)

@@ -32,8 +32,8 @@ def backlash(scene: Scene) -> Rival:
     slip = valve_response(pv, op, _BANDS, _SLIPS).held_out
     lead = math.log((1.0 - max(linear, slip) + _MISFIT_FLOOR) / (1.0 - play + _MISFIT_FLOOR))
     text = (
-        f"on unseen cycles of the last window a deadband without slip explains {100 * play:.0f} % of PV, a linear "
-        f"valve {100 * linear:.0f} %, a slipping one {100 * slip:.0f} %"
+        f"on unseen cycles of the last window a deadband without slip-jump explains {100 * play:.0f} % of PV, a "
+        f"linear valve {100 * linear:.0f} %, one with slip-jump {100 * slip:.0f} %"
     )
     return Rival(
         "backlash", _HEARD * rising(lead, 0.0, 2 * BETTER), text, statistic=lead, threshold=BETTER, explained=play

@@ -40,11 +40,11 @@ def _stiction(probability: float, features: Features) -> Rival:
     held, linear = features.named("held_sticky"), features.named("held_linear")
     sticky_pct, linear_pct = 100 * max(held, 0.0), 100 * max(linear, 0.0)
     text = (
-        f"probability {told_probability(probability)}; fitted on one half of each window and run freely on the other a "
-        f"sticky valve explains {sticky_pct:.0f} % of PV, a linear one {linear_pct:.0f} %"
+        f"probability {told_probability(probability)}; fitted on one half of each window and run freely on the other, "
+        f"a sticky valve explains {sticky_pct:.0f} % of PV, a linear one {linear_pct:.0f} %"
     )
     if probability > _STANDS and sticky_pct <= linear_pct:
-        text += ": it is the shapes of PV and OP that speak for it, not this fit"
+        text += ": the shapes of PV and OP point to stiction, not this fit"
     return Rival(
         STICTION,
         probability,

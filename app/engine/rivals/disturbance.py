@@ -36,11 +36,11 @@ def outside_wave(scene: Scene) -> Rival:
     in_phase, slower = rising(wave, 2 * WAVE - 1.0, 1.0), rising(opposition, _TOO_QUICK, 2 * SLOWER - _TOO_QUICK)
     found = Rival("external_oscillation", min(in_phase, slower), "", explained=wave)
     if in_line > found.strength:
-        text = f"a regular swing, and {_answers(in_line)}"
+        text = f"a regular oscillation, and {_answers(in_line)}"
         return replace(found, strength=in_line, text=text, statistic=in_line, threshold=IN_LINE)
     text = (
-        f"a sine that keeps its phase explains {100 * wave:.0f} % of PV and OP on unseen cycles, and OP "
-        f"moves against PV by {opposition:.2f}: a wave from outside leaves the controller time to integrate"
+        f"a sine of constant phase explains {100 * wave:.0f} % of PV and OP on unseen cycles, and OP opposes PV "
+        f"by {opposition:.2f}: an oscillation from outside leaves the controller time to integrate"
     )
     if slower < in_phase:
         return replace(found, text=text, statistic=opposition, operator="<=", threshold=SLOWER)
@@ -63,18 +63,19 @@ def load_disturbance(scene: Scene) -> Rival:
     in_line = _in_line(scene)
     if in_line > unexplained:
         return Rival("disturbance", in_line, _answers(in_line), statistic=in_line, threshold=IN_LINE)
-    text = f"even where it was fitted a sticky valve explains {100 * follows:.0f} % of PV from OP"
+    text = f"even on the data it was fitted to, a sticky valve explains {100 * follows:.0f} % of PV from OP"
     return Rival("disturbance", unexplained, text, statistic=follows, operator="<=", threshold=UNEXPLAINED)
 
 
 def _answers(in_line: float) -> str:
-    return f"OP is in line with PV by {in_line:.2f}, as a controller passes a disturbance on"
+    return f"OP is in phase or antiphase with PV by {in_line:.2f}, as when a controller answers a disturbance"
 
 
 def _load_steps(seen: Jumps) -> Rival:
     text = (
-        f"PV makes {100 * seen.jumping:.0f} % of its movement in a tenth of the time, and of the rest OP explains "
-        f"{100 * seen.along:.0f} %: the load jumps and the controller takes it back; a stuck valve would leave PV still"
+        f"{100 * seen.jumping:.0f} % of PV's movement falls into a tenth of the time, and OP explains "
+        f"{100 * seen.along:.0f} % of the rest: the load steps and the controller compensates; with a stuck valve PV "
+        "would stand still"
     )
     strength = rising(seen.taken_back, 2 * TAKEN_BACK - 1.0, 1.0)
     return Rival("disturbance", strength, text, _AGAINST_JUMPS, statistic=seen.taken_back, threshold=TAKEN_BACK)

@@ -20,7 +20,7 @@ def saturated_op(scene: Scene) -> Rival:
     at_limit, moves = scene.features.named("op_at_limit"), scene.features.named("pv_moves_at_limit")
     strength = min(at_limit / (2 * LIMIT_SHARE), moves / (2 * MOVEMENT_SHARE), 1.0)
     text = (
-        f"OP stands at one of its extremes for {100 * at_limit:.0f} % of the time, and {100 * moves:.0f} % of the "
-        "movement of PV happens meanwhile"
+        f"OP is at one of its extremes for {100 * at_limit:.0f} % of the time, during which {100 * moves:.0f} % of "
+        "PV's movement happens"
     )
     return Rival(SATURATED, strength, text, _AGAINST_STICTION, statistic=at_limit, threshold=LIMIT_SHARE)

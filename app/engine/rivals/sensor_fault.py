@@ -35,12 +35,12 @@ def spiking_sensor(scene: Scene) -> Rival:
     pieces = [_spikes(pv, op) for pv, op in zip(scene.raw_pv, scene.raw_op, strict=True)]
     count, samples = sum(n for n, _ in pieces), sum(map(len, scene.raw_pv))
     if count > _MOST_SPIKES_SHARE * samples:
-        return not_evaluated("sensor_spikes", "what looks like a spike is a twentieth of all samples")
+        return not_evaluated("sensor_spikes", "more than a twentieth of all samples look like spikes")
     share = float(np.mean([share for _, share in pieces]))
     jump = counted(
         count,
-        "single sample of PV jumps away and comes back; it holds",
-        "single samples of PV jump away and come back; they hold",
+        "single sample of PV jumps away and back; it makes up",
+        "single samples of PV jump away and back; they make up",
     )
     text = f"{jump} {100 * share:.0f} % of its fast variance"
     strength = rising(share, 0.0, 2 * SPIKE_SHARE) if count >= _FEWEST_SPIKES else 0.0
@@ -57,13 +57,13 @@ def sticking_sensor(scene: Scene) -> Rival:
     if scene.features.named("pv_quantum") > _COARSE:
         return not_evaluated("sensor_sticking", "PV is coarse, and coarse values repeat")
     if scene.features.named("op_held") > _OP_HELD:
-        return not_evaluated("sensor_sticking", "OP is held too: that is the recorder, not the sensor")
+        return not_evaluated("sensor_sticking", "OP is held too, which points to the recorder, not the sensor")
     longest = max(_FEWEST_HELD, _HELD_CYCLE_SHARE * scene.per_cycle)
     held = [run_lengths(pv) >= longest for pv in scene.raw_pv]
     share = float(np.mean([part.mean() for part in held]))
     moves = float(np.mean([_moved(op, part) for op, part in zip(scene.raw_op, held, strict=True)]))
     text = (
-        f"PV holds exactly one value for {100 * share:.0f} % of the time, in which OP makes "
+        f"PV repeats exactly the same value for {100 * share:.0f} % of the time, during which OP makes "
         f"{100 * moves:.0f} % of its travel"
     )
     return Rival(

@@ -30,15 +30,14 @@ def set_point_following(scene: Scene) -> Rival:
     later = rising(min(pv, op), _NOTHING, 2 * _FOLLOWED - _NOTHING)
     strength = max(later, plainly)
     if plainly > later:
-        text, statistic, threshold = f"PV and OP go along with the set point as it is, by {plainly:.2f}", plainly, ALONG
+        text, statistic, threshold = f"PV and OP follow the set point directly, by {plainly:.2f}", plainly, ALONG
     else:
         text = (
-            f"PV follows from the set point ({100 * pv:.0f} % of its variance on unseen cycles) and so does OP "
-            f"({100 * op:.0f} %)"
+            f"the set point explains PV ({100 * pv:.0f} % of its variance on unseen cycles) and OP ({100 * op:.0f} %)"
         )
         statistic, threshold = min(pv, op), _FOLLOWED
     plain = strength >= BEHIND_ALL and scene.features.named("misfit_drop") < _STICTION_EXPLAINS
     if plain:
-        text += "; from OP a sticky valve explains PV no better than one that follows"
+        text += "; a sticky valve explains PV from OP no better than a linear one"
     counts = _AGAINST_STICTION if plain else 0.0
     return Rival("set_point_following", strength, text, counts, statistic=statistic, threshold=threshold, explained=pv)

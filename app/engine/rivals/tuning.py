@@ -37,7 +37,7 @@ def pure_sines(scene: Scene) -> Rival:
     features = scene.features
     purity = min(features.named("pv_fundamental"), features.named("op_fundamental"))
     strength = scene.oscillation.strength * rising(purity, _PURE_SINE, 1.0)
-    text = f"PV and OP have {100 * purity:.0f} % of their power in the fundamental, as pure sines do"
+    text = f"{100 * purity:.0f} % of the power of PV and OP is in the fundamental, as in pure sines"
     # A stuck stem leaves corners in one of the two: half cycles of both that fit a sine are no work of a valve.
     sines = max(features.named("pv_triangle"), features.named("op_triangle")) < _SINE_FORM
     if not sines and features.named("gain") >= _STICTION_EXPLAINS:
@@ -52,7 +52,7 @@ def _is_sine(narrow: Line) -> bool:
 
 def _one_line(narrow: Line) -> Rival:
     text = (
-        f"PV and OP swing with {100 * narrow.share:.0f} % of their power in one line of the spectrum, without "
+        f"PV and OP oscillate with {100 * narrow.share:.0f} % of their power in one line of the spectrum, without "
         f"harmonics: the third is at most {100 * narrow.third:.0f} % of the fundamental (a triangle has 11 %, a square "
         "33 %)"
     )
@@ -69,11 +69,13 @@ def tight_tuning(scene: Scene) -> Rival:
     process with the sign of a closed loop. Misleads where a sine from outside is as fast as the loop itself.
     """
     if scene.oscillation.cycles < _FEWEST_CYCLES:
-        return not_evaluated("tight_tuning", f"{scene.oscillation.cycles:.1f} cycles cannot show that nothing decays")
+        return not_evaluated(
+            "tight_tuning", f"{scene.oscillation.cycles:.1f} cycles cannot show that the oscillation does not decay"
+        )
     undamped = min(rising(scene.wave, 2 * WAVE - 1.0, 1.0), rising(scene.opposition, OPPOSED - 0.15, OPPOSED + 0.15))
     text = (
-        f"a sine that keeps its phase explains {100 * scene.wave:.0f} % of PV and OP on unseen cycles, and OP moves "
-        f"against PV by {scene.opposition:.2f}; near 1 that is a loop at its limit of stability, or a sine as fast"
+        f"a sine of constant phase explains {100 * scene.wave:.0f} % of PV and OP on unseen cycles, and OP opposes PV "
+        f"by {scene.opposition:.2f}; near 1 that is a loop at its stability limit, or a sine just as fast"
     )
     held = scene.features.named("held_linear")
     return Rival("tight_tuning", undamped, text, statistic=scene.opposition, threshold=OPPOSED, explained=held)
@@ -92,7 +94,7 @@ def aggressive_controller(scene: Scene) -> Rival:
         rising(scene.opposition, OPPOSED - 0.15, OPPOSED + 0.15),
         rising(scene.features.named("causal_linear"), FOLLOWS_OP - 0.15, FOLLOWS_OP + 0.15),
     )
-    text = f"PV swings with a decay ratio of {scene.decay_ratio:.2f}, OP against it by {scene.opposition:.2f}"
+    text = f"PV oscillates with a decay ratio of {scene.decay_ratio:.2f}, and OP opposes it by {scene.opposition:.2f}"
     held = scene.features.named("held_linear")
     return Rival(
         "aggressive_controller", strength, text, statistic=scene.decay_ratio, threshold=RINGING, explained=held
@@ -107,9 +109,9 @@ def sluggish_controller(scene: Scene) -> Rival:
     where the loop rings: the index is meant for single upsets. Misleads where the set point moves in steps.
     """
     if scene.decay_ratio > _RINGS:
-        return not_evaluated("sluggish_controller", f"PV swings (decay ratio {scene.decay_ratio:.2f})")
+        return not_evaluated("sluggish_controller", f"PV oscillates (decay ratio {scene.decay_ratio:.2f})")
     idle = -scene.opposition
-    text = f"PV does not ring, and moves along with OP by an idle index of {idle:.2f}"
+    text = f"PV does not ring, and moves with OP (idle index {idle:.2f})"
     held = scene.features.named("held_linear")
     strength = rising(idle, 0.0, 2 * IDLE)
     return Rival(

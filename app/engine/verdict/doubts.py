@@ -45,8 +45,8 @@ def band_reason(band: HiddenBand | None) -> tuple[Reason, ...]:
     if band is None:
         return ()
     text = (
-        f"PV goes as behind a valve that moves only after OP has gone some {band.S:.2g} units the other way: it may "
-        "stick, or have play, by so much, whatever the shapes say"
+        f"PV moves as if the valve followed only after OP had reversed by about {band.S:.2g} units: it may stick, or "
+        "have backlash, by that much, whatever the shapes say"
     )
     return (Reason(HIDDEN_BAND, text, Measured(band.nats, "<=", band.needed)),)
 
@@ -55,8 +55,8 @@ def foreign_cycle(own: OwnCycle) -> tuple[Reason, ...]:
     if not own.missed:
         return ()
     text = (
-        f"in {own.cycles:.0f} cycles PV does not go as behind a valve that sticks for much of what OP moves in each, "
-        "as it would if the valve made them: what goes to and fro elsewhere makes such shapes too, and has PV stand"
+        f"in {own.cycles:.0f} cycles PV does not move as it would if the valve caused them and stuck for much of OP's "
+        "travel in each: an oscillation from elsewhere makes such shapes too, and lets PV stand still"
     )
     return (Reason(FOREIGN_CYCLE, text),)
 
@@ -65,10 +65,10 @@ def corners_reason(corners: OutsideCorners | None) -> tuple[Reason, ...]:
     if corners is None or not corners.shown:
         return ()
     text = (
-        "PV turns as by what it did itself, of which the stem of a valve that OP moves tells "
-        f"{corners.stem_over_turns:.2g} times as much; the times between the turns of OP are spread "
-        f"{corners.time_over_travel:.2g} times as much as its travels: a valve that sticks lets go by OP's travel, "
-        "what goes to and fro elsewhere by its own time"
+        "PV reverses as its own past predicts, and the stem of a valve that OP moves predicts it "
+        f"{corners.stem_over_turns:.2g} times as well; the times between the reversals of OP vary "
+        f"{corners.time_over_travel:.2g} times as much as its travel between them: a sticking valve breaks free after "
+        "so much travel of OP, an oscillation from elsewhere follows its own timing"
     )
     return (Reason(OUTSIDE_CORNERS, text, Measured(corners.ratio, ">=", LEAST_RATIO)),)
 
@@ -79,11 +79,11 @@ def doubts(
     """Why what else is known of the record and its time does not let the verdict be relied on; empty where it does."""
     doubts = []
     if oscillation.cycles < config.min_cycles:
-        text = f"what was judged holds {oscillation.cycles:.1f} cycles; {config.min_cycles:g} or more can be relied on"
+        text = f"the judged data hold {oscillation.cycles:.1f} cycles; a reliable verdict needs {config.min_cycles:g}"
         doubts.append(Reason("few_cycles", text, Measured(oscillation.cycles, ">=", config.min_cycles)))
     samples = fitness.looked_at.samples
     if samples < config.min_samples:
-        text = f"what was judged holds {samples:,} samples; {config.min_samples} or more can be relied on"
+        text = f"the judged data hold {samples:,} samples; a reliable verdict needs {config.min_samples}"
         doubts.append(Reason("few_samples", text, Measured(samples, ">=", config.min_samples)))
     if verdict == "no_stiction":
         doubts.extend(_no_answer(fitness))
@@ -98,13 +98,13 @@ def parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig) 
     """Of a long record its stretches are asked, of others the windows."""
     whole = fitness.speaks_for
     if whole is not None:
-        text = f"only {whole.agreeing} of the {whole.judged} stretches that were judged are on this side"
-        text += "" if whole.newest_agree else ", the newest two are not"
+        text = f"only {whole.agreeing} of the {whole.judged} judged stretches agree with the verdict"
+        text += "" if whole.newest_agree else ", and the newest two do not"
         return (Reason("stretches_disagree", text),) if whole.contested else ()
     spread = Measured(weighing.window_spread, "<=", config.max_window_spread * abs(weighing.log_odds_by_shapes))
     if spread.passed:
         return ()
-    return (Reason("windows_disagree", "parts of the record say different things about the valve", spread),)
+    return (Reason("windows_disagree", "parts of the record disagree about the valve", spread),)
 
 
 def unclear(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
@@ -115,7 +115,9 @@ def unclear(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
     if probability <= config.reliable_no_stiction_to:
         if shapes <= config.reliable_no_stiction_to:
             return ()
-        text = f"another cause explains the record, but the shapes do not clear the valve: {shapes:.2f} by them alone"
+        text = (
+            f"another cause explains the record, but the shapes alone do not clear the valve: probability {shapes:.2f}"
+        )
         return (Reason("not_cleared", text, Measured(shapes, "<=", config.reliable_no_stiction_to)),)
     if probability >= config.reliable_stiction_from:
         return ()
@@ -130,8 +132,8 @@ def alike_reason(found: LookAlikes | None) -> tuple[Reason, ...]:
     if found is None or found.shown:
         return ()
     text = (
-        "a loop whose valve does not stick, under a load that wanders, would look as sticky by chance: of records with "
-        f"the same spectra as PV and OP {100 * found.chance:.2g} % do"
+        "under a wandering load, a loop whose valve does not stick would look as sticky by chance: of records with the "
+        f"same spectra as PV and OP, {100 * found.chance:.2g} % do"
     )
     return (Reason(LINEAR_LOOK_ALIKES, text, Measured(found.chance, "<=", MOST_CHANCE)),)
 
@@ -142,17 +144,16 @@ def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: Verdic
     """
     record = fitness.audited
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
-        text = "PV is OP on another scale: a controller of gain alone, one tag for both, or no process between them"
+        text = "PV is OP on another scale: a proportional-only controller, one tag for both, or no process between them"
         return (Reason("same_signal", text),)
     chance = strangers_chance(fitness.looked_at, oscillation)
     if chance is None or chance < config.max_strangers_chance:
         return ()
     if strangers_chance_finely(fitness.looked_at, oscillation) < config.max_strangers_chance:
-        text = "PV and OP go together in their quick moves, and not over a part of a swing"
+        text = "PV and OP are related in their fast movements only, not over part of a cycle"
         return (Reason("uncoupled_slowly", text),)
     text = (
-        "PV and OP move without regard to each other: tags of two loops, or no loop, or a historian that stored each "
-        "only now and then"
+        "PV and OP are unrelated: tags of two loops, no closed loop, or a historian that stored each only now and then"
     )
     return (Reason(UNCOUPLED, text),)
 
@@ -170,14 +171,14 @@ def lost_of(fitness: Fitness) -> Lost | None:
         hours = in_digits(fitness.pv_dead_s / 3600.0, 2)
         text = (
             f"PV has held one value for the last {hours} h while OP moved, and never for so "
-            "long before: unless the unit stands, the transmitter is dead, or the valve is stuck; look at both"
+            "long before: unless the unit is shut down, the transmitter is dead or the valve is stuck; check both"
         )
         return Lost(Reason(PV_STANDS, text), UNANSWERED)
     if fitness.wound_up_s is not None:
         hours = in_digits(fitness.wound_up_s / 3600.0, 2)
         text = (
-            f"OP has mostly stood at its limit for the last {hours} h, as never before, and "
-            "PV does not come back for it: the valve may stand fast by now, or be too small for the load"
+            f"OP has been at its limit for most of the last {hours} h, which never happened before, and "
+            "PV does not come back: the valve may be stuck by now, or too small for the load"
         )
         return Lost(Reason(WOUND_UP, text), SATURATED)
     return None
@@ -189,8 +190,8 @@ def _no_answer(fitness: Fitness) -> list[Reason]:
     if not goes_its_own_way(record):
         return []
     text = (
-        f"PV goes its way and shows no answer to OP, which went over {np.ptp(record.op):.3g} units: so it does behind "
-        "a valve that stands fast, or moves now and then only"
+        f"PV drifts on its own and shows no answer to OP, which covered {np.ptp(record.op):.3g} units: a valve that is "
+        "stuck fast, or moves only now and then, looks the same"
     )
     return [Reason(NO_ANSWER, text)]
 
@@ -203,7 +204,7 @@ def _shaped_outside(weighing: Weighing, config: VerdictConfig) -> list[Reason]:
             doubts.extend(_follows(rival, config))
         wave = Measured(rival.explained or 0.0, "<", config.max_wave)
         if rival.cause == "external_oscillation" and not wave.passed:
-            text = f"a sine that keeps its phase explains {100 * wave.statistic:.0f} % of PV and OP on unseen cycles"
+            text = f"a sine of constant phase explains {100 * wave.statistic:.0f} % of PV and OP on unseen cycles"
             doubts.append(Reason("nearly_sinusoidal", text, wave))
     return doubts
 
@@ -216,7 +217,7 @@ def _follows(rival: Rival, config: VerdictConfig) -> list[Reason]:
     alone = Measured(rival.explained or 0.0, "<", config.max_followed)
     if alone.passed:
         return []
-    text = f"PV follows from the set point ({100 * alone.statistic:.0f} % of its variance on unseen cycles)"
+    text = f"the set point explains PV ({100 * alone.statistic:.0f} % of its variance on unseen cycles)"
     return [Reason("set_point_moves", text, alone)]
 
 
@@ -229,9 +230,9 @@ def _keeps_time(record: UniformRecord, oscillation: Oscillation, config: Verdict
     if jitter.passed:
         return []
     text = (
-        f"{oscillation.cycles:.0f} cycles keep time to {100 * found.jitter:.2g} % of a cycle, though they differ by "
-        f"{100 * found.unlike:.0f} % of the swing, as what a timer or a machine drives; a valve that sticks lets go "
-        "sooner or later each time"
+        f"{oscillation.cycles:.0f} cycles keep time to {100 * found.jitter:.2g} % of a cycle, though their shapes "
+        f"differ by {100 * found.unlike:.0f} % of the swing, as if driven by a timer or a machine; a sticking valve "
+        "breaks free earlier or later each time"
     )
     return [Reason("keeps_time", text, jitter)]
 
@@ -246,7 +247,7 @@ def data_doubts(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> 
         text = f"{100 * fitness.filled_share:.0f} % of the samples were filled by interpolation"
         doubts.append(Reason("filled_share", text, Measured(fitness.filled_share, "<=", config.max_filled_share)))
     if fitness.automatic_share is not None and fitness.automatic_share < config.min_automatic_share:
-        text = f"the loop was in automatic for {100 * fitness.automatic_share:.0f} % of the recording only"
+        text = f"the loop was in automatic for only {100 * fitness.automatic_share:.0f} % of the recording"
         measured = Measured(fitness.automatic_share, ">=", config.min_automatic_share)
         doubts.append(Reason("mode_share", text, measured))
     return doubts

@@ -26,8 +26,8 @@ def own_cycle_reason(own: OwnCycle) -> tuple[Reason, ...]:
     if not own.shown:
         return ()
     text = (
-        "PV moves as it would behind a valve that stands still for a large part of each cycle; the position of such a "
-        "valve foretells PV better than PV and OP alone do"
+        "PV moves as it would with a valve that stands still for a large part of each cycle; the position of such a "
+        "valve predicts PV better than PV and OP alone do"
     )
     return (Reason(OWN_CYCLE, text),)
 
@@ -37,9 +37,9 @@ def stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
     if whole is None:
         return ()
     hours = in_digits(fitness.audited.length_s / 3600.0, 2)
-    text = f"{whole.judged} stretches of {hours} h were judged each by itself; the middle one of them is shown"
+    text = f"{whole.judged} stretches of {hours} h were each judged separately; the representative one is shown"
     text += (
-        f"; {counted(whole.standing, 'more is', 'more are')} left out, because PV or OP stood still"
+        f"; {counted(whole.standing, 'more was', 'more were')} left out, because PV or OP stood still"
         if whole.standing
         else ""
     )
@@ -80,9 +80,9 @@ def methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
     told = [_vote(words, names) for words, names in votes if names or words == _SAID["stiction"]]
     if len(said) == 1:
         text = f"the one published method that applies says {_SAID[said[0].says]} ({_named([said[0].method])})"
-        return Reason("published_methods", f"{text}; it does not move the verdict")
+        return Reason("published_methods", f"{text}; it does not affect the verdict")
     which = f"of {len(said)} published methods that apply"
-    return Reason("published_methods", f"{which}, {', '.join(told)}; they do not move the verdict")
+    return Reason("published_methods", f"{which}, {', '.join(told)}; they do not affect the verdict")
 
 
 def _vote(words: str, methods: list[str]) -> str:
@@ -101,5 +101,5 @@ def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ..
     if verdict == "inconclusive" or said == verdict:
         return ()
     says = said.replace("_", " ")
-    text = f"the published rule, run beside it as the reference, says {says}; it does not move the verdict"
+    text = f"the published rule, run alongside as the reference, says {says}; it does not affect the verdict"
     return (Reason("reference_disagrees", text),)

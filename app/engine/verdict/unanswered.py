@@ -15,7 +15,7 @@ PRIOR = 0.6
 _OFF_SHARE = 0.5
 _SAME_SHARE = 1e-6
 _LAST_DIGITS = float(np.finfo(np.float32).eps)
-_TEXT = "OP travels and PV does not answer at all: the valve is stuck, or the transmitter is dead; look at both"
+_TEXT = "OP moves and PV does not answer at all: the valve is stuck or the transmitter is dead; check both"
 
 
 def unanswered(recording: Recording) -> Judgement:
@@ -34,23 +34,23 @@ def unanswered(recording: Recording) -> Judgement:
 
 def standing(found: Standstill) -> Judgement:
     """The judgement on a recording in which PV stands up to the end, whatever it did before."""
-    text = f"{found.text}: the transmitter is dead, or the valve is stuck, unless the unit stands; look at both"
+    text = f"{found.text}: unless the unit is shut down, the transmitter is dead or the valve is stuck; check both"
     return _between_the_two(Reason(PV_STANDS, text), found.for_s, None if found.from_start else found.since_s)
 
 
 def stuck(found: StuckStem) -> Judgement:
     """The judgement on a record in which PV, though it moves, has stopped to answer OP, whatever was before."""
-    by = "neither OP nor SP" if found.sp_moved else "OP no more"
+    answered = "answered neither OP nor SP" if found.sp_moved else "not answered OP"
     text = (
-        f"PV has answered {by} for the last {in_digits(found.for_s / 3600.0, 3)} h, while OP went over "
-        f"{in_digits(found.times, 2)} times as much as before and PV stayed away: "
-        "the stem stands, or the transmitter reads something else; look at both"
+        f"PV has {answered} for the last {in_digits(found.for_s / 3600.0, 3)} h, while OP covered "
+        f"{in_digits(found.times, 2)} times its earlier range and PV did not come back: "
+        "the stem is stuck, or the transmitter reads something else; check both"
     )
     return _between_the_two(Reason(ANSWERS_NO_MORE, text), found.for_s, found.since_s)
 
 
 def _between_the_two(reason: Reason, for_s: float | None = None, since_s: float | None = None) -> Judgement:
-    prior = Reason("prior_only", f"the probability {PRIOR:g} is a prior between the two causes, not a measurement")
+    prior = Reason("prior_only", f"the probability {PRIOR:g} is a prior for the two causes, not a measurement")
     reasons = (reason, prior)
     return Judgement(
         "inconclusive", PRIOR, "not_reliable", reasons, UNANSWERED, unanswered_s=for_s, unanswered_since_s=since_s

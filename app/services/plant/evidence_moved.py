@@ -9,7 +9,7 @@ LEAST_MOVE = 0.1
 
 
 def moved(row: ChangedRow) -> str:
-    """ "PV stands while OP moves, and then follows it, for 60 % of the time (8 % before), probability 0.10 -> 0.99";
+    """ "PV stands still while OP moves, then follows it, for 60 % of the time (8 % before), probability 0.10 -> 0.99";
     empty where a verdict has no measured probability, or it hardly moved."""
     measured = _measured(row)
     if measured is None or abs(measured[1] - measured[0]) < LEAST_MOVE:

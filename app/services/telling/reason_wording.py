@@ -14,7 +14,7 @@ _DATA = {
     "op_flat": "OP holds one value: no controller acts, or the signal is frozen.",
     "pv_flat": "PV holds one value: the valve is stuck, or the transmitter is dead.",
     "op_two_values": "OP is switched between two values: it does not show how a valve follows it.",
-    "op_at_limits": "OP stands at an end of its span for most of the time.",
+    "op_at_limits": "OP is at an end of its span for most of the time.",
     "samples_per_cycle": "An oscillation has too few samples per cycle to have a shape.",
     "irregular_sampling": "Sampling is irregular: the record was interpolated to even steps.",
     "pv_quantised": "PV has few levels over its range: its resolution is coarse.",
@@ -36,7 +36,7 @@ _DOUBTS = {
     "not_cleared": "Another cause explains the record, but the shapes alone do not clear the valve.",
     "few_cycles": "The record holds too few cycles to be trusted.",
     "few_samples": "The record holds too few samples to be trusted.",
-    "windows_disagree": "Parts of the record say different things about the valve.",
+    "windows_disagree": "Parts of the record disagree about the valve.",
     "uncoupled_slowly": "PV and OP are related only in their fast movements, not over part of a cycle.",
     "uncoupled": "PV and OP are unrelated: they may belong to two loops.",
     "same_signal": "PV is OP on another scale: a proportional-only controller, one tag for both, or no process.",
@@ -61,8 +61,8 @@ _DOUBTS = {
     "wound_up": (
         "OP has stayed at its limit, which never happened before, and PV does not come back: is the valve stuck?"
     ),
-    "pv_does_not_answer": "OP travels and PV does not answer at all: a stuck valve, or a dead transmitter.",
-    "prior_only": "The probability is a prior between these two causes, not a measurement.",
+    "pv_does_not_answer": "OP moves and PV does not answer at all: a stuck valve, or a dead transmitter.",
+    "prior_only": "The probability is a prior for these two causes, not a measurement.",
 }
 _FOR = {
     "own_cycle": (
@@ -82,10 +82,10 @@ _NEIGHBOURS = {
 _METHODS = {
     "published_methods": "How the published methods vote; they do not affect the verdict.",
     "reference_disagrees": "The published rule disagrees with the verdict.",
-    "yper_high_stiction": "Published rule: Yper is high and the identification finds stiction; it would rely on it.",
-    "yper_low_no_stiction": "Published rule: Yper is low and the identification finds none; it would rely on it.",
-    "yper_high_no_stiction": "Published rule: Yper is high, the identification finds none; it would not rely on it.",
-    "yper_low_stiction": "Published rule: Yper is low, the identification finds stiction; it would not rely on it.",
+    "yper_high_stiction": "Published rule: Yper is high and the identification finds stiction; reliable by table 2.",
+    "yper_low_no_stiction": "Published rule: Yper is low and the identification finds none; reliable by table 2.",
+    "yper_high_no_stiction": "Published rule: Yper is high, the identification finds none; not reliable by table 2.",
+    "yper_low_stiction": "Published rule: Yper is low, the identification finds stiction; not reliable by table 2.",
     "rmse_least_with_stiction": "Published rule: a valve with a stiction band predicts PV best.",
     "rmse_least_without_stiction": "Published rule: a valve without a stiction band predicts PV best.",
     "two_parameter_disagrees": "Published rule: the two-parameter valve model and the one-parameter one disagree.",
@@ -104,9 +104,9 @@ _EPISODES = {
     ),
     "newer_disagrees": "A newer and shorter stretch says otherwise.",
     "stretches_disagree": "Of a long record's stretches fewer than two of three, or none of the newest two, agree.",
-    "short_lived_stiction": "The valve sticks in one spell of a long record; the rest shows nothing of it.",
-    "stiction_ended": "The valve stuck at the beginning of the record, and nothing shows it since.",
-    "stiction_began": "The valve sticks up to the end of the record; its beginning shows nothing of it.",
+    "short_lived_stiction": "The valve sticks in one spell of a long record; the rest does not show it.",
+    "stiction_ended": "The valve stuck at the beginning of the record, and no sign of it since.",
+    "stiction_began": "The valve sticks up to the end of the record; its beginning does not show it.",
 }
 _REPAIRS = {
     "since_repair": "The loop is judged on what was recorded since its repair.",

@@ -11,6 +11,7 @@ from typing import Any
 from app.engine.evidence import Measured
 from app.engine.verdict.wording import figure, is_spoken, sentence
 from app.services.moments import PlantClock
+from app.services.telling.older_sentences import older_sentence
 from app.services.telling.reasons import extra_in, reasons_of
 from app.services.telling.wording import codes_in
 
@@ -27,8 +28,8 @@ _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?: %)?")
 _BEGAN_AT = re.compile(r"has been sticking since ([^;]+);")
 """Of rows without the start of an episode."""
 
-_BAND = re.compile(r"only after OP has gone some (\d\S*) units")
-"""Of rows without `hidden_band_op`."""
+_BAND = re.compile(r"only after OP (?:had reversed by about|has gone some) (\d\S*) units")
+"""Of rows without `hidden_band_op`; the second form is that of engines up to 0.1.18."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +129,11 @@ def _shape_of_sentence(name: str, text: str) -> Shape:
 
 
 def _side(name: str, text: str) -> bool | None:
-    """Whether a shape's sentence is the one for stiction, the one against it, or none of this release."""
+    """Whether a shape's sentence is the one for stiction, the one against it, or none that is known."""
+    said = _NUMBER.sub("", text)
     for side in (True, False):
-        if is_spoken(name, side) and _NUMBER.sub("", sentence(name, side, 0.5)) == _NUMBER.sub("", text):
+        forms = (sentence(name, side, 0.5) if is_spoken(name, side) else None, older_sentence(name, side))
+        if any(form is not None and _NUMBER.sub("", form) == said for form in forms):
             return side
     return None
 

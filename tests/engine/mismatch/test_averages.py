@@ -168,4 +168,4 @@ def test_a_name_that_the_whole_record_does_not_bear_goes_with_a_reason() -> None
     found = refined(base, Selection(fitted, (effect,), ()))
     assert not found.selection.effects
     assert [reason.code for reason in found.lost] == ["whole_disagrees"]
-    assert found.lost[0].text.startswith("sensor.step would explain the shorter record")
+    assert found.lost[0].text.startswith("sensor.step would explain the shortened record")

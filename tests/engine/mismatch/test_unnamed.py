@@ -155,4 +155,4 @@ def test_a_name_is_less_sure_for_what_it_leaves_and_what_has_none_is_not() -> No
     assert [reason.code for reason in name.left] == ["lack_of_fit"]
     assert unnamed.most == 1.0
     little = doubted(Believed("valve.deadband", (), 100.0, np.inf, None), (Pays("op_2", 2.0),), HALF_SURE)
-    assert [said.left[0].text.endswith("the physics may be another") for said in (name, little)] == [True, False]
+    assert [said.left[0].text.endswith("the physics may be different") for said in (name, little)] == [True, False]

@@ -83,7 +83,7 @@ def beyond(begin: float, end: float, at: FloatArray, slack: float = 0.0) -> tupl
     if not outside:
         return ()
     text = covered(begin, end, float(np.min(at)), float(np.max(at)))
-    left_out = counted(outside, "sample of it lies outside and is", "samples of it lie outside and are")
+    left_out = counted(outside, "of its samples lies outside and is", "of its samples lie outside and are")
     return (Reason("simulation_cut", f"{text}; {left_out} not compared"),)
 
 

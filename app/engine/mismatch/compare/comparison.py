@@ -253,8 +253,8 @@ def without_wild(comparison: Comparison) -> Comparison:
     pv = np.where(wild, np.interp(at, at[~wild], comparison.pv[~wild]), comparison.pv)
     known = ~wild if comparison.known is None else comparison.known & ~wild
     first = comparison.pv[wild][0]
-    stand = counted(int(wild.sum()), "sample of PV stands", "samples of PV stand")
-    text = f"{stand} far outside of all others (first {first:.6g}) and {'is' if wild.sum() == 1 else 'are'} left out"
+    stand = counted(int(wild.sum()), "sample of PV lies", "samples of PV lie")
+    text = f"{stand} far outside all others (first {first:.6g}) and {'is' if wild.sum() == 1 else 'are'} left out"
     return replace(comparison, pv=pv, known=known, notes=(*comparison.notes, Reason("wild_samples", text)))
 
 
@@ -318,12 +318,12 @@ def part_in_words(comparison: Comparison, begin: int, most: int) -> str:
     ts = comparison.sampling_interval_s
     which = f"the first {most:,}" if begin == 0 else f"those from {begin * ts:g} to {(begin + most - 1) * ts:g} s"
     text = (
-        f"of {len(comparison.pv):,} samples {which} are explained: OP follows PV, and in averages of more the "
-        "controller's answers cannot be told from the process'"
+        f"of {len(comparison.pv):,} samples, {which} are explained: OP follows PV, and averages over more would not "
+        "separate the controller's response from that of the process"
     )
     if begin == 0:
         return text
-    return f"{text}; PV leaves the simulation by more there than before, and seconds count from their start"
+    return f"{text}; PV departs from the simulation more there than before, and seconds count from their start"
 
 
 def left_of_a_simulation(comparison: Comparison, seen: BoolArray) -> FloatArray:

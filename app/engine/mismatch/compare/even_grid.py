@@ -178,14 +178,13 @@ def faults_of_the_clock(time: FloatArray, repeated: int) -> tuple[Reason, ...]:
     """What times (N,) s in the order of the file hide: an hour that comes twice is sorted into the one before."""
     found = []
     if back := int(np.sum(np.diff(time) < 0.0)):
-        text = f"time runs back {counted_times(back)}; sorted by time, the samples of a clock that was set are mixed"
+        text = f"time runs back {counted_times(back)}; sorting by time mixes the samples around a clock that was reset"
         found.append(Reason("time_runs_back", text))
     if repeated:
         found.append(
             Reason(
                 "times_repeated",
-                counted(repeated, "sample whose time was there before is", "samples whose time was there before are")
-                + " left out",
+                counted(repeated, "sample with a repeated time is", "samples with a repeated time are") + " left out",
             )
         )
     return tuple(found)

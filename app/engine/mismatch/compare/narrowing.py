@@ -40,7 +40,7 @@ def narrowed(comparison: Comparison, recording: Recording | None = None) -> Comp
     before_s = float(recording.time_s[both[0]] - recording.time_s[0])
     first, last = (round((at_s - before_s) / comparison.sampling_interval_s) for at_s in span)
     text = (
-        f"of {len(comparison.pv):,} samples those from {span[0]:g} to {span[1]:g} s are explained, which its audit "
+        f"of {len(comparison.pv):,} samples, those from {span[0]:g} to {span[1]:g} s are explained, which the audit "
         "judges; seconds count from their start"
     )
     part = comparison.part(slice(max(first, 0), last + 1))

@@ -123,7 +123,7 @@ def held(record: Experiment, interval_s: float) -> Pattern:
     """A PV that is measured every `interval_s` (s) and held until the next time: shown at all samples (N,), explained
     by a sample and hold of that interval.
     """
-    text = f"PV changes every {interval_s:.4g} s only and repeats itself in between: it is compared when it changes"
+    text = f"PV changes only every {interval_s:.4g} s and repeats itself in between: it is compared when it changes"
     everywhere = np.ones(record.samples, dtype=np.bool_)
     return Pattern(Part(SAMPLE_HOLD, np.array([interval_s])), everywhere, Reason("pv_held", text), False)
 
@@ -171,7 +171,7 @@ def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: boo
     if repeated < LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
         return None
     block: Block = LIMIT_HIGH if sign > 0 else LIMIT_LOW
-    text = f"PV stands at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated:,} samples"
+    text = f"PV is at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated:,} samples"
     shows = closed_gaps(near, 15)
     return Pattern(Part(block, np.array([extreme - record.pv_mid])), shows, Reason("pv_at_limit", text), True)
 
@@ -242,7 +242,7 @@ def stuck(record: Experiment, run: Run) -> Pattern:
     values = np.minimum(record.first_s + np.array([(run.first + 1) * ts, (run.last + 1) * ts]), record.end_s)
     shows = np.zeros(record.samples, dtype=np.bool_)
     shows[run.first + 1 : run.last + 1] = True
-    text = f"PV repeats {record.pv[run.first]:.5g} for {run.length:,} samples while OP moves on"
+    text = f"PV repeats {record.pv[run.first]:.5g} for {run.length:,} samples while OP keeps moving"
     return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
 
 
@@ -253,8 +253,8 @@ def dropped(record: Experiment, run: Run) -> Pattern:
     """
     value, kept = float(record.pv[run.first]), stuck(record, Run(run.first - 1, run.last))
     text = (
-        f"PV jumps to {value:.5g}, repeats it for {run.length:,} samples while OP moves on, and jumps back: that is "
-        "neither what was measured last nor on PV's way"
+        f"PV jumps to {value:.5g}, repeats it for {run.length:,} samples while OP keeps moving, and jumps back: "
+        "that is neither the last measured value nor on PV's path"
     )
     part = Part(DROPOUT, np.array([*kept.part.values, value - record.pv_mid]))
     return replace(kept, part=part, reason=Reason("pv_dropped", text), alternatives=LOST_OR, most=LOST)
@@ -274,7 +274,7 @@ def frozen(record: Experiment, run: Run) -> Pattern:
     pv = record.pv[run.first : run.last + 1]
     low, high = f"{np.min(pv):.5g}", f"{np.max(pv):.5g}"
     where = f"at {low}" if low == high else f"between {low} and {high}"
-    text = f"PV stays {where} for {run.length:,} samples, with less noise than it has elsewhere, while OP moves on"
+    text = f"PV stays {where} for {run.length:,} samples, with less noise than elsewhere, while OP keeps moving"
     return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=noise_deviation(record), most=FROZEN)
 
 

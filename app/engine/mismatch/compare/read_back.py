@@ -50,8 +50,8 @@ def without_read_backs(comparison: Comparison) -> Comparison:
     said = tuple(
         Reason(
             "read_back",
-            f"{name} stands and slips as the stem of a valve behind OP does (S {stem.S:.3g} of OP comes "
-            "nearest): it is the valve's position, and no cause of its own",
+            f"{name} sticks and slips like the stem of a valve driven by OP (S {stem.S:.3g} of OP fits "
+            "best): it is the valve's position, not a cause of its own",
         )
         for name, stem in found.items()
     )

@@ -59,9 +59,9 @@ def rest_unknown(prepared: Prepared, final: Fit) -> Lacking:
     """
     seen = prepared.record.usable
     rest, left = (float(np.sqrt(np.mean(signal[seen] ** 2))) for signal in (prepared.record.rest, final.residual))
-    holds = f"the given simulation holds {rest:.3g} (root mean square, unit of PV) beside a linear model"
+    holds = f"the given simulation contains {rest:.3g} (root mean square, unit of PV) beyond a linear model"
     if rest > LITTLE * left:
-        text = f"{holds}, and there is none of the second recording: nothing can be simulated there"
+        text = f"{holds}, and the second recording has none: nothing can be simulated there"
         return Lacking(True, (Reason("second_not_simulated", text),))
-    text = f"{holds}, and there is none of the second recording: what is simulated there lacks that"
+    text = f"{holds}, and the second recording has none: what is simulated there lacks that part"
     return Lacking(said=(Reason("second_not_simulated", text),))

@@ -131,8 +131,8 @@ def lost_in_words(base: Fit, fine: Fit, selection: Selection) -> Reason:
     asked += fine.likelihood - fine.score
     left = free_run_error(fine, swing_between(fine, base)), free_run_error(base, swing_between(fine, base))
     text = (
-        f"{names} would explain the shorter record that names compete on ({selection.fit.record.samples:,} samples), "
-        f"but all {base.record.samples:,} samples gain {gained:.1f} points of log-likelihood with it, where "
-        f"{asked:.1f} are asked, and the free run's error goes from {left[1]:.4g} to {left[0]:.4g}"
+        f"{names} would explain the shortened record on which candidates compete ({selection.fit.record.samples:,} "
+        f"samples), but over all {base.record.samples:,} samples it adds {gained:.1f} points of log-likelihood, where "
+        f"{asked:.1f} are required, and the free run's error goes from {left[1]:.4g} to {left[0]:.4g}"
     )
     return Reason("whole_disagrees", text)

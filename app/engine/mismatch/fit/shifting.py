@@ -47,10 +47,10 @@ def in_step(record: Experiment, trace: FloatArray) -> InStep:
 def in_words(record: Experiment, early: int, before: float, after: float) -> Reason:
     side, other = ("early", "later") if early > 0 else ("late", "earlier")
     moved = f"{counted(abs(early), 'sample')} ({abs(early) * record.sampling_interval_s:.4g} s) {other}"
-    left = f"{in_digits(100.0 * after, 2)} % of it, as it came {in_digits(100.0 * before, 2)} %"
+    left = f"{in_digits(100.0 * after, 2)} % of it unexplained, and unshifted {in_digits(100.0 * before, 2)} %"
     text = (
-        f"the simulation is {side} and compared {moved}: there a linear model of OP leaves {left}; are its times the "
-        "recording's?"
+        f"the simulation is {side} and was compared {moved}: there a linear model of OP leaves {left}; are its times "
+        "those of the recording?"
     )
     return Reason("simulation_shifted", text)
 

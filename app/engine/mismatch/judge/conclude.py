@@ -68,8 +68,8 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
         return ()
     names = ", ".join(part.block.code for part in final.parts)
     text = (
-        f"{names} would explain PV, but OP then adds {told:.1f} points of log-likelihood to what an OP at rest or at "
-        f"other times tells, at least {least:.0f} are needed, and no controller's law explains OP: are they of one "
+        f"{names} would explain PV, but OP then adds only {told:.1f} points of log-likelihood over an OP at rest or at "
+        f"other times; at least {least:.0f} are needed, and no controller's law explains OP: do they belong to one "
         "loop?"
     )
     return (Reason("op_moves_nothing", text),)
@@ -99,9 +99,8 @@ def stands_still(final: Fit) -> tuple[Reason, ...]:
         return ()
     names = ", ".join(part.block.code for part in final.parts)
     text = (
-        f"PV does not answer OP: with {names} OP adds {told:.1f} points of log-likelihood to what noise alone tells, "
-        f"at least {LEAST_ANSWER:.0f} are needed; a valve that does not move, one that is shut off, or a PV of another "
-        "loop?"
+        f"PV does not answer OP: with {names}, OP adds {told:.1f} points of log-likelihood over noise alone; at least "
+        f"{LEAST_ANSWER:.0f} are needed: a valve that does not move, one that is blocked off, or a PV of another loop?"
     )
     return (Reason("op_moves_nothing", text),)
 
@@ -115,7 +114,7 @@ def unseen_data_refuse(selection: Selection, errors: Unseen, gain: float) -> tup
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     text = (
-        f"{names} would explain what was fitted, but on the stretch kept out the error{less_load(errors)} grows from "
+        f"{names} would explain what was fitted, but on the held-out stretch the error{less_load(errors)} grows from "
         f"{errors.refitted:.4g} to {errors.explained:.4g}"
     )
     return (Reason("held_out_disagrees", text),)
@@ -133,25 +132,25 @@ def held_out_worse(
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in effects)
     if ran_worse[0]:
-        why = f"it is worse over {sum(ran_worse)} of {len(ran_worse)} stretches kept out in turn, not over most"
+        why = f"it is worse over {sum(ran_worse)} of {len(ran_worse)} stretches held out in turn, not over most"
     elif errors.beside_load:
         why = (
-            f"both stand off by a load that was not recorded: the error{less_load(errors)} is {errors.explained:.4g} "
-            f"there, and {errors.refitted:.4g} without"
+            f"an unrecorded load offsets both: the error{less_load(errors)} is {errors.explained:.4g} there, and "
+            f"{errors.refitted:.4g} without them"
         )
     elif gain > 0.0:
-        why = f"beside its noise the model predicts that stretch better, by {gain:.1f} points of log-likelihood"
+        why = f"with the noise model included that stretch is predicted better, by {gain:.1f} points of log-likelihood"
     else:
-        why = "that is no more than noise makes of it"
+        why = "the increase is within the noise"
     text = (
-        f"with {names} the free run's error on the stretch kept out grows from {fit.refitted.rmse:.4g} to "
-        f"{fit.explained.rmse:.4g}; they stand, because {why}"
+        f"with {names} the free run's error on the held-out stretch grows from {fit.refitted.rmse:.4g} to "
+        f"{fit.explained.rmse:.4g}; they are kept, because {why}"
     )
     return (Reason("held_out_worse", text),)
 
 
 def less_load(errors: Unseen) -> str:
-    return ", less its median over a swing of the stem," if errors.beside_load else ""
+    return ", less its median over a cycle of the stem," if errors.beside_load else ""
 
 
 def too_little_told(base: Fit) -> tuple[Reason, ...]:
@@ -161,13 +160,16 @@ def too_little_told(base: Fit) -> tuple[Reason, ...]:
         return few
     slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.tau3 + plant.theta
     if record.duration_s < LEAST_TIMES * slowest:
-        text = f"the record lasts {record.duration_s:.4g} s, not {LEAST_TIMES:.0f} times the process' {slowest:.4g} s"
+        text = (
+            f"the record lasts {record.duration_s:.4g} s, less than {LEAST_TIMES:.0f} times the {slowest:.4g} s of the "
+            "process"
+        )
         return (Reason("too_few_data", text),)
     told = answer_to_op(base)
     if told < LEAST_ANSWER:
         text = (
-            f"OP adds {told:.1f} points of log-likelihood to PV's own noise, at least {LEAST_ANSWER:.0f} are needed to "
-            "judge a simulation by"
+            f"OP adds {told:.1f} points of log-likelihood over PV's own noise; at least {LEAST_ANSWER:.0f} are needed "
+            "to judge a simulation"
         )
         return (Reason("too_little_excitation", text),)
     return ()
@@ -184,9 +186,9 @@ def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
     if not (far < ASTRAY_PCT and seen.refitted.rmse > ASTRAY_SHARE * pv_range):
         return ()
     text = (
-        f"the free run leaves PV by {seen.refitted.rmse:.4g} over the stretch kept out, {1.0 - far / 100.0:.0f} times "
-        f"as far as PV's own mean there and {100.0 * seen.refitted.rmse / pv_range:.1f} % of PV's range: a load that "
-        "wanders explains it, and so would one that drifts or steps"
+        f"the free run is off PV by {seen.refitted.rmse:.4g} over the held-out stretch, {1.0 - far / 100.0:.0f} times "
+        f"as far as PV's own mean there and {100.0 * seen.refitted.rmse / pv_range:.1f} % of PV's range: a wandering "
+        "load explains it, and so would one that drifts or steps"
     )
     return (Reason("free_run_astray", text),)
 
@@ -197,7 +199,7 @@ def too_few(record: Experiment) -> tuple[Reason, ...]:
     if compared >= LEAST_COMPARED:
         return ()
     return (
-        Reason("too_few_data", f"{counted(compared, 'sample')} can be compared, at least {LEAST_COMPARED} are needed"),
+        Reason("too_few_data", f"{counted(compared, 'sample')} can be compared; at least {LEAST_COMPARED} are needed"),
     )
 
 
@@ -219,8 +221,8 @@ def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
     if behind.share <= UNRELATED:
         return ()
     text = (
-        f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace: was it "
-        "simulated from this OP? A loop simulated by itself has another"
+        f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace unexplained: "
+        "was it simulated from this OP? A loop simulated by itself has a different OP"
     )
     return (Reason("simulation_unrelated", text),)
 

@@ -15,12 +15,14 @@ def controller_evidence(record: Experiment, closed: ClosedLoop | None) -> tuple[
     law was not found is not accused.
     """
     if closed is None:
-        text = "no PID law of PV and SP explains OP: the controller is not judged, and the loop is not closed again"
+        text = "no PID law of PV and SP explains OP: the controller is not judged, nor the closed loop simulated"
         return (Reason("controller_not_evaluated", text),)
     law = closed.law
-    text = f"SP and PV explain {100.0 * law.explained:.2f} % of OP's moves by a PID law: the controller does its part"
+    text = (
+        f"SP and PV explain {100.0 * law.explained:.2f} % of OP's moves by a PID law: the controller works as it should"
+    )
     if law.sp is not None:
-        text += f"; SP was not recorded and is taken for constant at {law.sp:.5g}"
+        text += f"; SP was not recorded and is assumed constant at {law.sp:.5g}"
     return (Reason("controller_cleared", text), *tuned_otherwise(record, closed))
 
 
@@ -33,7 +35,7 @@ def tuned_otherwise(record: Experiment, closed: ClosedLoop) -> tuple[Reason, ...
     own, given = in_words(closed.law, record), in_words(closed.given_law, record)
     text = (
         f"the simulation's controller ({given}) explains {100.0 * closed.given_law.explained:.0f} % of OP's moves; the "
-        f"recorded one is tuned otherwise ({own})"
+        f"recorded one is tuned differently ({own})"
     )
     return (Reason("controller_differs", text),)
 

@@ -95,8 +95,7 @@ def in_place_of(selection: Selection, unnamed: Contender, named: float) -> Belie
     if nearest is None:
         return Believed(UNNAMED, (), unnamed.gain, margin, unnamed)
     text = (
-        f"the names that came nearest, {nearest} first, stand {margin:.1f} points of log-likelihood behind terms "
-        "without one"
+        f"the closest named candidates, {nearest} first, are {margin:.1f} points of log-likelihood behind unnamed terms"
     )
     alternatives = (nearest,) if named > NOT_FAR * unnamed.score else ()
     return Believed(UNNAMED, alternatives, unnamed.gain, margin, unnamed, left=(Reason("nearest_name", text),))
@@ -111,6 +110,6 @@ def doubted(effect: Believed, left: tuple[Pays, ...], half_sure: float) -> Belie
     gain = sum(term.gain for term in left)
     share = gain / (gain + max(effect.gain, 1e-9))
     names = ", ".join(term.name for term in left)
-    text = f"terms without a name ({names}) add {gain:.1f} points to it, {100.0 * share:.0f} % of what both add"
-    text += ": the physics may be another" if share > LITTLE else ""
+    text = f"unnamed terms ({names}) add {gain:.1f} points to it, {100.0 * share:.0f} % of what both add"
+    text += ": the physics may be different" if share > LITTLE else ""
     return replace(effect, most=1.0 / (1.0 + (share / half_sure) ** 2), left=(Reason("lack_of_fit", text),))
