@@ -12,8 +12,9 @@ from tests.engine.cycling_loop import N, cycling, outcomes, refused
 @pytest.mark.parametrize(
     ("hole_at", "judged", "said"),
     [
-        (250, slice(250, 400), "the newest has 150 of 400 samples"),  # as it is now, though more is known of before
-        (150, slice(150, 400), "the newest has 250 of 400 samples"),
+        # as it is now, though more is known of before
+        (250, slice(250, 400), "the newest of its long stretches has 150 of 400 samples"),
+        (150, slice(150, 400), "the newest of its long stretches has 250 of 400 samples"),
         (305, slice(0, 305), "the 95 samples after it are not used"),  # too few to be judged
         (
             320,

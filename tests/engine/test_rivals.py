@@ -178,7 +178,7 @@ def test_jumps_of_pv_that_go_back_along_with_op_are_the_loads_and_count_against_
     found = taken_back()["disturbance"]
     assert found.stands_out
     assert found.counts == 3.0
-    assert "the load jumps" in found.text
+    assert "the load steps" in found.text
 
 
 @pytest.mark.parametrize(

@@ -109,5 +109,5 @@ def test_limits_are_parted_too(name: str, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_what_is_compared_in_a_sentence_is_parted_alike() -> None:
     comparison = Comparison("FIC1", 1.0, np.arange(30_000.0), np.arange(30_000.0))
-    assert "of 30,000 samples the first 4,000 are" in part_in_words(comparison, 0, 4000)
+    assert "of 30,000 samples, the first 4,000 are" in part_in_words(comparison, 0, 4000)
     assert str(totals([{"verdict": "stiction"}] * 1200)).startswith("1,200 recordings: 1,200 valve sticks")

@@ -149,7 +149,7 @@ def test_votes_are_counted_from_what_each_method_says():
     [
         ("of 9 published methods that apply, 3 say stiction (a), 6 say no stiction (b)", Votes(3, 6)),
         (
-            "of 5 published methods that apply, 1 says stiction (a), 4 say no stiction (b); they do not affect the verdict",
+            "of 5 published methods that apply, 1 says stiction, 4 say no stiction; they do not affect the verdict",
             Votes(1, 4),
         ),
         ("of 2 published methods that apply, none says stiction, 2 say neither (a, b)", Votes(0, 0)),

@@ -20,13 +20,13 @@ from app.engine.reference.reliability import Reference
 
 READINGS = {
     "high_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), and the identification finds "
-    "stiction; by its table 2 alone this would be reliable",
+    "stiction; by its table 2 alone it would be reliable",
     "low_no_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), and the "
-    "identification finds no stiction; by its table 2 alone this would be reliable",
+    "identification finds no stiction; by its table 2 alone it would be reliable",
     "high_no_stiction": "PV has harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification finds "
-    "no stiction; by its table 2 this is not reliable, the search space may be too small",
+    "no stiction; by its table 2 it would not be reliable, the search space may be too small",
     "low_stiction": "PV has hardly any harmonics that OP does not produce (Yper {yper:.3g} %), yet the identification "
-    "finds stiction; by its table 2 this is not reliable, the search space may be too small",
+    "finds stiction; by its table 2 it would not be reliable, the search space may be too small",
 }
 
 # An uncalibrated rule never claims to be surer than some 2,000 to 1.
