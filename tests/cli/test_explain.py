@@ -279,7 +279,7 @@ def test_a_second_recording_in_another_unit_is_said_to_be_far_off(recording: Pat
     second = other_recording(recording, tmp_path, columns=4, scale=1000.0)
     options = ["--sim-model", LAGGED, "--validate", str(second)]
     shown = runner.invoke(cli, ["explain", str(recording), *options]).stdout
-    assert "the second recording is far from the first: PV is from 4" in shown
+    assert "the second recording is far from the first: PV runs from 4" in shown
     alike = ["--sim-model", LAGGED, "--validate", str(other_recording(recording, tmp_path))]
     assert "far from the first" not in runner.invoke(cli, ["explain", str(recording), *alike]).stdout
 
