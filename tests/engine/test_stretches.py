@@ -169,7 +169,7 @@ def test_a_unit_that_stands_still_at_the_end_is_judged_by_what_was_before(sticky
     found = audit(replace(sticky, op=op, pv=pv))
     assert said(found) == ("stiction", "reliable")
     (text,) = [reason.text for reason in found.judgement.reasons if reason.code == "stretches"]
-    assert text.endswith("more are left out, because PV or OP stood still")
+    assert text.endswith("more were left out, because PV or OP stood still")
 
 
 def test_records_that_are_not_long_are_judged_whole(sticky):
