@@ -57,11 +57,11 @@ demo: install
 kernels: install
 	$(BIN)/python -c "from workers.process import load_or_compile; load_or_compile()"
 
-# Three at a time on two cores: while servers start and workers wait for messages, somebody computes. One thread each: a second
+# Four at a time on two cores: while servers start and workers wait for messages, somebody computes. One thread each: a second
 # one of the linear algebra would wait for small matrices, at the cost of the others.
 test: install browser kernels
 	$(BIN)/ruff check .
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder --durations 25
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 4 --dist loadfile --no-loadscope-reorder --durations 25
 
 lint: install
 	$(BIN)/ruff check .
