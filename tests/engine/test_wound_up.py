@@ -40,7 +40,7 @@ def test_it_is_said_first_and_clears_no_valve(limit, pv_away):
     judgement = audit(record(limit=limit, pv_away=pv_away)).judgement
     assert (judgement.verdict, judgement.reliability) == ("inconclusive", "not_reliable")
     assert judgement.reasons[0].code == "wound_up"
-    assert "for the last 2.2 h" in judgement.reasons[0].text
+    assert "for most of the last 2.2 h" in judgement.reasons[0].text
     assert judgement.likely_cause == "saturated_op"
 
 

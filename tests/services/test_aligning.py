@@ -31,7 +31,7 @@ def test_a_simulation_that_covers_more_time_is_laid_by_its_times_and_said(tmp_pa
     found = read_comparison(recording(tmp_path / "F1.csv"), Columns(), str(simulated))
     assert found.trace == pytest.approx(np.arange(N))
     assert [note.code for note in found.notes] == ["simulation_cut"]
-    assert "115 samples" in found.notes[0].text
+    assert "115 of its samples" in found.notes[0].text
 
 
 def test_a_column_that_goes_on_after_pv_is_cut_with_a_word(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_a_column_that_goes_on_after_pv_is_cut_with_a_word(tmp_path: Path) -> No
     found = read_comparison(table(tmp_path / "F1.csv", "time,PV,OP,PV_sim", k, pv, 40.0 + k % 5, k), Columns(), None)
     assert len(found.pv) == N - 30
     assert [note.code for note in found.notes] == ["simulation_cut"]
-    assert "30 samples" in found.notes[0].text
+    assert "30 of its samples" in found.notes[0].text
 
 
 @pytest.mark.parametrize("length", [N - 1, N + 1, 2 * N])

@@ -54,7 +54,7 @@ def test_line_has_the_fields_of_the_contract_in_their_order(audited):
 def test_a_record_of_three_samples_has_no_health_and_the_line_says_why():
     line = audit_line(audit(recording(3)), 0.05)
     assert (line["verdict"], line["health"]) == ("not_auditable", None)
-    told = "not evaluated, because too little was measured: 3 samples, at least 100 are needed"
+    told = "not evaluated, because too little was measured: 3 samples; at least 100 are needed"
     row = reliability_row(line)
     assert (line["health_not_evaluated"], row["health_not_evaluated"]) == (told, told)
     assert (row["health"], row["health_parts"]) == (None, "")

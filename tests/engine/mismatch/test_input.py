@@ -214,7 +214,7 @@ def test_a_bad_value_of_pv_is_left_out_and_said(bad: float) -> None:
     assert "3 samples" in answer.evidence[0].text
 
 
-@pytest.mark.parametrize(("early", "said"), [(30, "early and compared 30"), (-30, "late and compared 30")])
+@pytest.mark.parametrize(("early", "said"), [(30, "early and was compared 30"), (-30, "late and was compared 30")])
 def test_a_trace_out_of_step_is_said_and_accuses_nothing(early: int, said: str) -> None:
     """An early one answers OP before OP moves; a late one begins with what answers no OP of the record."""
     trace = 50.0 + run_process(op() - 40.0, Plant(K=1.45, tau=28.5, theta=6.0), TS)
