@@ -3,8 +3,6 @@
 import csv
 import io
 
-from app.services.outward import GroupMemberOut, GroupOut
-
 UNREADABLE_ROWS = (7, 9)
 
 
@@ -20,26 +18,3 @@ def wide(*tags: str, samples: int = 400, unreadable: str | None = None) -> bytes
         stamp = f"2026-01-01T{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}Z"
         rows.writerow([stamp, *(value for _ in tags for value in (pv, 40 + 5 * swing, 50))])
     return text.getvalue().encode()
-
-
-def group_of(
-    number: str,
-    period_s: float,
-    in_step: bool,
-    by_chance: bool,
-    chance_probability: float,
-    source: str | None,
-    members: list[GroupMemberOut],
-    set_points_together: bool = False,
-) -> GroupOut:
-    """A group by its fields in a row."""
-    return GroupOut(
-        id=number,
-        period_s=period_s,
-        in_step=in_step,
-        by_chance=by_chance,
-        chance_probability=chance_probability,
-        source=source,
-        members=members,
-        set_points_together=set_points_together,
-    )

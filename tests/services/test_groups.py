@@ -15,7 +15,7 @@ from app.services.plant.groups import groups_of, plant_groups, shaken_by
 from app.services.reports.documents import loop_report, plant_report
 from app.services.stating.properties import patch_loop
 from app.services.stating.shelving import shelf
-from tests.swinging import group_of
+from tests.told_groups import group_of
 
 
 def test_loops_with_one_swing_are_a_group(backend: Backend, two_runs: tuple[dict[str, int], int]) -> None:

@@ -13,7 +13,7 @@ from app.storage import loops, series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from tests.services.conftest import MINUTE, START_NS
-from tests.swinging import group_of
+from tests.told_groups import group_of
 
 HOURS = 20
 AT, ELSEWHERE = [1, 4, 7, 11, 15, 18], [2, 5, 9, 12, 16, 19]

@@ -11,7 +11,7 @@ from app.services.plant import groups, loop_sheet
 from app.services.plant.groups import plant_groups
 from app.storage.tables import loops, newest_rows
 from app.web import loop as loop_page
-from tests.swinging import group_of
+from tests.told_groups import group_of
 from tests.web.conftest import HOSTILE, seen
 
 

@@ -25,7 +25,7 @@ from app.services.stating.notes import add_note, end_shelving
 from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import next_step
 from app.storage import loops
-from tests.swinging import group_of
+from tests.told_groups import group_of
 from tests.web.conftest import TAGS
 
 HOSTILE = "=A 1/<script>alert('x')</script>\"&?#%2F"
