@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -188,18 +188,18 @@ def _compiled_from() -> dict[Path, str]:
         path = waiting.pop()
         if path not in reached:
             reached[path] = texts[path]
-            waiting += [found for line in set(IMPORTED.findall(texts[path])) for found in _modules(line)]
+            waiting += [found for line in set(IMPORTED.findall(texts[path])) for found in _modules(line, texts)]
     return reached
 
 
-def _modules(imported: str) -> list[Path]:
-    """The files behind an import line, given what follows app.engine: ".valve.he import x", " import sampled"."""
+def _modules(imported: str, known: Container[Path]) -> list[Path]:
+    """The known files behind an import line, given what follows app.engine: ".valve.he import x", " import sampled"."""
     package, _, names = imported.partition(" import ")
     base = ENGINE.joinpath(*package.strip().split("."))
-    found = [_file(base / name.strip(" ()\n")) or _file(base) for name in names.split(",")]
+    found = [_file(base / name.strip(" ()\n"), known) or _file(base, known) for name in names.split(",")]
     return [path for path in found if path]
 
 
-def _file(module: Path) -> Path | None:
+def _file(module: Path, known: Container[Path]) -> Path | None:
     candidates = (module.with_suffix(".py"), module / "__init__.py")
-    return next((path for path in candidates if path.is_file()), None)
+    return next((path for path in candidates if path in known), None)

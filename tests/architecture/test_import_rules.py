@@ -76,9 +76,14 @@ def test_engine_is_pure():
     assert not strangers
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_module_has_one_job_and_under_500_lines(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) < LONGEST_MODULE
+def test_a_module_has_one_job_and_under_500_lines():
+    long = {
+        f"{path.relative_to(ROOT)}: {lines}"
+        for path in SOURCES
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) >= LONGEST_MODULE
+    }
+    assert SOURCES
+    assert not long
 
 
 def test_no_module_is_called_after_what_it_is_not():

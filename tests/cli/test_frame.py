@@ -13,6 +13,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from app.cli.main import cli
+from app.settings import Settings
 from tests.cli.calling import WIDE
 
 COMMANDS = (
@@ -63,6 +64,17 @@ def test_an_audit_of_files_loads_no_data_base(tmp_path):
     loaded = subprocess.run(command, capture_output=True, text=True, timeout=120).stderr.split()
     assert "app.services.auditing.file_audit" in loaded
     assert "sqlalchemy" not in loaded
+
+
+def test_a_command_on_the_newest_tables_loads_no_migrations(tmp_path, make_tables):
+    """They would be a fifth of its start."""
+    make_tables(Settings(data_dir=tmp_path))
+    command = [sys.executable, "-X", "importtime", "-m", "app", "keys", "list"]
+    environment = os.environ | {"LOOPAUDIT_DATA_DIR": str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
+    assert done.returncode == 0
+    assert "sqlalchemy" in done.stderr.split()
+    assert not [name for name in done.stderr.split() if name.startswith(("alembic", "migrations.versions"))]
 
 
 def test_help_lists_every_command_and_the_exit_codes():

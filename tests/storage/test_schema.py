@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import create_engine, inspect, make_url, text
 
 from app.storage import Database, schema
@@ -17,6 +18,11 @@ def test_migrations_make_the_tables(database: Database) -> None:
         context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": False})
         assert compare_metadata(context, metadata) == []
     assert schema.current_revision(database) == schema.newest_revision() is not None
+
+
+def test_the_names_of_the_migrations_tell_their_versions_in_order() -> None:
+    revisions = ScriptDirectory.from_config(schema._config()).walk_revisions()
+    assert schema._versions() == [script.revision for script in revisions][::-1]
 
 
 def test_indexes_over_open_work_are_partial(database: Database) -> None:

@@ -19,7 +19,6 @@ EXAMPLES = {
     **{"explanation_id": "1", "note_id": "1", "upload_id": "7777", "audit_id": "7777"},
     **{"tag": "FIC1", "path": "loopaudit.css"},
 }
-CASES = [(method, path, role) for method, path in ROUTES for role in ROLES]
 
 
 def address(path: str) -> str:
@@ -82,8 +81,13 @@ def test_upload_and_audit_include_reading_and_not_each_other():
     }
 
 
-@pytest.mark.parametrize(("method", "path", "role"), CASES, ids=lambda value: str(value))
-def test_every_route_with_every_role(client, texts, method, path, role):
+@pytest.mark.parametrize(("method", "path"), ROUTES, ids=str)
+def test_every_route_with_every_role(client, texts, method, path):
+    for role in ROLES:
+        answers_as_listed(client, texts, method, path, role)
+
+
+def answers_as_listed(client, texts, method, path, role) -> None:
     headers = bearer(texts[role]) if role else {}
     answer = client.request(method, address(path), headers=headers)
     permission = ROUTES[method, path]
