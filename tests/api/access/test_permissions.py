@@ -92,10 +92,10 @@ def answers_as_listed(client, texts, method, path, role) -> None:
     answer = client.request(method, address(path), headers=headers)
     permission = ROUTES[method, path]
     if allowed(permission.needs, role):
-        assert answer.status_code not in (403, 429, 500), answer.text
-        assert answer.status_code != 401 or (method, path) == ("POST", "/login")
+        assert answer.status_code not in (403, 429, 500), (role, answer.text)
+        assert answer.status_code != 401 or (method, path) == ("POST", "/login"), role
     elif role is not None:
-        assert (answer.status_code, answer.json()["code"]) == (403, "role")
+        assert (role, answer.status_code, answer.json()["code"]) == (role, 403, "role")
     elif permission.page:
         assert answer.status_code == (303 if method in READING else 401)
         assert method not in READING or answer.headers["location"].startswith("/login?next=")
