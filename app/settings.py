@@ -70,77 +70,87 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="ignore", hide_input_in_errors=True)
 
     data_dir: Path = Field(
-        Path(".loopaudit"), description="Folder of uploads, of the default database and of the default broker."
+        Path(".loopaudit"), description="Folder of the uploads, the default database and the default broker."
     )
     database_url: str = Field("", description="SQLAlchemy address of the database; empty: SQLite in the data folder.")
     broker_url: str = Field(
         "",
-        description="Address of Celery's broker (redis://, rediss://, amqp://, amqps://): worker and schedule then are "
-        "`loopaudit worker` and `beat`; empty: a folder in the data folder, and `serve` runs both itself.",
+        description="Address of Celery's broker (redis://, rediss://, amqp://, amqps://); run `loopaudit worker` "
+        "and `beat` with it. Empty: a folder in the data folder, and `serve` runs both itself.",
     )
     plant: str = Field(
-        "plant", description="Name of the plant; there is one nightly audit a plant and date.", max_length=100
+        "plant", description="Name of the plant. There is one nightly audit per plant and date.", max_length=100
     )
     nightly_at: time = Field(time(2, 0), description="When the nightly audit starts, HH:MM.")
     time_zone: str = Field(
         "UTC",
-        description="IANA zone of NIGHTLY_AT, of times on pages, in digests and reports, and of time stamps in exports "
-        "that name no zone.",
+        description="IANA time zone of NIGHTLY_AT, of times on pages, in digests and in reports, and of time "
+        "stamps in exports that name no zone.",
     )
     date_order: Literal["auto", "day", "month"] = Field(
-        "auto", description="What stands first in dates such as 03/04/2026, where an export leaves it open."
+        "auto",
+        description="Whether the day or the month comes first in dates such as 03/04/2026, if an export leaves it "
+        "open.",
     )
-    require_keys: bool = Field(False, description="Ask for keys on loopback too; elsewhere they are always asked for.")
-    allow_open: bool = Field(False, description="Listen on other addresses than loopback without keys.")
+    require_keys: bool = Field(
+        False, description="Ask for keys on loopback too. On other addresses they are always asked for."
+    )
+    allow_open: bool = Field(False, description="Listen on addresses other than loopback without keys.")
     allowed_hosts: str = Field(
-        "", description="Names by which the service may be called, with commas between; empty: see docs/SECURITY.md."
+        "",
+        description="Host names under which the service may be called, separated by commas; empty: see "
+        "docs/SECURITY.md.",
     )
-    session_h: float = Field(12.0, gt=0, le=720, description="A login lasts at most this long, in hours; 720 at most.")
+    session_h: float = Field(12.0, gt=0, le=720, description="Longest duration of a login, in hours; 720 at most.")
     session_idle_min: float = Field(
         120.0,
         ge=10,
         le=43_200,
-        description="A login that is not used for this long ends before that, in minutes; 10 at least.",
+        description="A login that is not used for this long ends early, in minutes; 10 at least.",
     )
     key_recheck_s: float = Field(
         5.0,
         ge=0,
         le=300,
-        description="A key that was good is believed this long: the delay of a revocation, in seconds; 300 at most.",
+        description="How long a key that was valid is accepted without being checked again, in seconds: a "
+        "revocation takes effect within this time; 300 at most.",
     )
     rate_limit_url: str = Field(
-        "", description="redis://... where several API processes count a key's requests together; empty: each alone."
+        "",
+        description="redis://... so that several API processes count a key's requests together; empty: each "
+        "process counts its own.",
     )
 
     log_format: Literal["auto", "json", "text"] = Field(
         "auto",
-        description="Form of the log on stderr: json, text; auto: text on a terminal, json elsewhere. "
-        "With json each line of stderr of serve, worker, beat, nightly, digest, migrate and backup is an object.",
+        description="Format of the log on stderr: json, text; auto: text on a terminal, json elsewhere. With "
+        "json, each line that serve, worker, beat, nightly, digest, migrate and backup write to "
+        "stderr is an object.",
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        "info", description="Least weight of what is logged."
+        "info", description="Lowest level of messages that are logged."
     )
 
     window_h: float = Field(
-        168.0, gt=0, description="An audit takes a loop's samples of at most so many hours, the newest."
+        168.0, gt=0, description="An audit uses at most this many hours of a loop's newest samples."
     )
     window_samples: int = Field(
-        30_000, ge=100, description="An audit takes at most this many samples of a loop, the newest; 100 at least."
+        30_000, ge=100, description="An audit uses at most this many of a loop's newest samples; 100 at least."
     )
     hold_days: float = Field(
         35.0,
         ge=0,
-        description="A set point or a mode that was recorded before the window of an audit holds for at most so many "
-        "days; an explanation of what was recorded before disputes a verdict for as long.",
+        description="A set point or mode recorded before the window of an audit remains valid for at most this "
+        "many days. An explanation of older data disputes a verdict for the same time.",
     )
     chunk_loops: int = Field(32, ge=1, le=1000, description="Loops that a worker claims at a time; 1000 at most.")
     chunk_budget_s: float = Field(
         10.0,
         gt=0,
-        description="A task begins loops for this time, in seconds, and hands the rest of its claim back; with "
+        description="A task starts loops for this long, in seconds, and then returns the rest of its claim; with "
         "LOOPAUDIT_LOOP_LIMIT_S at most 560.",
     )
-    fan_out: int = Field(32, ge=1, description="Messages that wake workers for a run, at most, at a time.")
+    fan_out: int = Field(32, ge=1, description="Largest number of messages sent at a time to wake workers for a run.")
     loop_limit_s: float = Field(
         20.0,
         gt=0,
@@ -148,7 +158,7 @@ class Settings(BaseSettings):
         "LOOPAUDIT_CHUNK_BUDGET_S at most 560.",
     )
     explanation_samples: int = Field(
-        20_000, ge=100, description="An explanation takes at most this many samples of a loop; 100 at least."
+        20_000, ge=100, description="An explanation uses at most this many samples of a loop; 100 at least."
     )
     explanation_limit_s: float = Field(
         180.0,
@@ -162,104 +172,123 @@ class Settings(BaseSettings):
     lease_s: float = Field(
         40.0,
         gt=0,
-        description="A claim that is not renewed is given to another worker after this time, in seconds; at least "
+        description="A claim that is not renewed within this time, in seconds, goes to another worker; at least "
         "twice LOOPAUDIT_LOOP_LIMIT_S.",
     )
-    max_attempts: int = Field(3, ge=1, description="How often a loop is tried that takes its worker down.")
-    max_reading_attempts: int = Field(10, ge=1, description="How often an upload is tried that takes its worker down.")
+    max_attempts: int = Field(3, ge=1, description="How often a loop that crashes its worker is tried.")
+    max_reading_attempts: int = Field(10, ge=1, description="How often an upload that crashes its worker is tried.")
     sweep_s: float = Field(
-        5.0, gt=0, description="How often lost messages and dead workers are looked for, in seconds."
+        5.0, gt=0, description="Interval between searches for lost messages and dead workers, in seconds."
     )
     stalled_s: float = Field(
-        20.0, gt=0, description="Open work that nobody claims for this time, in seconds, is announced again."
+        20.0, gt=0, description="Open work that nobody claims within this time, in seconds, is announced again."
     )
 
     keep_series_days: int = Field(
         400,
         ge=0,
-        description="Samples are kept for this long before the newest one of their loop, without a date after they "
-        "came; 0: for ever.",
+        description="Samples are deleted once they are this many days older than the newest sample of their loop; "
+        "samples without a date, this many days after they arrived; 0: never.",
     )
     keep_details_days: int = Field(
-        90, ge=0, description="Details of a verdict (its curves) are kept for this many days; 0: for ever."
+        90, ge=0, description="Days for which the details of a verdict (its curves) are kept; 0: for ever."
     )
     keep_verdicts_days: int = Field(
-        1825, ge=0, description="Verdicts and runs are kept for this many days, a loop's newest always; 0: for ever."
+        1825,
+        ge=0,
+        description="Days for which verdicts and runs are kept; a loop's newest verdict is always kept; 0: for ever.",
     )
-    keep_explanations_days: int = Field(365, ge=0, description="Explanations are kept for this many days; 0: for ever.")
+    keep_explanations_days: int = Field(365, ge=0, description="Days for which explanations are kept; 0: for ever.")
     keep_uploads_days: int = Field(
-        30, ge=0, description="Exports as they came are kept for this many days after they were last sent; 0: for ever."
+        30,
+        ge=0,
+        description="Days for which the original export files are kept after they were last sent; 0: for ever.",
     )
     keep_receipts_days: int = Field(
         730,
         ge=0,
-        description="What is told of an upload that was read (its loops, tags and refused rows) is kept for this many "
-        "days after it was read or last sent, and as long as its export; 0: for ever.",
+        description="Days for which the record of an upload (its loops, tags and refused rows) is kept after it "
+        "was read or last sent, and in any case as long as its export; 0: for ever.",
     )
-    keep_trail_days: int = Field(730, ge=0, description="Who did what is kept for this many days; 0: for ever.")
+    keep_trail_days: int = Field(
+        730, ge=0, description="Days for which the trail of who did what is kept; 0: for ever."
+    )
 
     public_url: str = Field(
-        "", description="Address by which people reach the pages, for links in digests and reports; empty: no links."
+        "", description="Address under which people reach the pages, for links in digests and reports; empty: no links."
     )
-    digest_mail_to: str = Field("", description="Who gets the nightly digest by mail: addresses, commas between.")
-    digest_webhooks: str = Field("", description="Where the nightly digest is posted to: addresses, commas between.")
+    digest_mail_to: str = Field("", description="Addresses that get the nightly digest by mail, separated by commas.")
+    digest_webhooks: str = Field(
+        "", description="Addresses to which the nightly digest is posted, separated by commas."
+    )
     digest_webhook_secret: SecretStr = Field(
-        SecretStr(""), description="Secret that webhooks are signed with (HMAC-SHA256); needed for webhooks."
+        SecretStr(""), description="Secret with which webhooks are signed (HMAC-SHA256); needed for webhooks."
     )
     digest_private_webhooks: bool = Field(
-        False, description="Let webhooks go to private and loopback addresses, as in a closed network."
+        False, description="Allow webhooks to private and loopback addresses, as in a closed network."
     )
     digest_smtp_host: str = Field("", description="Mail server of the digest; needed for mail.")
     digest_smtp_port: int = Field(587, ge=1, le=65535, description="Port of the mail server.")
-    digest_smtp_user: str = Field("", description="User at the mail server; empty: no login.")
+    digest_smtp_user: str = Field("", description="User name at the mail server; empty: no login.")
     digest_smtp_password: SecretStr = Field(SecretStr(""), description="Password at the mail server.")
     digest_smtp_starttls: bool = Field(
         True,
-        description="Encrypt the way to the mail server by STARTTLS; false: in clear. TLS from the start (port 465) is "
-        "not there.",
+        description="Encrypt the connection to the mail server with STARTTLS; false: no encryption. TLS from the "
+        "start (port 465) is not supported.",
     )
-    digest_mail_from: str = Field("", description="Address that the digest's mail comes from; needed for mail.")
+    digest_mail_from: str = Field("", description="Sender address of the digest; needed for mail.")
     digest_attempts: int = Field(
-        8, ge=1, le=20, description="How often a digest is tried, later and later, before it is given up; 20 at most."
+        8,
+        ge=1,
+        le=20,
+        description="How often sending a digest is tried, at growing intervals, before it is given up; 20 at most.",
     )
 
-    max_upload_bytes: int = Field(4 << 30, ge=1, description="Greatest upload, in bytes as they come.")
+    max_upload_bytes: int = Field(4 << 30, ge=1, description="Largest upload, in bytes as sent.")
     upload_deadline_s: float = Field(
         3600.0, gt=0, description="An upload must have arrived within this time, in seconds."
     )
     idle_timeout_s: float = Field(
-        30.0, gt=0, description="A sender that pauses for longer in the middle of a body is turned away, in seconds."
+        30.0,
+        gt=0,
+        description="A request is refused if its sender pauses for longer than this in the middle of the body, in "
+        "seconds.",
     )
-    max_requests: int = Field(200, ge=1, description="Requests that an API process answers at once.")
-    max_uploads: int = Field(64, ge=1, description="Uploads that an API process receives at once.")
-    max_streams: int = Field(200, ge=1, description="Event streams that an API process serves at once.")
-    max_rejects: int = Field(1000, ge=0, description="Refused rows that are listed for an upload; all are counted.")
+    max_requests: int = Field(200, ge=1, description="Requests that an API process answers at the same time.")
+    max_uploads: int = Field(64, ge=1, description="Uploads that an API process receives at the same time.")
+    max_streams: int = Field(200, ge=1, description="Event streams that an API process serves at the same time.")
+    max_rejects: int = Field(
+        1000, ge=0, description="Refused rows that are listed for an upload. All of them are counted."
+    )
     buffered_samples: int = Field(
         6_000_000,
         ge=1000,
-        description="Values that reading an upload gathers in memory before it puts them aside on disk, 1000 at least; "
-        "a row of one value counts as three. A single loop may have more.",
+        description="Values that are held in memory while an upload is read, before they are moved to disk, 1000 "
+        "at least; a row of one value counts as three. A single loop may have more.",
     )
     statement_timeout_s: float = Field(
-        15.0, gt=0, description="Limit of a statement of the API on PostgreSQL, in seconds."
+        15.0, gt=0, description="Time limit of an SQL statement of the API on PostgreSQL, in seconds."
     )
     worker_statement_timeout_s: float = Field(
-        600.0, gt=0, description="Limit of a statement of a worker on PostgreSQL, in seconds."
+        600.0, gt=0, description="Time limit of an SQL statement of a worker on PostgreSQL, in seconds."
     )
     pool_size: int = Field(
         5,
         ge=1,
-        description="Connections to PostgreSQL that each of a process's two pools (to read, to write) keeps; each "
-        "opens as many again where these are not enough: four times as many a process at most.",
+        description="Connections to PostgreSQL that each of a process's two pools (for reading and for writing) "
+        "keeps open. Each pool opens as many again when these are not enough, so a process has at "
+        "most four times as many.",
     )
     worker_memory_mb: int = Field(
-        400, ge=100, description="A worker process above this size, in MB, is replaced between tasks; 100 at least."
+        400,
+        ge=100,
+        description="A worker process that has grown beyond this size, in MB, is replaced between tasks; 100 at least.",
     )
     worker_nice: int = Field(
         10,
         ge=0,
         le=19,
-        description="Workers yield the processor to the API and the database by this much (nice, 0 to 19).",
+        description="Niceness of workers (0 to 19): by how much they yield the processor to the API and the database.",
     )
     worker_tasks: int = Field(500, ge=1, description="A worker process is replaced after this many tasks.")
 

@@ -46,11 +46,11 @@ def document(outcomes: list[Outcome]) -> str:
     sure = [o for o in told if o.reliable and not o.abstained]
     wrong = sum(o.wrong for o in sure)
     parts = [
-        f"{len(outcomes)} loops. Of the {len(told)} healthy or exercised ones {len(sure)} verdicts are "
-        f"called reliable, {wrong} of them wrong.",
+        f"{len(outcomes)} loops, of which {len(told)} are healthy or exercised. Of the verdicts on these, {len(sure)} "
+        f"are called reliable; {wrong} of those are wrong.",
         "## Where it starts to fail\n\n"
-        f"Levels on which fewer than {100 * tables.FEWEST_FOUND:.0f} % of the exercised sticky valves are called "
-        f"sticky, or more than {100 * tables.MOST_ACCUSED:.0f} % of the healthy ones.\n\n" + tables.failing(table),
+        f"Levels on which fewer than {100 * tables.FEWEST_FOUND:.0f} % of the exercised sticky valves, or more than "
+        f"{100 * tables.MOST_ACCUSED:.0f} % of the healthy valves, are called sticky.\n\n" + tables.failing(table),
         "## Level by level\n\n" + tables.markdown(table),
     ]
     if everything:
