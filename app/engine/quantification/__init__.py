@@ -1,4 +1,4 @@
-"""How large stiction is: S with intervals, where the record can tell them."""
+"""How large stiction is: S with its intervals, if the record can tell them."""
 
 from app.engine.quantification.config import QuantificationConfig
 from app.engine.quantification.quantify import quantify

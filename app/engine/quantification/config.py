@@ -7,22 +7,22 @@ from dataclasses import dataclass
 class QuantificationConfig:
     """Shares of S are of R, the range that OP covers in a lively cycle (the 80th percentile over cycles).
 
-    S_shares: lowest, highest and number of the values of S, at equal ratios. he_jumps, kano_jumps: J / S of the two
-    valve forms. lags_pv, lags_v: regressors of the one-step prediction. samples_per_cycle: finer records are thinned to
-    about this. most_cycles, most_samples: the newest that are used.
+    S_shares: lowest, highest and number of the values of S, spaced at equal ratios. he_jumps, kano_jumps: J / S of the
+    two valve forms. lags_pv, lags_v: regressors of the one-step prediction. samples_per_cycle: finer records are
+    thinned to about this. most_cycles, most_samples: how many of the newest are used.
 
-    evidence_weight, discrepancy, unseen, failure_share, usual_share, usual_spread: fitted on simulated loops (docs/
-    QUANTIFICATION.md). A sample counts for `evidence_weight` of an independent one, because no model is true;
-    `discrepancy`, in the logarithm of S, is what the best model is off by when noise no longer matters; by `unseen`
-    times the noise S is read low, because the valve follows OP at every scan of the controller and the record shows
-    one scan a sample; noise is what the best valve leaves unpredicted of PV, a share of its standard deviation, at most
-    `most_noise`; in `failure_share` of loops the model fails and the share is drawn around 0.6 with a factor of 2.2;
-    before a look at the record S is `usual_share` of R within a factor e^usual_spread.
-    he_chance: chance of He's form before a look at the record, the rest is Kano's.
+    evidence_weight, discrepancy, unseen, failure_share, usual_share, usual_spread: fitted on simulated loops
+    (docs/QUANTIFICATION.md). A sample counts for `evidence_weight` of an independent one, because no model is true.
+    `discrepancy`, in the logarithm of S, is the error of the best model when noise no longer matters. S is read low by
+    `unseen` times the noise, because the valve follows OP at every scan of the controller and the record shows one scan
+    a sample; noise is the share of PV's standard deviation that the best valve leaves unpredicted, at most
+    `most_noise`. In `failure_share` of loops the model fails, and the share is drawn around 0.6 with a factor of 2.2.
+    Before a look at the record, S is `usual_share` of R within a factor e^usual_spread.
+    he_chance: chance of He's form before a look at the record; the rest is Kano's.
 
-    min_regularity, min_cycles, min_samples_per_cycle, min_evidence, most_width: the rule of what is identifiable: a
-    regular limit cycle, long enough, sampled finely enough, log-likelihood gained by stiction over a linear valve, and
-    the logarithm of the ratio of the ends of the 80 % interval.
+    min_regularity, min_cycles, min_samples_per_cycle, min_evidence, most_width: the rule of what is identifiable. It
+    needs a regular limit cycle, long enough and sampled finely enough, a gain in log-likelihood of stiction over a
+    linear valve, and an upper bound on the logarithm of the ratio of the ends of the 80 % interval.
     """
 
     S_shares: tuple[float, float, int] = (0.08, 1.3, 32)

@@ -1,4 +1,4 @@
-"""S of a sticky valve from one record: likelihood over a grid of valves, intervals that hold as stated."""
+"""S of a sticky valve from one record: a likelihood over a grid of valves, and intervals that hold as stated."""
 
 import numpy as np
 
@@ -26,21 +26,21 @@ def quantify(
 ) -> StictionSize | None:
     """S in the unit of OP with intervals, for a record whose valve is believed to stick.
 
-    record: PV and OP, (N,), any unit. None where there is no period, fewer than 100 samples after thinning, or where
-    PV or OP does not vary. A change of unit, offset or sign of PV or OP changes nothing but the unit of the answer; the
-    set point does not enter, moving or not, because PV is predicted from OP. as_sampled: False where a historian's
-    compression shows; the size is then not identifiable.
+    record: PV and OP, (N,), any unit. as_sampled: False if a historian's compression shows; the size is then not
+    identifiable. Returns None if there is no period, if fewer than 100 samples are left after thinning, or if PV or OP
+    does not vary. A change of unit, offset or sign of PV or OP changes only the unit of the answer. The set point does
+    not matter, moving or not, because PV is predicted from OP.
 
     OP goes through He's and Kano's valve over a grid of S and J / S; PV is regressed on its own last samples and the
-    stem's. The residual is near white, so the sum of squares is a likelihood even in closed loop, where the error of a
-    free run is not: its disturbances come back through OP. The likelihood over the grid, weakened for what no
-    model has, becomes chances of S, marginal over form and jump.
+    stem's. The residual is nearly white, so the sum of squares is a likelihood even in closed loop. The error of a free
+    run is not, because its disturbances come back through OP. The likelihood over the grid, weakened for what no model
+    has, becomes a distribution of S, marginal over form and jump.
 
-    Misleads: S is defined by the model. He's stem sticks after each slip, Kano's moves on with OP: where OP
-    overshoots much after a slip they read the same record as different S, and the interval covers both. A second
-    oscillation larger than the limit cycle makes R the wrong measure. Where noise goes through the controller, S is
-    raised for the scans between the samples (`QuantificationConfig.unseen`): too much where the record has every scan,
-    too little where dozens lie between two samples.
+    Misleads: S is defined by the model. He's stem sticks after each slip, Kano's moves on with OP. If OP overshoots
+    much after a slip, they read the same record as different S, and the interval covers both. A second oscillation
+    larger than the limit cycle makes R the wrong measure. If noise goes through the controller, S is raised for the
+    scans between the samples (`QuantificationConfig.unseen`): too much if the record has every scan, too little if
+    dozens lie between two samples.
     Source: prediction errors and closed loop: Ljung, System Identification, 1999, chapters 7 and 13; the valves as in
     `app.engine.valve`.
     """
@@ -60,7 +60,7 @@ def quantify(
 
 
 def lively_range(op: FloatArray, per_cycle: int) -> float:
-    """The range that op (n,) covers in four of five cycles at most; over all where there are no two cycles."""
+    """The range that op (n,) covers at most in four of five cycles; over the whole if there are no two cycles."""
     ranges = piece_ranges(op, per_cycle)
     lively = float(np.quantile(ranges, _LIVELY)) if len(ranges) > 1 else 0.0
     return lively or float(np.ptp(op))

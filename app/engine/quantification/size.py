@@ -18,14 +18,14 @@ class Interval:
 class StictionSize:
     """S of a sticky valve, in the unit of OP, and what can be said of J.
 
-    S: median of what the record leaves possible. S_intervals: 50, 80 and 95 %.
-    identifiable: whether every check of `findings` passed; where not, S is hardly more than a guess from OP's range.
+    S: median of the values that the record leaves possible. S_intervals: 50, 80 and 95 %.
+    identifiable: whether every check of `findings` passed; if not, S is hardly more than a guess from OP's range.
     op_range: R, the range that OP covers in a lively cycle, unit of OP.
     findings: the checks of the rule, each with its statistic and threshold.
 
-    J is not estimated: PV and OP do not tell it. Where the stem jumps between two positions, PV is a square wave
+    J is not estimated, because PV and OP do not show it. If the stem jumps between two positions, PV is a square wave
     through the process, whose height is J times the process gain; valves of J = 0 and of J = S, each with its own gain,
-    predict simulated records about equally well. What is known is 0 <= J <= S, overshoot left aside.
+    predict simulated records about equally well. All that is known is 0 <= J <= S, overshoot left aside.
     """
 
     S: float

@@ -1,4 +1,4 @@
-"""From one-step errors over a grid of valves to what the record leaves possible of S."""
+"""From one-step errors over a grid of valves to the values of S that the record leaves possible."""
 
 from dataclasses import dataclass
 
@@ -16,9 +16,9 @@ _SMALLEST_RESIDUAL = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """The distribution over S / R: values and their cumulated chances, (m,).
+    """The distribution over S / R: values and their cumulative probabilities, (m,).
 
-    evidence: log-likelihood gained by the best sticky valve over the linear one, samples taken as independent.
+    evidence: log-likelihood gained by the best sticky valve over the linear one, with samples taken as independent.
     """
 
     shares: FloatArray
@@ -32,7 +32,8 @@ class Weights:
 def weigh(
     errors: FloatArray, linear: float, total: float, samples: int, shares: FloatArray, config: QuantificationConfig
 ) -> Weights:
-    """errors: (S, forms) sums of squared one-step errors, He's forms first; linear: with a valve that follows OP.
+    """errors: (S, forms) sums of squared one-step errors, He's forms first; linear: the same for a valve that follows
+    OP.
 
     total: sum of squares of PV over the same `samples`. shares: (S,) values of S / R, at equal ratios.
     """

@@ -1,4 +1,4 @@
-"""What else than stiction could make the loop move as it does, each seen in the same windows as stiction."""
+"""What other than stiction could make the loop move as it does, each examined in the same windows as stiction."""
 
 from app.engine.rivals.compete import compete
 from app.engine.rivals.contest import contest, runner_up, winner

@@ -1,4 +1,4 @@
-"""Backlash: a pure deadband between OP and the stem, without the jump of a sticking one."""
+"""Backlash: a pure deadband between OP and the stem, without the jump of a stem that sticks."""
 
 import math
 
@@ -20,9 +20,9 @@ _HEARD = 0.49
 def backlash(scene: Scene) -> Rival:
     """A deadband (J = 0) explains PV on unseen cycles better than a linear valve and than one that slips (J > 0).
 
-    He's valve with J = 0, then a lag or integrator and a dead time, in the last window. Not evaluated where no valve
-    model is better than a linear one. It is a fault of the valve too: it takes nothing from stiction.
-    Misleads, and mostly keeps silent, on noisy records, where J cannot be told.
+    The model is He's valve with J = 0, then a lag or integrator and a dead time, in the last window. Not evaluated if
+    no valve model is better than a linear one. Backlash is a fault of the valve too, so it takes nothing from stiction.
+    Misleads, and mostly finds nothing, on noisy records, in which J cannot be determined.
     """
     if scene.features.named("gain") < _GAIN_WORTH_IT:
         return not_evaluated("backlash", "no valve model explains PV better than a linear valve")

@@ -22,9 +22,9 @@ _NEAREST_FIRST = (
 
 
 def compete(record: UniformRecord, oscillation: Oscillation, features: Features) -> tuple[Rival, ...]:
-    """The rival explanations of one record: those that stand out, the nearest first, then the others by strength.
+    """The rival explanations of one record: first those that stand out, the nearest first, then the others by strength.
 
-    All look at the same windows as stiction, so that their explained shares can be compared with it. Rivals whose
+    All use the same windows as stiction, so that their explained shares can be compared with it. Rivals whose
     assumptions do not hold come last.
     """
     scene = Scene(record, oscillation, features)

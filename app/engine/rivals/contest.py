@@ -1,4 +1,4 @@
-"""Stiction among its rivals: who wins, who comes second."""
+"""Stiction among its rivals: which explanation wins, and which comes second."""
 
 from app.engine.codes import Cause
 from app.engine.evidence import told_probability
@@ -11,10 +11,10 @@ _STANDS = 0.5
 
 
 def contest(rivals: tuple[Rival, ...], probability: float, features: Features) -> tuple[Rival, ...]:
-    """All explanations, ranked, stiction with its probability as strength.
+    """All explanations, ranked; the strength of stiction is its probability.
 
-    rivals: ranked, as `compete` gives them; those that count have already taken their part from the probability, so
-    that a stiction above one half has won against them.
+    rivals: ranked, as `compete` gives them. Those that count have already been taken off the probability, so a stiction
+    above one half has won against them.
     """
     own = _stiction(probability, features)
     if own.stands_out:
@@ -25,12 +25,12 @@ def contest(rivals: tuple[Rival, ...], probability: float, features: Features) -
 
 
 def winner(ranked: tuple[Rival, ...]) -> Rival | None:
-    """The first, where it stands out."""
+    """The first explanation, if it stands out."""
     return ranked[0] if ranked and ranked[0].stands_out else None
 
 
 def runner_up(ranked: tuple[Rival, ...]) -> Rival | None:
-    """The next behind the winner, where anything speaks for it; None where there is no winner."""
+    """The next one behind the winner, if anything speaks for it; None if there is no winner."""
     if winner(ranked) is None or len(ranked) < 2:
         return None
     return ranked[1] if ranked[1].strength >= _HEARD else None

@@ -1,4 +1,4 @@
-"""Something outside shakes the loop: a wave, or a load that wanders or jumps."""
+"""The loop is disturbed from outside: by a wave, or by a load that wanders or jumps."""
 
 from dataclasses import replace
 
@@ -25,11 +25,11 @@ _AGAINST_JUMPS = 3.0
 
 
 def outside_wave(scene: Scene) -> Rival:
-    """A wave that keeps its phase runs through PV and OP alike, slower than the loop would swing by itself.
+    """A wave with a constant phase runs through both PV and OP, slower than the loop would swing by itself.
 
-    Stiction keeps its phase too, but its corners do not fit one sine. A loop at its limit of stability swings with OP
-    against PV; here the controller has time to integrate. Misleads on a smooth limit cycle of an integrating process
-    (deadband on a level), which is a sine to the eye.
+    Stiction may keep its phase too, but its corners do not fit one sine. A loop at its limit of stability swings with
+    OP against PV; here the controller has time to integrate. Misleads on a smooth limit cycle of an integrating process
+    (deadband on a level), which looks like a sine.
     """
     in_line = _in_line(scene) if scene.oscillation.regular and scene.oscillation.strength > _STRONG_SWING else 0.0
     wave, opposition = scene.wave, scene.opposition
@@ -48,11 +48,11 @@ def outside_wave(scene: Scene) -> Rival:
 
 
 def load_disturbance(scene: Scene) -> Rival:
-    """OP answers PV in line, or PV does not follow from OP through any valve, or it jumps and OP takes it back: PV is
-    shaken from outside.
+    """PV is disturbed from outside: OP answers PV in line, or PV does not follow from OP through any valve, or PV jumps
+    and OP takes the jump back.
 
-    Misleads where OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual. Jumps
-    are not looked at where PV follows a set point, which makes PV jump too.
+    Misleads if OP has little to do with PV for other reasons: a wrong pairing of signals, a loop in manual. Jumps are
+    ignored if PV follows a set point, which makes PV jump too.
     """
     if not scene.along_sp:
         seen = jumps(scene.features.windows)
@@ -82,7 +82,7 @@ def _load_steps(seen: Jumps) -> Rival:
 
 
 def no_oscillation(scene: Scene) -> Rival:
-    """Nothing swings: what moves is noise or a slow load. Misleads below some three cycles in the record."""
+    """Nothing swings: what moves is noise or a slow load. Misleads below about three cycles in the record."""
     oscillation = scene.oscillation
     strength = 0.7 - oscillation.strength if not oscillation.regular else 0.4 - oscillation.strength
     text = f"the oscillation has strength {oscillation.strength:.2f} and regularity {oscillation.regularity:.2f}"

@@ -1,4 +1,4 @@
-"""PV jumps, and between its jumps it goes along with OP: a load in steps that the controller takes back."""
+"""PV jumps, and between its jumps it moves with OP: a load in steps that the controller takes back."""
 
 from dataclasses import dataclass
 
@@ -19,10 +19,10 @@ _STANDS = 1e-9
 
 @dataclass(frozen=True)
 class Jumps:
-    """jumping: share of PV's movement (sum of squared steps) that is made in the liveliest tenth of the time.
+    """jumping: share of PV's movement (sum of squared steps) that falls into the liveliest tenth of the time.
 
     along: share of the quieter steps of PV that OP explains, at most a tenth of a cycle later and with the sign of a
-    closed loop; negative where it explains them with the other sign.
+    closed loop; negative if OP explains them with the other sign.
     """
 
     jumping: float
@@ -30,16 +30,16 @@ class Jumps:
 
     @property
     def taken_back(self) -> float:
-        """-1..1: from one half on, PV mostly jumps, and what it does otherwise is OP's doing."""
+        """-1..1: from one half on, PV mostly jumps, and its other movement is due to OP."""
         return self.along - (1.0 - self.jumping)
 
 
 def jumps(windows: tuple[ShapeWindow, ...]) -> Jumps:
     """The mean over windows of PV and OP.
 
-    A stuck valve makes PV jump as well, but while it is stuck OP moves and PV does not. The quieter steps are those
+    A sticking valve makes PV jump as well, but while it is stuck OP moves and PV does not. The quieter steps are those
     that the fit explains best (least trimmed squares, Rousseeuw 1984, doi 10.1080/01621459.1984.10477105): a tenth of
-    jumps or more has no part in it, nor do they need to be found.
+    jumps or more takes no part in it, and the jumps need not be found.
     """
     each = [_of(window) for window in windows]
     return Jumps(float(np.mean([x.jumping for x in each])), float(np.mean([x.along for x in each])))

@@ -20,10 +20,10 @@ _NOISE_COUNTS = 1.5
 
 @dataclass(frozen=True)
 class Line:
-    """share: of the power within half a frequency of the fundamental, what is in the width that a steady sine has.
+    """share: share of the power within half a frequency of the fundamental that lies within the width of a steady sine.
 
-    third: amplitude of the third harmonic over that of the fundamental, as large as the noise allows it to be; 1/9 in a
-    triangle, 1/3 in a square. loudest: amplitude of the second or third harmonic over that of the noise beside it.
+    third: amplitude of the third harmonic over that of the fundamental, at the largest value that the noise allows; 1/9
+    in a triangle, 1/3 in a square. loudest: amplitude of the second or third harmonic over that of the noise beside it.
     """
 
     share: float
@@ -32,9 +32,9 @@ class Line:
 
 
 def line(x: FloatArray) -> Line | None:
-    """The line of x (n,) at PER_CYCLE samples a cycle, without drift; None below FEWEST_CYCLES.
+    """The line of x (n,) at PER_CYCLE samples a cycle, with drift removed; None below FEWEST_CYCLES.
 
-    Hann's window; the frequency is searched within 6 % of the cycle's.
+    Uses Hann's window. The frequency is searched within 6 % of that of the cycle.
     """
     n = len(x)
     if n < FEWEST_CYCLES * PER_CYCLE:
@@ -53,7 +53,7 @@ def line(x: FloatArray) -> Line | None:
 
 
 def worst(lines: Sequence[Line | None]) -> Line | None:
-    """What holds of all of them; None where one of them is not known."""
+    """What holds for all of them; None if one of them is unknown."""
     known = [narrow for narrow in lines if narrow is not None]
     if not known or len(known) < len(lines):
         return None

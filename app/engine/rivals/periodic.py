@@ -1,4 +1,4 @@
-"""How much of a signal is a sine that keeps its phase: fitted on the first half, continued into the second."""
+"""How much of a signal is a sine with a constant phase: fitted on the first half, continued into the second."""
 
 import numpy as np
 from numba import njit

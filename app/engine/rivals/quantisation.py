@@ -1,4 +1,4 @@
-"""PV knows only a few values: the loop cycles on the last digit of its transmitter."""
+"""PV takes only a few values: the loop cycles on the last digit of its transmitter."""
 
 from app.engine.rivals.rival import Rival
 from app.engine.rivals.scene import Scene

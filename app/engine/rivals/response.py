@@ -26,8 +26,8 @@ class Response:
 def response(y: FloatArray, x: FloatArray) -> Response:
     """The best first-order lag or integrator with dead time from x to y, (n,) each at PER_CYCLE samples a cycle.
 
-    The same models, drift removal and halves as `freerun`; only the gain is regressed, of either sign. Nothing follows
-    from an x that does not move.
+    Models, drift removal and halves are those of `freerun`; only the gain is regressed, with either sign. Nothing
+    follows from an x that does not move.
     """
     spread = float(deviation(x))
     if spread <= _STANDS * float(np.max(np.abs(x))):
@@ -37,8 +37,9 @@ def response(y: FloatArray, x: FloatArray) -> Response:
 
 
 def valve_response(pv: FloatArray, op: FloatArray, bands: tuple[float, ...], slips: tuple[float, ...]) -> Response:
-    """The same from OP (in units of its range in a cycle) to PV behind He's valve, the best of S in bands, J / S in
-    slips."""
+    """The same from OP (in units of its range in a cycle) to PV behind He's valve, for the best S in `bands` and J / S
+    in `slips`.
+    """
     found = [response(pv, valve_position(op, S, S * slip)) for S in bands for slip in slips]
     return max(found, key=lambda r: r.fit)
 

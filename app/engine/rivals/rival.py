@@ -11,14 +11,15 @@ class Rival:
     """An explanation of the loop's movement, beside stiction.
 
     cause: a stable code. strength: 0 (nothing speaks for it) to 1; from 0.5 on it stands out.
-    counts: log-odds that it takes from stiction where it stands out; 0 where the shapes already say so.
+    counts: log-odds that it takes from stiction if it stands out; 0 if the shapes account for it already.
     text: what was seen, in words.
-    applies: False where its assumptions do not hold; `text` then says why, and the strength is 0.
-    statistic, threshold: what was measured and from where on it speaks for it; None where several were weighed.
-    operator: how the statistic then stands to the threshold.
+    applies: False if its assumptions do not hold; `text` then says why, and the strength is 0.
+    statistic, threshold: what was measured, and the value from which it speaks for the rival; None if several were
+    weighed.
+    operator: how the statistic then compares with the threshold.
     explained: share of the variance of PV that the fitted explanation gives in free run on cycles that the fit has not
-    seen; None where nothing was fitted. Comparable between explanations.
-    explained_without_stiction: of stiction, the same by a valve that follows OP; None of all others.
+    seen; None if nothing was fitted. Comparable between explanations.
+    explained_without_stiction: only of stiction, the same for a valve that follows OP; None of all others.
     """
 
     cause: Cause

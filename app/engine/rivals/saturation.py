@@ -1,4 +1,4 @@
-"""OP out of range: the controller stands at a limit while PV goes on moving."""
+"""OP is out of range: the controller stands at a limit while PV goes on moving."""
 
 from app.engine.codes import Cause
 from app.engine.rivals.rival import Rival
@@ -13,9 +13,10 @@ MOVEMENT_SHARE = 0.12
 
 
 def saturated_op(scene: Scene) -> Rival:
-    """OP stands at an extreme for long while PV goes on moving: the controller is out of range, the valve follows.
+    """OP stands at an extreme for a long time while PV goes on moving: the controller is out of range, and the valve
+    follows.
 
-    Misleads where OP rests at its extreme between rare moves, and where the historian held OP's last value.
+    Misleads if OP rests at its extreme between rare moves, and if the historian held OP's last value.
     """
     at_limit, moves = scene.features.named("op_at_limit"), scene.features.named("pv_moves_at_limit")
     strength = min(at_limit / (2 * LIMIT_SHARE), moves / (2 * MOVEMENT_SHARE), 1.0)

@@ -1,4 +1,4 @@
-"""The record as the rivals look at it: the same windows as stiction's, with what several of them need."""
+"""The record as the rivals see it: the same windows as for stiction, with what several of them need."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,26 +58,26 @@ class Scene:
 
     @cached_property
     def sp(self) -> list[FloatArray]:
-        """Empty where the set point is not known or does not move."""
+        """Empty if the set point is unknown or does not move."""
         if self.record.sp is None or float(np.ptp(self.record.sp)) == 0.0:
             return []
         return self._windows(self.record.sp)
 
     @cached_property
     def pv_along_sp(self) -> float:
-        """Share of PV's variance that a straight line over SP explains; 0 where SP is not known or stands."""
+        """Share of PV's variance that a straight line over SP explains; 0 if SP is unknown or constant."""
         return 0.0 if self.record.sp is None else correlation(self.record.pv, self.record.sp) ** 2
 
     @property
     def along_sp(self) -> bool:
-        """Whether PV goes along with the set point, so that its jumps may be the set point's."""
+        """Whether PV moves with the set point, so that its jumps may be the set point's."""
         return self.pv_along_sp >= _ALONG_SP
 
     @cached_property
     def from_sp(self) -> tuple[float, float]:
         """Shares of the variance of PV and of OP that follow from SP through a lag and a dead time, on unseen cycles.
 
-        0 where SP is not known or stands.
+        0 if SP is unknown or constant.
         """
         moving = [k for k, sp in enumerate(self.sp) if float(np.ptp(sp)) > 0.0]
         if not moving:
@@ -88,7 +88,9 @@ class Scene:
 
     @cached_property
     def line(self) -> Line | None:
-        """The spectral line of PV and OP in the first and the last window, the worst of them; None for few cycles."""
+        """The spectral line of PV and OP in the first and the last window, the worst of them; None if cycles are too
+        few.
+        """
         windows = self.features.windows
         apart = max(len(windows) - 1, 1)
         return worst([line(x) for window in windows[::apart] for x in (window.pv, window.op)])
@@ -103,10 +105,10 @@ class Scene:
 
     @cached_property
     def opposition(self) -> float:
-        """Share of the steps in which OP moves against PV, less the share in which it goes with it: -1..1.
+        """Share of the steps in which OP moves against PV, less the share in which it moves with it: -1..1.
 
-        Signed so that a proportional controller gives 1, whatever the gain's sign. The negative of Haegglund's idle
-        index, over both signals smoothed.
+        Signed so that a proportional controller gives 1, whatever the sign of its gain. The negative of Haegglund's
+        idle index, with both signals smoothed.
         """
         return float(np.mean([_opposition(pv, op) for pv, op in zip(self.pv, self.op, strict=True)]))
 
@@ -117,7 +119,7 @@ class Scene:
 
     @cached_property
     def wave(self) -> float:
-        """The lesser of the shares of PV and of OP that a sine explains on the half that was not fitted."""
+        """The smaller of the shares of PV and of OP that a sine explains on the half that was not fitted."""
         if self.oscillation.strength < _LEAST_SWING:
             return 0.0
         return min(held_out_sine(self.pv[0]), held_out_sine(self.op[0]))

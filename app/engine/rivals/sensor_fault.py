@@ -27,10 +27,11 @@ _OP_HELD = 0.2
 
 
 def spiking_sensor(scene: Scene) -> Rival:
-    """Single samples leave PV by six times its usual step and come back: share of PV's fast variance that they hold.
+    """Single samples leave PV by six times its usual step and come back: the share of PV's fast variance that they
+    hold.
 
-    Hampel's idea of the median as the yardstick (Hampel 1974, J. Am. Stat. Assoc. 69, 383-393, doi
-    10.1080/01621459.1974.10482962). Misleads where PV is sampled so slowly that real swings last one sample.
+    The median serves as the yardstick, after Hampel (1974, J. Am. Stat. Assoc. 69, 383-393, doi
+    10.1080/01621459.1974.10482962). Misleads if PV is sampled so slowly that real swings last one sample.
     """
     pieces = [_spikes(pv, op) for pv, op in zip(scene.raw_pv, scene.raw_op, strict=True)]
     count, samples = sum(n for n, _ in pieces), sum(map(len, scene.raw_pv))
@@ -48,11 +49,11 @@ def spiking_sensor(scene: Scene) -> Rival:
 
 
 def sticking_sensor(scene: Scene) -> Rival:
-    """PV holds exactly one value for long while OP moves, jumps, and is not coarse: the sensor sticks.
+    """PV holds exactly one value for a long time while OP moves, then jumps, and is not coarse: the sensor sticks.
 
-    A process never holds PV to the last digit; a stuck valve leaves the noise of the measurement. Not evaluated where
-    OP is held too, as a historian that stores exceptions does, or where PV is coarse. Misleads where the historian
-    compresses PV alone.
+    A process never holds PV to the last digit, and a stuck valve leaves the noise of the measurement. Not evaluated if
+    OP is held too, as by a historian that stores exceptions, or if PV is coarse. Misleads if the historian compresses
+    PV alone.
     """
     if scene.features.named("pv_quantum") > _COARSE:
         return not_evaluated("sensor_sticking", "PV is coarse, and coarse values repeat")

@@ -18,10 +18,10 @@ _AGAINST_STICTION = 1.0
 def set_point_following(scene: Scene) -> Rival:
     """PV and OP both follow from the set point through a lag and a dead time, on cycles that the fit has not seen.
 
-    Not evaluated where the set point is not known or stands. Misleads in a sticky inner loop of a cascade, whose set
-    point is moved by the loop around it at the same period: it counts against stiction only where the set point is
-    behind all that PV and OP do and from OP a sticky valve explains less than half a per cent more of PV's variance
-    than one that follows.
+    Not evaluated if the set point is unknown or constant. Misleads in a sticky inner loop of a cascade, whose set point
+    is moved by the loop around it at the same period. It therefore counts against stiction only if the set point is
+    behind all that PV and OP do, and a sticky valve explains less than half a per cent more of PV's variance from OP
+    than one that follows OP.
     """
     if not scene.sp:
         return not_evaluated("set_point_following", "the set point does not move or is not known")

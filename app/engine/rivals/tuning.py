@@ -25,11 +25,11 @@ _RINGS = 0.25
 
 
 def pure_sines(scene: Scene) -> Rival:
-    """Both signals are pure sines that do not die out: a linear loop at the limit of stability, or shaken by a sine.
+    """Both signals are pure sines that do not die out: a linear loop at the limit of stability, or disturbed by a sine.
 
-    One frequency alone cannot tell the two apart: PV over OP is then minus one over the controller in both. A stuck
-    stem makes corners, and its limit cycle is not quite steady: where PV and OP are lines of the spectrum without
-    harmonics, what noise there is beside them does not matter. A wave that the set point brings is not looked at so.
+    One frequency alone cannot tell the two apart: in both cases PV over OP is minus one over the controller. A stuck
+    stem makes corners, and its limit cycle is not quite steady. If PV and OP are lines of the spectrum without
+    harmonics, the noise beside them does not matter. A wave that comes from the set point is not examined in this way.
     """
     narrow = None if scene.from_sp[0] >= _FROM_SP else scene.line
     if narrow is not None and _is_sine(narrow):
@@ -65,8 +65,8 @@ def _one_line(narrow: Line) -> Rival:
 def tight_tuning(scene: Scene) -> Rival:
     """An undamped sine with OP against PV: a linear loop at the limit of stability.
 
-    At that limit a usual controller hardly integrates, so OP turns where PV turns. Fit: PV from OP through a linear
-    process with the sign of a closed loop. Misleads where a sine from outside is as fast as the loop itself.
+    At that limit an ordinary controller hardly integrates, so OP turns where PV turns. Fit: PV from OP through a linear
+    process with the sign of a closed loop. Misleads if a sine from outside is as fast as the loop itself.
     """
     if scene.oscillation.cycles < _FEWEST_CYCLES:
         return not_evaluated(
@@ -82,10 +82,10 @@ def tight_tuning(scene: Scene) -> Rival:
 
 
 def aggressive_controller(scene: Scene) -> Rival:
-    """PV rings after every upset, with OP against PV, and the ringing dies out: a controller too strong.
+    """PV rings after every upset, with OP against PV, and the ringing dies out: the controller is too strong.
 
     Decay ratio of the autocorrelation of PV after Miao and Seborg 1999, IEEE Conference on Control Applications,
-    359-364. Misleads where the load itself swings in a narrow band.
+    359-364. Misleads if the load itself swings in a narrow band.
     """
     if scene.oscillation.cycles < _FEWEST_CYCLES:
         return not_evaluated("aggressive_controller", f"{scene.oscillation.cycles:.1f} cycles cannot show a decay")
@@ -102,11 +102,11 @@ def aggressive_controller(scene: Scene) -> Rival:
 
 
 def sluggish_controller(scene: Scene) -> Rival:
-    """After an upset PV comes back along with OP, slowly and without ringing: a controller too weak.
+    """After an upset PV comes back with OP, slowly and without ringing: the controller is too weak.
 
     Haegglund's idle index (2005, Control Engineering Practice 13, 1383-1390; 1999, same journal 7, 1505-1511): share of
-    the steps in which OP and PV go the same way as the process takes them, less the share of the others. Not evaluated
-    where the loop rings: the index is meant for single upsets. Misleads where the set point moves in steps.
+    the steps in which OP and PV move the same way, by the sign of the process, less the share of the others. Not
+    evaluated if the loop rings, because the index is meant for single upsets. Misleads if the set point moves in steps.
     """
     if scene.decay_ratio > _RINGS:
         return not_evaluated("sluggish_controller", f"PV oscillates (decay ratio {scene.decay_ratio:.2f})")

@@ -1,1 +1,1 @@
-"""The audited verdict: shapes fused to a calibrated probability, rivals heard, reliability with its reasons."""
+"""The audited verdict: shapes combined into a calibrated probability, rivals weighed, reliability with its reasons."""

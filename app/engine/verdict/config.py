@@ -1,4 +1,4 @@
-"""How calibrated evidence becomes a verdict: thresholds, none of them fitted to single loops."""
+"""Thresholds that turn calibrated evidence into a verdict. None of them is fitted to single loops."""
 
 from dataclasses import dataclass, field
 
@@ -10,26 +10,29 @@ from app.engine.verdict.parameters import VERSION
 class VerdictConfig:
     """undecided_within: a probability this near to 0.5 is inconclusive.
 
-    reliable_stiction_from: probability that reliable stiction needs, where linear surrogates of the record do not look
-    as sticky (`look_alikes`), which is asked up to unlike_linear_from; sure_stiction_from: from there on no stem is
-    asked but in long records. reliable_own_cycle_from: enough for it where PV shows that the cycle is the valve's
-    (`own_cycle`); from there on it is a doubt where a long record does not. reliable_no_stiction_to: what a reliable
-    clearing needs, chosen on leave-one-valve-out scores for 97 % right.
-    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict. min_samples: fewest samples, as
-    noise that ripples has many cycles in few: of excerpts of the real recordings with 130 to 300 samples 88 to 89 % of
-    the verdicts that were otherwise reliable are right, of those with 400 and 600 92 and 94 %.
-    max_strangers_chance: for a reliable verdict, two signals that have nothing to do with each other are as alike as
-    PV and OP with less than this probability.
-    min_difference: for a reliable verdict, the least share of the variance of PV that a straight line over OP leaves.
-    max_following, max_followed, max_wave: for reliable stiction, PV and OP may follow the set point up to this strength
-    of the rival, it may explain up to this share of PV, and one sine that keeps its phase up to this share of both.
-    min_jitter, min_jitter_of_unlike: for reliable stiction, least standard deviation of the length of a cycle, as a
-    share of it and of what differs from cycle to cycle, either: what swings more evenly is driven by a clock. Of the 15
-    real recordings of valves that stick with enough cycles none is below 0.049 and 0.084.
-    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, over the
-    log-odds of the shapes: from one on, windows reach the other side.
-    max_filled_share: largest share of filled samples for a reliable verdict; min_automatic_share: least in automatic.
-    parameters_version: of the fitted numbers, so that a stored verdict says which ones it came from.
+    reliable_stiction_from: probability that reliable stiction needs, if linear surrogates of the record do not look as
+    sticky (`look_alikes`). They are computed up to unlike_linear_from. sure_stiction_from: from this probability on,
+    stems are tested only in long records. reliable_own_cycle_from: probability that is enough if PV shows that the
+    valve makes the cycle (`own_cycle`); from it on, a long record that does not show this raises a doubt.
+    reliable_no_stiction_to: highest probability of a reliable clearing, chosen on leave-one-valve-out scores for 97 %
+    right.
+    min_cycles: fewest cycles of the oscillation in the record for a reliable verdict. min_samples: fewest samples,
+    because noise that ripples has many cycles in few samples. Of excerpts of the real recordings with 130 to 300
+    samples, 88 to 89 % of the verdicts that were otherwise reliable are right; of those with 400 and 600, 92 and 94 %.
+    max_strangers_chance: a reliable verdict needs PV and OP so alike that two unrelated signals are as alike with less
+    than this probability.
+    min_difference: smallest share of the variance of PV that a straight line over OP leaves, for a reliable verdict.
+    max_following, max_followed, max_wave: for reliable stiction, the strength of the rival that PV and OP follow the
+    set point, the share of PV that it explains, and the share of both that is one sine with a constant phase are at
+    most this.
+    min_jitter, min_jitter_of_unlike: for reliable stiction, the standard deviation of the cycle length is at least one
+    of these: as a share of that length, or as a share of what differs from cycle to cycle. What swings more evenly is
+    driven by a clock. Of the 15 real recordings of valves that stick with enough cycles, none is below 0.049 and 0.084.
+    max_window_spread: largest standard deviation of the log-odds between windows for a reliable verdict, divided by the
+    log-odds of the shapes; from one on, windows reach the other side.
+    max_filled_share: largest share of filled samples for a reliable verdict. min_automatic_share: smallest share in
+    automatic.
+    parameters_version: version of the fitted numbers, so that a stored verdict says which ones it came from.
     """
 
     undecided_within: float = 0.02

@@ -1,4 +1,4 @@
-"""What keeps a verdict from being relied on: evidence that is not clear, strangers, data, time, other loops."""
+"""What keeps a verdict from being relied on: unclear evidence, unrelated signals, data, time, other loops."""
 
 from dataclasses import dataclass
 
@@ -76,7 +76,7 @@ def corners_reason(corners: OutsideCorners | None) -> tuple[Reason, ...]:
 def doubts(
     weighing: Weighing, verdict: Verdict, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig
 ) -> tuple[Reason, ...]:
-    """Why what else is known of the record and its time does not let the verdict be relied on; empty where it does."""
+    """Reasons from the record and its time not to rely on the verdict; empty if there are none."""
     doubts = []
     if oscillation.cycles < config.min_cycles:
         text = f"the judged data hold {oscillation.cycles:.1f} cycles; a reliable verdict needs {config.min_cycles:g}"
@@ -95,7 +95,7 @@ def doubts(
 
 
 def parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig) -> tuple[Reason, ...]:
-    """Of a long record its stretches are asked, of others the windows."""
+    """The reason if the parts of a record disagree: the stretches of a long record, the windows of others."""
     whole = fitness.speaks_for
     if whole is not None:
         text = f"only {whole.agreeing} of the {whole.judged} judged stretches agree with the verdict"
@@ -108,8 +108,8 @@ def parts_disagree(weighing: Weighing, fitness: Fitness, config: VerdictConfig) 
 
 
 def unclear(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
-    """Why the probability is not clear enough. A rival that stands out makes stiction the less likely cause, but clears
-    no valve whose shapes do not.
+    """Why the probability is not clear enough. A rival that stands out makes stiction the less likely cause, but it
+    does not clear a valve whose shapes do not.
     """
     probability, shapes = weighing.probability, weighing.probability_by_shapes
     if probability <= config.reliable_no_stiction_to:
@@ -128,7 +128,7 @@ def unclear(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
 
 
 def alike_reason(found: LookAlikes | None) -> tuple[Reason, ...]:
-    """Where a linear loop would look as sticky. None: it was not asked."""
+    """The reason if a linear loop would look as sticky. None: this was not tested."""
     if found is None or found.shown:
         return ()
     text = (
@@ -139,8 +139,8 @@ def alike_reason(found: LookAlikes | None) -> tuple[Reason, ...]:
 
 
 def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: VerdictConfig) -> tuple[Reason, ...]:
-    """Where PV and OP are one signal, or may be strangers (a tag of another loop), nothing is shown of a valve; little
-    where they go together only in what is quick.
+    """The reason if PV and OP are one signal, or may be unrelated (a tag of another loop): then nothing is shown of a
+    valve. Little is shown if only their fast movements agree.
     """
     record = fitness.audited
     if 1.0 - correlation(record.pv, record.op) ** 2 < config.min_difference:
@@ -160,7 +160,7 @@ def unrelated_signals(fitness: Fitness, oscillation: Oscillation, config: Verdic
 
 @dataclass(frozen=True)
 class Lost:
-    """That by the end of a record nothing is controlled any more: what the valve did till then clears it no longer."""
+    """The loop is no longer controlled at the end of the record: what the valve did before does not clear it."""
 
     reason: Reason
     cause: Cause

@@ -1,4 +1,4 @@
-"""The audited verdict: shapes fused to a calibrated probability, rivals heard, reliability stated with its reasons."""
+"""The audited verdict: shapes combined into a calibrated probability, rivals weighed, reliability with its reasons."""
 
 from dataclasses import replace
 
@@ -43,8 +43,8 @@ def judge(
 ) -> Judgement:
     """Verdict, probability, reliability, reasons and likely cause of one record that is fit to be audited.
 
-    integrating: whether the process integrates, None where it is not known; only the published methods ask for it.
-    model: of the shapes; the shipped one where None.
+    integrating: whether the process integrates; None if unknown. Only the published methods use it.
+    model: the model of the shapes; None for the shipped one.
     """
     config, model = config or VerdictConfig(), model or fitted_model()
     weighing = weigh(record, oscillation, model)
@@ -59,7 +59,7 @@ def judge(
 def conclude(
     weighing: Weighing, oscillation: Oscillation, fitness: Fitness, config: VerdictConfig, model: ShapeModel
 ) -> Judgement:
-    """The judgement that follows from weighed evidence."""
+    """The judgement that follows from the weighed evidence."""
     probability = weighing.probability
     unrelated, lost = unrelated_signals(fitness, oscillation, config), lost_of(fitness)
     verdict = _verdict(probability, unrelated, lost, config)

@@ -1,4 +1,4 @@
-"""Whether a linear loop under a Gaussian load would look as sticky: the record against its linear surrogates."""
+"""Whether a linear loop under a Gaussian load would look as sticky: the record beside its linear surrogates."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -28,9 +28,9 @@ _MOST_IN_STEP = 0.5
 
 @dataclass(frozen=True)
 class LookAlikes:
-    """chance: the probability that a linear surrogate of the record looks at least as sticky as it does.
+    """chance: the probability that a linear surrogate of the record looks at least as sticky as the record does.
 
-    surrogates: how many were looked at.
+    surrogates: how many were computed.
     """
 
     chance: float
@@ -38,24 +38,29 @@ class LookAlikes:
 
     @property
     def shown(self) -> bool:
-        """Whether the record is stickier than a linear loop with its spectra is."""
+        """Whether the record is shown to be stickier than a linear loop with its spectra."""
         return self.chance <= MOST_CHANCE
 
 
 def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float, model: ShapeModel) -> LookAlikes:
-    """How likely a linear loop with the spectra of the record has these log-odds of its shapes, or higher ones.
+    """The probability that a linear loop with the spectra of the record has these log-odds of its shapes, or higher
+    ones.
 
-    Student's t for one more draw from a normal population of which a few are known. The windows of a linear record
-    tell of it independently, where they share no samples and no line that keeps step from one to the next: each window
-    of a surrogate goes with each of the others', W windows give W times the degrees of freedom, and as many surrogates
-    are drawn as then reach as far as of one window. (Of 220 records that were asked 15 have such windows: the log-odds
-    of windows out of different surrogates had 1.00 to 1.04 times the variance of those out of one, 1.29 times where
-    windows share samples. Of 120 linear records of exactly 50 cycles, whose windows keep step, 29 were taken for more
-    than linear before that was asked, and 5 are.) Where the shapes are those of the whole and of the rest of its set
-    point, each of the two has its surrogates: those of the whole have lost what goes with the set point, by which that
-    rest is found. Log-odds are not quite normal, and asking thrice is not asking once: of 6,600 linear records 2.2 %
-    had a chance of MOST_CHANCE or less, not 2 %. What is not linear without a valve that sticks (corners from
-    elsewhere, a sensor in steps, OP at its limit) is not told from stiction by it: the rivals are asked of that.
+    It is Student's t for one more draw from a normal population of which a few draws are known. The windows of a linear
+    record count independently if they share no samples, and no line that keeps step from one to the next. Then each
+    window of a surrogate is combined with each of the others', W windows give W times the degrees of freedom, and fewer
+    surrogates are drawn, as many as reach as far as those of one window. (Of 220 records that were tested, 15 have such
+    windows: the log-odds of windows from different surrogates had 1.00 to 1.04 times the variance of those from one,
+    and 1.29 times where windows share samples. Of 120 linear records of exactly 50 cycles, whose windows keep step, 29
+    were taken for more than linear before that was tested, and 5 are now.)
+
+    If the shapes are those of the whole record and of the stretch with the set point at rest, each of the two has
+    surrogates of its own: those of the whole have lost what goes with the set point, by which that stretch is found.
+    Log-odds are not quite normal, and testing in three stages is not testing once: of 6,600 linear records, 2.2 % had a
+    chance of MOST_CHANCE or less, not 2 %.
+
+    Misleads: what is not linear although no valve sticks (corners from elsewhere, a sensor that moves in steps, OP at
+    its limit) is not told from stiction. The rivals test for that.
     """
     parts = parts_of(record, oscillation)
     alike = zip(*(_look_alikes_of(part, seed) for seed, part in enumerate(parts)), strict=True)

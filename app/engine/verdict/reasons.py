@@ -47,7 +47,7 @@ def stretches_reason(fitness: Fitness) -> tuple[Reason, ...]:
 
 
 def shape_reasons(weighing: Weighing, verdict: Verdict) -> tuple[Reason, ...]:
-    """The features that speak loudest for the verdict."""
+    """The features that weigh most for the verdict."""
     side = -1.0 if verdict == "no_stiction" else 1.0
     order = np.argsort(-side * weighing.contributions)
     loudest = [k for k in order if side * weighing.contributions[k] > 0.0 and is_spoken(NAMES[k], side > 0)]
@@ -72,7 +72,7 @@ def of_rival(rival: Rival) -> Reason:
 
 
 def methods_reason(methods: tuple[Corroboration, ...]) -> Reason:
-    """How the published methods vote; they corroborate and do not move the verdict."""
+    """How the published methods vote. They corroborate and do not change the verdict."""
     said = [m for m in methods if m.applies]
     if not said:
         return Reason("published_methods", "none of the published methods applies to this record")
@@ -96,7 +96,7 @@ def _named(methods: list[str]) -> str:
 
 
 def reference_reason(reference: Reference, verdict: Verdict) -> tuple[Reason, ...]:
-    """Says where the published rule disagrees; nothing where it does not."""
+    """States where the published rule disagrees; nothing where it agrees."""
     said = "stiction" if reference.last.stiction else "no_stiction"
     if verdict == "inconclusive" or said == verdict:
         return ()

@@ -1,8 +1,8 @@
-"""The fusion of the features: a monotone logistic and a small network, both plain numbers in `parameters`.
+"""The model that combines the features: a monotone logistic and a small network, both plain numbers in `parameters`.
 
-The network learned from simulated loops and from recordings together; the logistic from recordings alone, with the sign
-of every weight fixed by physics beforehand (OP and PV in quadrature can only speak for stiction, and so on). Their mean
-log-odds are calibrated on valves that neither had seen.
+The networks learned from simulated loops and recordings together, the logistic from recordings alone. The sign of every
+weight of the logistic was fixed by physics beforehand (OP and PV in quadrature can only speak for stiction, and so on).
+Their mean log-odds are calibrated on valves that neither had seen.
 """
 
 from dataclasses import dataclass

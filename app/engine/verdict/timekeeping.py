@@ -1,4 +1,4 @@
-"""How evenly a loop's swing keeps time: what a clock drives does, a valve that sticks lets go sooner or later."""
+"""How evenly a loop's swing keeps time. What a clock drives keeps it; a valve that sticks lets go sooner or later."""
 
 import math
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ WALK_LEFT_BY_LINE = 15.0
 
 @dataclass(frozen=True)
 class Timekeeping:
-    """jitter: standard deviation of the length of a cycle, as a share of it. unlike: what differs from cycle to cycle,
-    as a share of the swing's standard deviation. Of PV and OP the greater one each.
+    """jitter: standard deviation of the cycle length, as a share of it. unlike: what differs from cycle to cycle, as a
+    share of the swing's standard deviation. Each is the larger one of PV and OP.
     """
 
     jitter: float
@@ -30,14 +30,14 @@ class Timekeeping:
 
 
 def timekeeping(record: UniformRecord, oscillation: Oscillation, uneven: float = math.inf) -> Timekeeping | None:
-    """How evenly PV and OP swing; None where there are fewer than FEWEST_CYCLES. uneven: a jitter from which on no more
-    is asked: where PV has it, OP is not looked at.
+    """How evenly PV and OP swing; None if there are fewer than FEWEST_CYCLES. uneven: a jitter that is large enough to
+    stop at; if PV has it, OP is not computed.
 
-    A limit cycle finds its time anew in each cycle, so that its phase walks at random, the farther the more the cycles
-    differ; what a timer drives comes back to its time. The phase of the fundamental is taken once a cycle, and what it
-    leaves of a straight line is read as such a walk. What the mean cycle does not explain is what differs.
-    Noise, and a load that moves the mean, add to the jitter: a small one says that something keeps time, a large one
-    says nothing. Misleads where a strong sine from outside holds a limit cycle to its own time, and in a loop without
+    A limit cycle finds its time anew in each cycle, so its phase walks at random, and the farther the more the cycles
+    differ. What a timer drives comes back to its time. The phase of the fundamental is taken once a cycle, and its
+    residual from a straight line is read as such a walk. What differs is what the mean cycle does not explain.
+    Noise, and a load that moves the mean, add to the jitter: a small jitter shows that something keeps time, a large
+    one shows nothing. Misleads if a strong sine from outside holds a limit cycle to its own time, and in a loop without
     any noise. Source: Demir, Mehrotra, Roychowdhury 2000, Phase noise in oscillators, doi 10.1109/81.847872 (the phase
     of a free oscillator under noise is a random walk).
     """

@@ -1,4 +1,4 @@
-"""A PV that does not answer at all while OP travels: a stuck valve, or a dead transmitter."""
+"""A PV that does not answer at all while OP moves: a stuck valve, or a dead transmitter."""
 
 import numpy as np
 
@@ -19,12 +19,12 @@ _TEXT = "OP moves and PV does not answer at all: the valve is stuck or the trans
 
 
 def unanswered(recording: Recording) -> Judgement:
-    """The judgement on a recording whose PV was refused as flat, and nothing else.
+    """The judgement on a recording whose PV was refused as flat, and for no other reason.
 
-    Where the recording itself shows a controller at work against the standing PV (in automatic by its mode, SP away
-    from PV for most of the time, OP on ten values or more), nothing but a stuck valve or a dead transmitter is
-    left, and the verdict is "inconclusive" with the prior between the two. Else "not_auditable": a flat PV may also be
-    a signal that nobody maintains. Reliable it is never.
+    If the recording itself shows a controller at work while PV stands still (in automatic by its mode, SP away from PV
+    for most of the time, OP on ten values or more), only a stuck valve or a dead transmitter is left. The verdict is
+    then "inconclusive", with the prior between the two. Otherwise it is "not_auditable": a flat PV may also be a signal
+    that nobody maintains. It is never reliable.
     """
     reason = Reason("pv_does_not_answer", _TEXT)
     if not _controller_works(recording):
@@ -33,13 +33,13 @@ def unanswered(recording: Recording) -> Judgement:
 
 
 def standing(found: Standstill) -> Judgement:
-    """The judgement on a recording in which PV stands up to the end, whatever it did before."""
+    """The judgement on a recording in which PV stands still up to the end, whatever it did before."""
     text = f"{found.text}: unless the unit is shut down, the transmitter is dead or the valve is stuck; check both"
     return _between_the_two(Reason(PV_STANDS, text), found.for_s, None if found.from_start else found.since_s)
 
 
 def stuck(found: StuckStem) -> Judgement:
-    """The judgement on a record in which PV, though it moves, has stopped to answer OP, whatever was before."""
+    """The judgement on a record in which PV moves but has stopped answering OP, whatever it did before."""
     answered = "answered neither OP nor SP" if found.sp_moved else "not answered OP"
     text = (
         f"PV has {answered} for the last {in_digits(found.for_s / 3600.0, 3)} h, while OP covered "

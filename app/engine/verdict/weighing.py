@@ -1,4 +1,4 @@
-"""What a record's shapes say before thresholds: their log-odds, with the rivals that stand out counted."""
+"""What a record's shapes say before any threshold: their log-odds, less what the rivals that stand out take."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from app.engine.verdict.shape_model import ShapeModel, fitted_model
 
 @dataclass(frozen=True, eq=False)
 class Weighing:
-    """What one record's shapes say, before thresholds.
+    """What one record's shapes say, before any threshold.
 
-    log_odds: calibrated log-odds of stiction with the rivals that stand out counted; window_spread: standard deviation
-    of the log-odds between windows. contributions: (F,) to the log-odds of the logistic, in the order of
+    log_odds: calibrated log-odds of stiction, less what the rivals that stand out take. window_spread: standard
+    deviation of the log-odds between windows. contributions: (F,) to the log-odds of the logistic, in the order of
     `features.NAMES`. neutral: (F,) the value of each feature that speaks neither for nor against stiction. rivals: the
     strongest first.
     """
@@ -47,9 +47,9 @@ def _logistic(log_odds: float) -> float:
 
 
 def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | None = None) -> Weighing | None:
-    """The evidence of a record's shapes, or None where PV or OP does not vary.
+    """The evidence of a record's shapes, or None if PV or OP does not vary.
 
-    model: the fitted numbers; the ones that this version ships where None. Invariant to unit, offset and sign of PV and
+    model: the fitted numbers; None for those that this version ships. Invariant to the unit, offset and sign of PV and
     OP and to the time unit.
     """
     features = observe(record, oscillation)
@@ -59,7 +59,7 @@ def weigh(record: UniformRecord, oscillation: Oscillation, model: ShapeModel | N
 
 
 def weigh_features(features: Features, rivals: tuple[Rival, ...], model: ShapeModel) -> Weighing:
-    """The same from features and rivals already at hand."""
+    """The same from features and rivals that were computed before."""
     return Weighing(
         log_odds=float(model.log_odds(features.values)) - counted_against(rivals),
         window_spread=float(np.std(model.log_odds(features.table))),

@@ -74,17 +74,17 @@ WORDED = frozenset(_FOR) | frozenset(_AGAINST)
 
 
 def is_spoken(name: str, speaks_for: bool) -> bool:
-    """Whether a feature has a sentence on that side."""
+    """Whether a feature has a sentence for that side."""
     return name in (_FOR if speaks_for else _AGAINST)
 
 
 def sentence(name: str, speaks_for: bool, value: float) -> str:
-    """What a feature of this value says; KeyError where it has no sentence on that side."""
+    """What a feature of this value says. Raises KeyError if it has no sentence for that side."""
     return (_FOR if speaks_for else _AGAINST)[name].format(**_as_told(value))
 
 
 def figure(name: str, value: float) -> str | None:
-    """A value as the sentences of its feature tell it; None where none of them tells one."""
+    """A value as the sentences of its feature state it; None if none of them states one."""
     for said in (_FOR, _AGAINST):
         if found := _FIGURE.search(said.get(name, "")):
             unit = " %" if found[0].startswith("{percent") else ""
@@ -98,5 +98,5 @@ def _as_told(value: float) -> dict[str, float]:
 
 
 def sentence_without_value(name: str, speaks_for: bool) -> str:
-    """The same for any value: x stands in its place."""
+    """The same for any value, with x in its place."""
     return _FIGURE.sub("x", (_FOR if speaks_for else _AGAINST)[name])
