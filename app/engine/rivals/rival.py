@@ -19,7 +19,7 @@ class Rival:
     operator: how the statistic then compares with the threshold.
     explained: share of the variance of PV that the fitted explanation gives in free run on cycles that the fit has not
     seen; None if nothing was fitted. Comparable between explanations.
-    explained_without_stiction: only of stiction, the same for a valve that follows OP; None of all others.
+    explained_without_stiction: for stiction only, the same with a valve that follows OP; None for all others.
     """
 
     cause: Cause

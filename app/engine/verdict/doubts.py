@@ -128,7 +128,7 @@ def unclear(weighing: Weighing, config: VerdictConfig) -> tuple[Reason, ...]:
 
 
 def alike_reason(found: LookAlikes | None) -> tuple[Reason, ...]:
-    """The reason if a linear loop would look as sticky. None: this was not tested."""
+    """The reason if a linear loop would look as sticky. found: None if this was not tested."""
     if found is None or found.shown:
         return ()
     text = (

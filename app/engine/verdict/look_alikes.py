@@ -47,12 +47,12 @@ def look_alikes(record: UniformRecord, oscillation: Oscillation, log_odds: float
     ones.
 
     It is Student's t for one more draw from a normal population of which a few draws are known. The windows of a linear
-    record count independently if they share no samples, and no line that keeps step from one to the next. Then each
-    window of a surrogate is combined with each of the others', W windows give W times the degrees of freedom, and fewer
-    surrogates are drawn, as many as reach as far as those of one window. (Of 220 records that were tested, 15 have such
-    windows: the log-odds of windows from different surrogates had 1.00 to 1.04 times the variance of those from one,
-    and 1.29 times where windows share samples. Of 120 linear records of exactly 50 cycles, whose windows keep step, 29
-    were taken for more than linear before that was tested, and 5 are now.)
+    record count independently if they share no samples, and no line of the spectrum keeps step from one to the next.
+    Then each window of a surrogate is combined with each of the others', W windows give W times the degrees of freedom,
+    and fewer surrogates are drawn, as many as reach as far as those of one window. (Of 220 records that were tested, 15
+    have such windows: the log-odds of windows from different surrogates had 1.00 to 1.04 times the variance of those
+    from one, and 1.29 times where windows share samples. Of 120 linear records of exactly 50 cycles, whose windows keep
+    step, 29 were taken for more than linear before that was tested, and 5 are now.)
 
     If the shapes are those of the whole record and of the stretch with the set point at rest, each of the two has
     surrogates of its own: those of the whole have lost what goes with the set point, by which that stretch is found.

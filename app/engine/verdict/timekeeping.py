@@ -31,7 +31,7 @@ class Timekeeping:
 
 def timekeeping(record: UniformRecord, oscillation: Oscillation, uneven: float = math.inf) -> Timekeeping | None:
     """How evenly PV and OP swing; None if there are fewer than FEWEST_CYCLES. uneven: a jitter that is large enough to
-    stop at; if PV has it, OP is not computed.
+    stop at; if PV has it, that of OP is not computed.
 
     A limit cycle finds its time anew in each cycle, so its phase walks at random, and the farther the more the cycles
     differ. What a timer drives comes back to its time. The phase of the fundamental is taken once a cycle, and its
