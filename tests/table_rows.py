@@ -15,6 +15,6 @@ def table_page(
     filters: RowFilter | None = None,
 ) -> Page[dict[str, Any]]:
     """Each row made of its columns, without what is its loop's."""
-    found = in_parts(backend, limit, cursor, sort, filters)
+    found = in_parts(backend, limit, cursor, sort, filters, of_loop=True)
     rows = [row for part in found.parts() for row in part]
     return Page([{name: row[name] for name in row if name not in OF_LOOP} for row in rows], found.next_cursor)

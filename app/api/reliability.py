@@ -1,8 +1,7 @@
 """The per-loop reliability table: the newest verdict of every loop, as JSON or as CSV."""
 
-from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Iterator
 from enum import StrEnum
-from itertools import chain, repeat
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -11,14 +10,13 @@ from pydantic import BaseModel, BeforeValidator, Field
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of, versioned
+from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of
 from app.api.loops import WhichRetired
 from app.api.models import CSV, ReliabilityPage
 from app.errors import RequestError
 from app.http.backend import Services
 from app.http.problems import responses
 from app.services.audit_json.models import ReadingName, ReliabilityName, TableRow, VerdictName
-from app.services.audit_json.rows import compact
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import LONGEST as LONGEST_CURSOR
@@ -128,9 +126,9 @@ class TableQuery(RowFilters):
     )
 
     @property
-    def taken_apart(self) -> bool:
-        """Whether its rows are made of their columns, and not written as they are stored."""
-        return self.format is Format.csv or self.columns is not None or self.audit_id is not None
+    def as_stored(self) -> bool:
+        """Whether its rows are sent as they were written when their verdicts were made."""
+        return self.format is Format.json and self.columns is None and self.audit_id is None
 
     @property
     def page(self) -> dict[str, Any]:
@@ -173,35 +171,24 @@ async def reliability(
     column's name, unless `byte_order_mark` asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
-    if query.taken_apart:
-        return await in_parts(request, backend, query)
-    return await run_in_threadpool(as_stored, request, backend, query)
-
-
-def as_stored(request: Request, backend: Backend, query: TableQuery) -> Response:
-    # The rows are what the table's model made; checking 20,000 of them again would take longer than reading them.
-    answer = service.reliability_json(backend, **query.page)
-    return versioned(request, answer.version, answer.write, "application/json")
-
-
-async def in_parts(request: Request, backend: Backend, query: TableQuery) -> Response:
-    """The first part is made before anything goes out: what is wrong by then is told as it is."""
     found = await run_in_threadpool(looked_up, backend, query)
     written = [query.format, query.byte_order_mark, query.raw, query.wanted_columns()]
     tag = tag_of({"rows": found.version, "as": written})
     headers = {"ETag": tag}
     if known(request.headers.get("If-None-Match", ""), tag):
         return Response(status_code=304, headers=headers)
-    media_type, parts = "application/json", as_json(found, query)
+    if query.as_stored:
+        return InParts(await run_in_threadpool(found.as_json), media_type="application/json", headers=headers)
+    media_type, parts = "application/json", found.json_parts(query.wanted_columns())
     if query.format is Format.csv:
         media_type, parts = "text/csv; charset=utf-8", as_csv(found, query)
         headers["Content-Disposition"] = 'attachment; filename="reliability.csv"'
         headers["X-Next-Cursor"] = found.next_cursor or ""
-    body = in_turn(parts, request.app.state.table_places)
-    first = await anext(body)
-    if found.count <= service.PART_ROWS:
-        return InParts(b"".join([first, *[part async for part in body]]), media_type=media_type, headers=headers)
-    return StreamingResponse(with_first(first, body), media_type=media_type, headers=headers)
+    others = in_turn(parts, request.app.state.table_places)
+    first = await anext(others)  # made before anything goes out: what is wrong by then is told as it is
+    if len(found.asked) <= service.PART_ROWS:
+        return InParts(b"".join([first, *[part async for part in others]]), media_type=media_type, headers=headers)
+    return StreamingResponse(with_first(first, others), media_type=media_type, headers=headers)
 
 
 async def with_first(first: bytes, others: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
@@ -220,26 +207,9 @@ def looked_up(backend: Backend, query: TableQuery) -> service.TableParts:
 def as_csv(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
     columns, mark = query.wanted_columns() or COLUMNS, BYTE_ORDER_MARK if query.byte_order_mark else ""
 
-    def text(rows: Iterable[Mapping[str, Any]]) -> bytes:
-        return csv_text(rows, columns, raw=query.raw).encode()
+    def text(rows: Iterable[service.Row]) -> bytes:
+        return csv_text(map(service.fields_of, rows), columns, raw=query.raw).encode()
 
-    head = (mark + "".join(csv_lines((), columns))).encode()
-    return joined_to_first(head, map(text, found.parts()))
-
-
-def as_json(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
-    columns = query.wanted_columns() or COLUMNS
-    commas = chain([""], repeat(","))
-
-    def text(rows: Iterable[Mapping[str, Any]]) -> bytes:
-        told = ",".join(compact({name: row[name] for name in columns}) for row in rows)
-        return (next(commas) + told).encode() if told else b""
-
-    ending = f'],"next_cursor":{compact(found.next_cursor)}}}'.encode()
-    return joined_to_first(b'{"rows":[', chain(map(text, found.parts()), [ending]))
-
-
-def joined_to_first(head: bytes, parts: Iterator[bytes]) -> Iterator[bytes]:
-    """The head is no part of its own: an answer begins with what may fail."""
-    yield head + next(parts, b"")
+    head, parts = (mark + "".join(csv_lines((), columns))).encode(), map(text, found.parts())
+    yield head + next(parts, b"")  # no part of its own: an answer begins with what may fail
     yield from parts

@@ -1,25 +1,14 @@
 """The rows of the reliability table as they are sent, kept in memory by the verdict that they belong to."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from sqlalchemy import Connection
 
-from app.storage.verdicts import Settled, texts
+from app.storage.verdicts import SentRow, Settled, texts
 
 MOST_KEPT = 20_000  # the largest answer once: 56 MB
 
 Stamp = tuple[int, Settled, str]
-
-
-class Asked(Protocol):
-    """A row whose text is asked for."""
-
-    @property
-    def loop_id(self) -> int: ...
-
-    @property
-    def audit_id(self) -> int: ...
 
 
 class RowTexts:
@@ -34,15 +23,16 @@ class RowTexts:
         self._kept: dict[int, tuple[Stamp, bytes]] = {}
 
     def of(
-        self, connection: Connection, rows: Sequence[Asked], settled: Mapping[int, Settled], form: str
+        self, connection: Connection, rows: Sequence[SentRow], settled: Mapping[int, Settled], form: str
     ) -> dict[int, bytes]:
-        """The stored JSON of the rows' loops by `loop_id`; a loop without one of this form is left out.
+        """The stored JSON of these rows by `loop_id`. One is left out where it is of another form, or where a newer
+        verdict has followed it.
 
         settled: when the rows' runs were begun and ended.
         """
         stamps: dict[int, Stamp] = {number: (number, times, form) for number, times in settled.items()}
         found: dict[int, bytes] = {}
-        missing: list[Asked] = []
+        missing: list[SentRow] = []
         for row in rows:
             kept = self._kept.get(row.loop_id)
             if kept is not None and kept[0] == stamps.get(row.audit_id):
@@ -51,9 +41,9 @@ class RowTexts:
                 missing.append(row)
         if missing:
             read = texts(connection, [row.loop_id for row in missing], form)
-            known = [row for row in missing if row.loop_id in read and row.audit_id in stamps]
-            self._keep({row.loop_id: (stamps[row.audit_id], read[row.loop_id]) for row in known})
-            found |= read
+            known = [row for row in missing if row.key in read]
+            self._keep({row.loop_id: (stamps[row.audit_id], read[row.key]) for row in known if row.audit_id in stamps})
+            found |= {row.loop_id: read[row.key] for row in known}
         return found
 
     def __len__(self) -> int:

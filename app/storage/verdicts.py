@@ -26,7 +26,7 @@ from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, unanswer
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 _OF_LOOPS = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
-ROWS_OF = "SELECT loop_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
+ROWS_OF = "SELECT loop_id, audit_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
 
 
 class SaidRow(NamedTuple):
@@ -84,32 +84,22 @@ class Settled(NamedTuple):
 
 
 class SentRow(NamedTuple):
-    """A row of the table as it is known before its text is read; `value` sorts it."""
+    """A row of the table as it is known before it is read; `value` sorts it. of_loop: type, description, owner,
+    importance and newest sample (ns) of its loop as it is now, where they are asked for."""
 
     loop_id: int
     audit_id: int
     tag: str
     unit: str | None
     value: Any
-
-
-class ToldRow(NamedTuple):
-    """The same with what is told of its loop as it is now."""
-
-    loop_id: int
-    audit_id: int
-    tag: str
-    unit: str | None
-    value: Any
-    type: str | None
-    description: str | None
-    owner: str | None
-    importance: float
-    newest_ns: int | None
+    of_loop: tuple[Any, ...] = ()
 
     @property
     def key(self) -> tuple[int, int]:
         return self.loop_id, self.audit_id
+
+
+OF_LOOP = [loops.c[name] for name in ("type", "description", "owner", "importance", "newest_ns")]
 
 
 def said(connection: Connection) -> list[SaidRow]:
@@ -162,24 +152,21 @@ def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilte
     """The row of `table` behind so many others; None where there are not as many."""
     query = _without_texts(sort, descending, wanted, None).offset(place).limit(1)
     row = connection.execute(query).one_or_none()
-    return None if row is None else After(SentRow._make(row).value, row.tag)
+    return None if row is None else After(SentRow(*row[:5]).value, row.tag)
 
 
 def sent_rows(
-    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
+    connection: Connection,
+    limit: int,
+    sort: str,
+    descending: bool,
+    wanted: RowFilter,
+    after: After | None,
+    of_loop: bool = False,
 ) -> list[SentRow]:
-    """The rows of `table` over the newest verdicts, without their texts."""
-    query = _without_texts(sort, descending, wanted, after)
-    return [SentRow._make(row) for row in connection.execute(query.limit(limit))]
-
-
-def told_rows(
-    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
-) -> list[ToldRow]:
     """The rows of `table`, without what their verdicts say."""
-    query = _without_texts(sort, descending, wanted, after)
-    query = query.add_columns(*(loops.c[name] for name in ToldRow._fields[5:]))
-    return [ToldRow._make(row) for row in connection.execute(query.limit(limit))]
+    query = _without_texts(sort, descending, wanted, after).add_columns(*(OF_LOOP if of_loop else ()))
+    return [SentRow(*row[:5], tuple(row[5:])) for row in connection.execute(query.limit(limit))]
 
 
 def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After | None) -> Select[Any]:
@@ -207,17 +194,17 @@ def of_keys(connection: Connection, keys: Sequence[tuple[int, int]]) -> dict[tup
     return found
 
 
-def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[int, bytes]:
-    """The stored JSON of the loops' newest rows, where it is of this form. Bytes as they are stored: 40 MB of text are
-    not taken apart and put together again."""
+def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[tuple[int, int], bytes]:
+    """The stored JSON of the loops' newest rows, by loop and run, where it is of this form. Bytes as they are stored:
+    40 MB of text are not taken apart and put together again."""
     if connection.dialect.name == "postgresql":
         with in_driver(connection) as driver, driver.cursor() as cursor:
             cursor.adapters.register_loader("text", _as_bytes())
             cursor.execute(ROWS_OF, (form, list(loop_ids)))
-            return dict(cursor.fetchall())
-    query = select(newest_rows.c.loop_id, newest_rows.c.row_json).where(newest_rows.c.form == form)
-    found = connection.execute(query.where(among_many(connection, newest_rows.c.loop_id, loop_ids)))
-    return {loop_id: text.encode() for loop_id, text in found}
+            return {(loop_id, audit_id): text for loop_id, audit_id, text in cursor}
+    told = (newest_rows.c.loop_id, newest_rows.c.audit_id, newest_rows.c.row_json)
+    query = select(*told).where(newest_rows.c.form == form, among_many(connection, newest_rows.c.loop_id, loop_ids))
+    return {(loop_id, audit_id): text.encode() for loop_id, audit_id, text in connection.execute(query)}
 
 
 def settled(connection: Connection, audit_ids: Collection[int]) -> dict[int, Settled]:

@@ -361,8 +361,7 @@ def test_a_head_that_does_not_end_closes_the_connection(settings, monkeypatch):
 
 def test_a_client_that_does_not_read_its_answer_is_given_up(client, monkeypatch):
     size = 60_000_000  # more than sockets hold
-    answer = reliability.TableAnswer("1", lambda: bytes(size))
-    monkeypatch.setattr(reliability, "reliability_json", lambda *_, **__: answer)
+    monkeypatch.setattr(reliability.TableParts, "as_json", lambda _: bytes(size))
     assert len(client.get("/v1/reliability").content) == size
     monkeypatch.setattr(crowding, "SLOWEST_READER_S", 0.3)
     with socket.create_connection((client.base_url.host, client.base_url.port), timeout=20) as connection:

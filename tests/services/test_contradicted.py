@@ -65,9 +65,9 @@ def test_the_version_of_the_table_changes_with_how_old_an_explanation_may_be(
 ) -> None:
     """Whether one still disputes a verdict depends on LOOPAUDIT_HOLD_DAYS: with another one the answer differs."""
     of_a_second = with_settings(backend, hold_days=1 / 86_400)
-    assert reliability.reliability_json(backend).version == reliability.reliability_json(of_a_second).version
+    assert reliability.in_parts(backend).version == reliability.in_parts(of_a_second).version
     explain(backend, ids["A"], ("valve.stiction", 0.7), until=datetime(2001, 1, 1, tzinfo=UTC))
-    known, other = reliability.reliability_json(backend), reliability.reliability_json(of_a_second)
+    known, other = reliability.in_parts(backend), reliability.in_parts(of_a_second)
     assert known.version != other.version
 
 

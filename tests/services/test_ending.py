@@ -20,7 +20,7 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.hearing import SHAKEN_BY_NEIGHBOUR
 from app.services.backend import Backend
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
-from app.services.plant.reliability import RowFilter, reliability_json
+from app.services.plant.reliability import RowFilter, in_parts
 from app.services.upkeep.sweep import sweep
 from app.storage import audits, items, loops, series
 from app.storage.audits import LoopFilter
@@ -128,7 +128,7 @@ def test_every_view_of_the_verdict_says_the_same(plant: Plant) -> None:
     assert [reason["code"] for reason in detail["reasons"]] == row["reasons"].split(";")
     [valve] = [part for part in detail["health"] if part["code"] == "stiction"]
     assert valve["lost"] == pytest.approx(24.0 * row["stiction_probability"], abs=0.05)
-    assert f'"loop":"{tag}"'.encode() in reliability_json(plant.backend).write()
+    assert f'"loop":"{tag}"'.encode() in in_parts(plant.backend).as_json()
     filtered = table_page(plant.backend, filters=RowFilter(reliability="reliable", verdict=("stiction",)))
     assert [found["loop"] for found in filtered.rows] == [SOURCE, ALONE]
 
@@ -136,14 +136,14 @@ def test_every_view_of_the_verdict_says_the_same(plant: Plant) -> None:
 def test_the_table_that_was_read_before_the_end_is_read_again(backend: Backend, warm_kernels: None) -> None:
     stored(backend, SOURCE, *SHAKEN_LOOPS[:1])
     run, _ = held_up(backend)
-    before = reliability_json(backend)
-    assert b"reliable" in before.write()
+    before = in_parts(backend)
+    assert b"reliable" in before.as_json()
     with backend.database.write() as connection:
         connection.execute(update(audit_items).where(audit_items.c.state == "claimed").values(lease_until_s=0.0))
     audit_chunk(backend, run, "test")
-    after = reliability_json(backend)
+    after = in_parts(backend)
     assert after.version != before.version
-    assert SHAKEN_BY_NEIGHBOUR.encode() in after.write()
+    assert SHAKEN_BY_NEIGHBOUR.encode() in after.as_json()
 
 
 def test_a_loop_audited_alone_is_heard_beside_what_is_known_of_its_neighbours(plant: Plant) -> None:

@@ -199,7 +199,7 @@ def test_what_cannot_be_asked_is_refused(plant: Backend) -> None:
 def test_a_cursor_that_the_table_never_gave_is_refused(plant: Backend, sort: str, value: object) -> None:
     # As a stranger would write it: half a pair of UTF-16, which no name can hold, is an escape there.
     forged = base64.urlsafe_b64encode(json.dumps([sort, value, "FIC0"]).encode()).decode().rstrip("=")
-    for ask in (table_page, reliability.reliability_json, reliability.table):
+    for ask in (table_page, reliability.in_parts, reliability.table):
         with pytest.raises(RequestError) as refused:
             ask(plant, 2, forged, "loop" if sort == "nothing" else sort)
         assert refused.value.code == "bad_cursor"
@@ -217,7 +217,7 @@ def test_a_cursor_that_no_list_gave_is_refused(plant: Backend, number: object) -
 def test_the_table_as_json_is_the_table(untouched: Backend, sort: str, filters: RowFilter) -> None:
     for limit in (3, 100):
         page = table_page(untouched, limit, None, sort, filters)
-        sent = json.loads(reliability.reliability_json(untouched, limit, None, sort, filters).write())
+        sent = json.loads(reliability.in_parts(untouched, limit, None, sort, filters).as_json())
         assert sent == {"rows": page.rows, "next_cursor": page.next_cursor}
 
 
@@ -225,7 +225,7 @@ def test_rows_are_sent_as_the_loop_is_now_and_in_the_present_form(untouched: Bac
     properties.patch_loop(untouched, "FIC1", {"unit": 'the "new" unit'})
     with untouched.database.write() as connection:
         connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 3).values(form="older"))
-    sent = json.loads(reliability.reliability_json(untouched).write())["rows"]
+    sent = json.loads(reliability.in_parts(untouched).as_json())["rows"]
     assert sent == table_page(untouched).rows
     assert [row["unit"] for row in sent if row["loop"] == "FIC1"] == ['the "new" unit']
 
@@ -235,18 +235,18 @@ def test_of_a_table_that_was_sent_before_only_new_rows_are_read(
 ) -> None:
     read: list[list[int]] = []
 
-    def told(connection: Connection, loop_ids: list[int], form: str) -> dict[int, bytes]:
+    def told(connection: Connection, loop_ids: list[int], form: str) -> dict[tuple[int, int], bytes]:
         read.append(loop_ids)
         return stored_verdicts.texts(connection, loop_ids, form)
 
     monkeypatch.setattr(row_texts, "texts", told)
-    before = reliability.reliability_json(untouched).write()
-    assert reliability.reliability_json(untouched).write() == before
+    before = reliability.in_parts(untouched).as_json()
+    assert reliability.in_parts(untouched).as_json() == before
     assert [len(ids) for ids in read] == [5]
     run = audits.start_audit(untouched, audits.LoopFilter(tags=("FIC1",)))
     while chunks.audit_chunk(untouched, int(run.id), "test"):
         pass
-    after = json.loads(reliability.reliability_json(untouched).write())["rows"]
+    after = json.loads(reliability.in_parts(untouched).as_json())["rows"]
     assert [len(ids) for ids in read] == [5, 1]
     assert after == table_page(untouched).rows != json.loads(before)["rows"]
 
@@ -255,34 +255,34 @@ def test_kept_rows_are_bounded_and_not_given_up_for_new_ones_of_the_same_loops(
     untouched: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(row_texts, "MOST_KEPT", 5)
-    reliability.reliability_json(untouched).write()
+    reliability.in_parts(untouched).as_json()
     run = audits.start_audit(untouched, audits.LoopFilter(tags=("FIC1",)))
     while chunks.audit_chunk(untouched, int(run.id), "test"):
         pass
-    reliability.reliability_json(untouched).write()
+    reliability.in_parts(untouched).as_json()
     assert len(untouched.row_texts) == 5
     monkeypatch.setattr(row_texts, "MOST_KEPT", 3)
     with untouched.database.write() as connection:
         connection.execute(update(stored_audits).values(created_at=datetime(2020, 1, 1, tzinfo=UTC)))
     for limit in (2, 5, 2):
-        sent = json.loads(reliability.reliability_json(untouched, limit).write())
+        sent = json.loads(reliability.in_parts(untouched, limit).as_json())
         assert sent["rows"] == table_page(untouched, limit).rows
     assert len(untouched.row_texts) <= 3
 
 
 def test_after_a_restore_the_same_number_of_a_run_is_another_run(untouched: Backend) -> None:
     """The data base was put back and the loops audited again: the run has the number of one that is lost."""
-    before = reliability.reliability_json(untouched)
-    lost = before.write()
+    before = reliability.in_parts(untouched)
+    lost = before.as_json()
     with untouched.database.write() as connection:
         connection.execute(update(stored_audits).values(created_at=datetime(2020, 1, 1, tzinfo=UTC)))
         text = connection.scalar(select(newest_rows.c.row_json).where(newest_rows.c.loop_id == 1))
         other = text.replace('"reliability":', '"reliability":"other","was":')
         connection.execute(update(newest_rows).where(newest_rows.c.loop_id == 1).values(row_json=other))
-    after = reliability.reliability_json(untouched)
+    after = reliability.in_parts(untouched)
     assert after.version != before.version
-    assert after.write() != lost
-    assert b'"reliability":"other"' in after.write()
+    assert after.as_json() != lost
+    assert b'"reliability":"other"' in after.as_json()
 
 
 def test_health_is_sent_as_the_model_says(untouched: Backend) -> None:

@@ -241,7 +241,7 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
     night()
     sticks = {"verdict": "stiction", "reliability": "reliable", "likely_cause": "stiction"}
     notes.add_note(backend, "FIC1", "", work_order="WO-63")
-    before = reliability.reliability_json(backend).version
+    before = reliability.in_parts(backend).version
     notes.add_note(backend, "FIC1", "packing renewed", repaired_at=START + timedelta(minutes=30))
     night()
     with backend.database.write() as connection:
@@ -252,8 +252,8 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
     first = work_list(backend, shelf(backend))[0]
     assert (first.loop, first.step.text) == ("FIC1", again)
     assert [one.loop for one in work_list(backend, shelf(backend))] == ["FIC1"]
-    sent = reliability.reliability_json(backend)
-    assert again.encode() in sent.write()
+    sent = reliability.in_parts(backend)
+    assert again.encode() in sent.as_json()
     assert sent.version != before
     report = plant_report(backend)
     assert again in report
@@ -328,7 +328,7 @@ def test_a_pv_that_answers_as_little_since_its_repair_was_not_helped(
 
 
 def _sent(backend: Backend) -> dict:
-    return json.loads(reliability.reliability_json(backend).write())["rows"][0]
+    return json.loads(reliability.in_parts(backend).as_json())["rows"][0]
 
 
 def test_a_repair_longer_ago_is_no_news(backend: Backend, arrives, night: Night) -> None:

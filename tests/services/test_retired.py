@@ -21,7 +21,7 @@ from app.services.plant import overview as plant
 from app.services.plant.arrivals import NOTHING_NEW, arrivals
 from app.services.plant.groups import groups_of, plant_groups
 from app.services.plant.loop_verdicts import loop_health, verdict_history
-from app.services.plant.reliability import RowFilter, reliability_json
+from app.services.plant.reliability import RowFilter, in_parts
 from app.services.plant.repaired import repairs
 from app.services.plant.trend import trend
 from app.services.reports.documents import loop_report, plant_report
@@ -110,7 +110,7 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "the doctor's warning": lambda b: int(doctor.records(b).state == "warning"),
     "reliability table": lambda b: named(row["loop"] for row in table_page(b).rows),
     "reliability table by a column of verdicts": lambda b: len(table_page(b, sort="yper_pct").rows),
-    "reliability table as JSON": lambda b: len(json.loads(reliability_json(b).write())["rows"]),
+    "reliability table as JSON": lambda b: len(json.loads(in_parts(b).as_json())["rows"]),
     "verdicts of the digest": lambda b: sum(digest(b).verdicts.values()),
     "worst of the digest": lambda b: named(one.loop for one in digest(b).old),
     "changes of the digest": lambda b: named(change.loop for change in digest(b).changes),

@@ -21,7 +21,7 @@ from app.services.loops import find
 from app.services.plant.changes import changes
 from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
-from app.services.plant.reliability import reliability_json
+from app.services.plant.reliability import in_parts
 from app.services.plant.stood_together import as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.plant.worst import listed_first, look_today, worst_tags
@@ -133,7 +133,7 @@ def test_each_row_says_with_which_others_and_what_to_look_at_first(plant: Backen
 
 def test_every_view_of_a_row_says_the_same(plant: Backend) -> None:
     row = rows_of(plant)["D1"]
-    sent = {one["loop"]: one for one in json.loads(reliability_json(plant).write())["rows"]}["D1"]
+    sent = {one["loop"]: one for one in json.loads(in_parts(plant).as_json())["rows"]}["D1"]
     assert sent == row
     assert {name: value for name, value in loop_health(plant, "D1").items() if name in row} == row
     reason = verdict_detail(plant, "D1")["reasons"][0]
@@ -349,7 +349,7 @@ def test_rows_of_before_the_upgrade_are_read_without_it(plant: Backend) -> None:
             told = {"reasons": "pv_stands;prior_only", "extra_json": json.dumps(of_old)}
             connection.execute(update(verdicts).where(mine).values(**told))
         connection.execute(update(newest_rows).values(form="of an older version", row_json="{}"))
-    (row,) = (one for one in json.loads(reliability_json(plant).write())["rows"] if one["loop"] == "D0")
+    (row,) = (one for one in json.loads(in_parts(plant).as_json())["rows"] if one["loop"] == "D0")
     assert (row["unanswered_since"], row["stood_with"], row["next_step"]) == (None, None, Ask.LOOK_TODAY)
     assert sorted(today(plant)) == [("D0",), ("D1",), ("D2",), ("D3",), ("X1",)]
 

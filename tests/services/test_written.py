@@ -39,7 +39,7 @@ def plant(backend: Backend, add_loops: AddLoops) -> Backend:
 
 
 def sent(backend: Backend, **asked: Any) -> list[dict[str, Any]]:
-    return json.loads(reliability.reliability_json(backend, **asked).write())["rows"]
+    return json.loads(reliability.in_parts(backend, **asked).as_json())["rows"]
 
 
 def write(backend: Backend) -> None:
@@ -52,7 +52,7 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
     write(plant)
     names = list(WrittenFields.model_fields)
     on_page = {row["loop"]: {name: row[name] for name in names} for row in reliability.table(plant, 10).rows}
-    whole = {"rows": sent(plant), "csv": _in_parts(plant, of_loop=False), "run": _of_run(plant)}
+    whole = {"rows": sent(plant), "csv": _in_parts(plant), "run": _of_run(plant)}
     for rows in whole.values():
         assert {row["loop"]: {name: row[name] for name in names} for row in rows} == on_page
         assert all(set(row) == set(TableRow.model_fields) for row in rows)
@@ -66,24 +66,24 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
 
 
 def _of_run(backend: Backend) -> list[dict[str, Any]]:
-    (rows,) = reliability.in_parts(backend, filters=RowFilter(audit_id=1)).parts()
+    (rows,) = reliability.in_parts(backend, filters=RowFilter(audit_id=1), of_loop=True).parts()
     return [{name: row[name] for name in TableRow.model_fields} for row in rows]
 
 
 def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -> None:
-    seen = {reliability.reliability_json(plant).version}
+    seen = {reliability.in_parts(plant).version}
     notes.add_note(plant, "FIC1", "", work_order="WO-17")
-    seen.add(reliability.reliability_json(plant).version)
+    seen.add(reliability.in_parts(plant).version)
     repair = notes.add_note(plant, "FIC2", "seat ground", repaired_at=datetime.now(UTC))
-    seen.add(reliability.reliability_json(plant).version)
+    seen.add(reliability.in_parts(plant).version)
     shelved = notes.add_note(plant, "FIC3", "in the shutdown", shelved_until=TOMORROW)
-    seen.add(reliability.reliability_json(plant).version)
+    seen.add(reliability.in_parts(plant).version)
     assert len(seen) == 4
     notes.end_shelving(plant, "FIC3", shelved.id)
     notes.withdraw_repair(plant, "FIC2", repair.id)
-    assert reliability.reliability_json(plant).version in seen, "what is withdrawn is as if it had not been written"
+    assert reliability.in_parts(plant).version in seen, "what is withdrawn is as if it had not been written"
     notes.add_note(plant, "FIC0", "seen in the field, nothing to do")
-    assert reliability.reliability_json(plant).version in seen
+    assert reliability.in_parts(plant).version in seen
 
 
 def recorded(backend: Backend, **days_ago: float) -> None:
@@ -128,10 +128,10 @@ def test_what_a_run_said_of_old_records_stays_whatever_comes_later(backend: Back
     """Its rows changed as soon as a loop had newer samples, before anything was said of these."""
     recorded(backend, FIC0=3, FIC1=0.1)
     first = judge(backend)
-    version = reliability.reliability_json(backend).version
+    version = reliability.in_parts(backend).version
     recorded(backend, FIC0=0.05)
     assert old_of(sent(backend)) == {"FIC0"}, "no verdict is of the new samples"
-    assert reliability.reliability_json(backend).version == version
+    assert reliability.in_parts(backend).version == version
     second = judge(backend)
     assert old_of(sent(backend)) == set()
     of_runs = [table_page(backend, filters=RowFilter(audit_id=run)).rows for run in (first, second)]
@@ -162,20 +162,20 @@ def test_a_run_that_a_newer_one_has_followed_tells_what_was_known_by_its_end(pla
     asked = RowFilter(audit_id=1)
     assert _of_run(plant) != of_then, "nothing newer has been said of the loops: what is written now is of it"
     judge(plant)
-    version = reliability.in_parts(plant, filters=asked).version
+    version = reliability.in_parts(plant, filters=asked, of_loop=True).version
     assert _of_run(plant) == of_then
     rows = reliability.table(plant, 10, filters=asked).rows
     assert {row["loop"]: row["recorded_to"] for row in rows} == before
     assert [row["shelved"] for row in rows] == [None] * len(TAGS)
     assert {row["next_step"] for row in rows} == {row["next_step"] for row in of_then}
-    page = _in_parts(plant, filters=asked)
+    page = _in_parts(plant, filters=asked, of_loop=True)
     assert [(row["loop"], row["recorded_to"], row["repaired_at"]) for row in page] == [
         (tag, before[tag], None) for tag in TAGS
     ]
     newest = {row["loop"]: row for row in reliability.table(plant, 10, filters=RowFilter(audit_id=2)).rows}
     assert (newest["FIC1"]["work_order"], newest["FIC2"]["of_before_repair"]) == ("WO-17", True)
     assert newest["FIC3"]["shelved"].startswith("shelved until")
-    assert reliability.in_parts(plant, filters=asked).version == version
+    assert reliability.in_parts(plant, filters=asked, of_loop=True).version == version
 
 
 def test_a_run_is_sorted_by_the_newest_samples_that_it_shows(plant: Backend) -> None:
@@ -189,7 +189,7 @@ def test_a_run_is_sorted_by_the_newest_samples_that_it_shows(plant: Backend) -> 
     page = reliability.table(plant, 2, sort="recorded_to", filters=RowFilter(audit_id=1))
     rest = reliability.table(plant, 2, page.next_cursor, sort="recorded_to", filters=RowFilter(audit_id=1))
     assert [row["loop"] for row in (*page.rows, *rest.rows)] == list(TAGS[::-1])
-    told = reliability.in_parts(plant, sort="-recorded_to", filters=RowFilter(audit_id=1))
+    told = reliability.in_parts(plant, sort="-recorded_to", filters=RowFilter(audit_id=1), of_loop=True)
     assert [row["loop"] for part in told.parts() for row in part] == list(TAGS)
 
 
@@ -212,12 +212,12 @@ def _questions(backend: Backend, limit: int, asked: list[str]) -> tuple[int, int
     asked.clear()
     table_page(backend, limit, sort="-loop")
     of_page = len(asked)
-    reliability.reliability_json(backend, limit, sort="-loop").write()
+    reliability.in_parts(backend, limit, sort="-loop").as_json()
     return of_page, len(asked) - of_page
 
 
 def _in_parts(backend: Backend, **asked: Any) -> list[dict[str, Any]]:
-    return [row for part in reliability.in_parts(backend, **asked).parts() for row in part]
+    return [reliability.fields_of(row) for part in reliability.in_parts(backend, **asked).parts() for row in part]
 
 
 def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
@@ -232,7 +232,7 @@ def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
 
     monkeypatch.setattr(reliability.verdicts, "of_keys", counted)
     for _ in range(2):  # as the verdicts left them, and with what is written of three of the loops
-        read = _in_parts(plant, of_loop=False)
+        read = _in_parts(plant)
         assert from_columns == []
         made = table_page(plant).rows
         assert read == made
@@ -245,20 +245,20 @@ def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
 
 def test_a_page_of_a_csv_keeps_its_verdicts_while_newer_ones_come(plant: Backend) -> None:
     write(plant)
-    page = reliability.in_parts(plant, of_loop=False)
-    before = _in_parts(plant, of_loop=False)
+    page = reliability.in_parts(plant)
+    before = _in_parts(plant)
     judge(plant)
-    assert {row["audit_id"] for row in _in_parts(plant, of_loop=False)} == {"2"}
+    assert {row["audit_id"] for row in _in_parts(plant)} == {"2"}
     (kept,) = page.parts()
-    assert [(row["loop"], row["audit_id"], row["verdict"]) for row in kept] == [
+    assert [(row["loop"], row["audit_id"], row["verdict"]) for row in map(reliability.fields_of, kept)] == [
         (row["loop"], "1", row["verdict"]) for row in before
     ]
 
 
 def test_rows_of_another_form_are_made_of_their_columns(plant: Backend) -> None:
     write(plant)
-    read = _in_parts(plant, of_loop=False)
+    read = _in_parts(plant)
     with plant.database.write() as connection:
         connection.execute(update(tables.newest_rows).values(form="older"))
     plant.row_texts._kept.clear()
-    assert _in_parts(plant, of_loop=False) == read
+    assert _in_parts(plant) == read

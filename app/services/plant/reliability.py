@@ -1,10 +1,14 @@
-"""The per-loop reliability table: a page of rows, as they are or as JSON."""
+"""The per-loop reliability table: a page of rows, for people or as others read it."""
 
 import hashlib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from functools import cached_property, lru_cache, partial
+from itertools import chain
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection
 
 from app.errors import RequestError
 from app.json_texts import read_json
@@ -18,7 +22,7 @@ from app.services.results import Page
 from app.services.stating.shelving import Shelf, shelf
 from app.storage import verdicts
 from app.storage.asked_rows import SORTABLE, After, RowFilter, comparable
-from app.storage.verdicts import SentRow, Settled, ToldRow
+from app.storage.verdicts import SentRow, Settled
 
 MOST_ROWS = 20_000
 PART_ROWS = 500
@@ -26,7 +30,7 @@ OF_LOOP = ("type", "description", "owner", "importance", "priority", "recorded_t
 THE_SAME = {"audited_at_ms": "audited_at", "window_start_ms": "window_start", "window_end_ms": "window_end"}
 ANYTHING: tuple[type, ...] = (object,)
 
-__all__ = ["RowFilter", "in_parts", "reliability_json", "sortable", "table"]
+__all__ = ["RowFilter", "in_parts", "sortable", "table"]
 
 
 def sortable() -> tuple[str, ...]:
@@ -117,16 +121,114 @@ def with_loop(stored: dict[str, Any], filters: RowFilter | None = None) -> dict[
     return as_row(stored) | {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": sampled(stored[newest])}
 
 
+class StoredRow(NamedTuple):
+    """A row as it was written when its verdict was made (the inside of a JSON object), and what unit its loop is of
+    now."""
+
+    text: bytes
+    unit: str | None
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        return {**read_json(b"{" + self.text + b"}"), "unit": self.unit}
+
+
+Row = StoredRow | dict[str, Any]
+
+
+def fields_of(row: Row) -> dict[str, Any]:
+    return row.fields if isinstance(row, StoredRow) else row
+
+
+def _json_of(row: Row, columns: Sequence[str] | None) -> tuple[bytes, ...]:
+    """In pieces."""
+    if columns is not None:
+        fields = fields_of(row)
+        return (compact({name: fields[name] for name in columns}).encode(),)
+    return (b"{", row.text, _of_unit(row.unit)) if isinstance(row, StoredRow) else (compact(row).encode(),)
+
+
+@lru_cache(maxsize=1000)
+def _of_unit(unit: str | None) -> bytes:
+    return f',"unit":{compact(unit)}}}'.encode()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the rows of a page are read. settled: when their runs were begun and ended; marked: the tags of loops of
+    which something is written that no stored row tells; until: up to when notes count."""
+
+    backend: Backend
+    filters: RowFilter
+    of_loop: bool
+    settled: Mapping[int, Settled]
+    marked: Collection[str]
+    until: datetime | None
+
+    def part(self, rows: Sequence[SentRow]) -> list[Row]:
+        """As they are stored; made of their columns where a row is asked for otherwise, is of another form, or has been
+        followed by a newer verdict. Few are marked, so that these are put together anew."""
+        with self.backend.database.read() as connection:
+            texts = self._texts(connection, rows)
+            others = verdicts.of_keys(connection, [row.key for row in rows if row.loop_id not in texts])
+        made = partial(with_loop, filters=self.filters) if self.of_loop else as_row
+        anew = {loop_id: made(row) for (loop_id, _), row in others.items()}
+        for row in rows:
+            if row.tag in self.marked and row.loop_id in texts:
+                anew[row.loop_id] = StoredRow(texts.pop(row.loop_id), row.unit).fields
+        told: dict[int, Row] = {}
+        if anew:
+            written = written_of(self.backend, list(anew.values()), self._shelf, self.until)
+            told = {loop_id: written.beside(row) for loop_id, row in anew.items()}
+        told |= {row.loop_id: StoredRow(texts[row.loop_id], row.unit) for row in rows if row.loop_id in texts}
+        return [told[row.loop_id] for row in rows if row.loop_id in told]
+
+    def _texts(self, connection: Connection, rows: Sequence[SentRow]) -> dict[int, bytes]:
+        if self.of_loop or self.filters.audit_id is not None:
+            return {}
+        return self.backend.row_texts.of(connection, rows, self.settled, FORM)
+
+    @cached_property
+    def _shelf(self) -> Shelf:
+        return _shelf(self.backend, self.filters, self.until)
+
+
 @dataclass(frozen=True)
 class TableParts:
-    """A page of the table whose rows are read when they are asked for, `PART_ROWS` at a time: whole, those of a plant
-    would have 200 MB. `version` changes with what they say, `count` is how many there are. A row whose verdict has been
-    dropped meanwhile is left out."""
+    """A page of the table whose rows are read when they are asked for, so many at a time: all fields of those of a
+    plant would have 200 MB. `version` changes with what they say. A row whose verdict has been dropped meanwhile is
+    left out."""
 
     version: str
-    count: int
     next_cursor: str | None
-    parts: Callable[[], Iterator[list[dict[str, Any]]]]
+    asked: Sequence[SentRow]
+    reading: Reading
+
+    def parts(self, size: int | None = None) -> Iterator[list[Row]]:
+        """So many rows each (None: `PART_ROWS`). Nothing of a part is held here once it is given."""
+        size = size or PART_ROWS
+        return (self.reading.part(self.asked[at : at + size]) for at in range(0, len(self.asked), size))
+
+    def json_parts(self, columns: Sequence[str] | None = None) -> Iterator[bytes]:
+        """As JSON, `{"rows": [...], "next_cursor": ...}`. columns: of each row these alone, in this order; None: all
+        that it has."""
+        return map(b"".join, self._json(self.parts(), columns))
+
+    def as_json(self) -> bytes:
+        """The same at once, of rows as they are stored: put together once, for 40 MB are not copied row by row
+        before."""
+        return b"".join(chain.from_iterable(self._json(self.parts(len(self.asked)))))
+
+    def _json(self, parts: Iterator[list[Row]], columns: Sequence[str] | None = None) -> Iterator[list[bytes]]:
+        """The pieces of each part."""
+        before = b'{"rows":['
+        for rows in parts:
+            pieces: list[bytes] = []
+            for row in rows:
+                pieces += (before, *_json_of(row, columns))
+                before = b","
+            yield pieces
+        yield [before.removesuffix(b","), b'],"next_cursor":', compact(self.next_cursor).encode(), b"}"]
 
 
 def in_parts(
@@ -135,110 +237,26 @@ def in_parts(
     cursor: str | None = None,
     sort: str = "loop",
     filters: RowFilter | None = None,
-    of_loop: bool = True,
+    of_loop: bool = False,
 ) -> TableParts:
-    """One row a loop, its newest verdict. `sort`: a name of `sortable()`, `-name` for descending; unknowns last.
+    """One row a loop, its newest verdict or that of a run. `sort`: a name of `sortable()`, `-name` for descending;
+    unknowns last.
 
     of_loop: with the loop's type, importance and priority, and its newest sample. Rows of newest verdicts without these
     are read as they were written when their verdicts were made, in a fraction of the time."""
-    name, after = _checked(limit, sort), _after(cursor, sort)
+    filters = filters or RowFilter()
+    name, descending, after = _checked(limit, sort), sort.startswith("-"), _after(cursor, sort)
     with backend.database.read() as connection:
-        rows = verdicts.told_rows(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
+        rows = verdicts.sent_rows(connection, limit + 1, name, descending, filters, after, of_loop)
         settled = verdicts.settled(connection, {row.audit_id for row in rows})
     page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
-    shown, marks = page.rows, marks_of(backend, [row.tag for row in page.rows])
-    until = _until(backend, filters)
-    of_loops = [tuple(row._replace(value=None)) for row in shown]
-    said = [FORM, page.next_cursor, _told(settled), of_loops, marks.told, iso_utc(until)]
-
-    def parts() -> Iterator[list[dict[str, Any]]]:
-        """Nothing of a part is held here once it is given."""
-        known = _shelf(backend, filters, until)
-        of_run = filters is not None and filters.audit_id is not None
-        stored = None if of_loop or of_run else _Stored(settled, marks.tags)
-        some = (shown[at : at + PART_ROWS] for at in range(0, len(shown), PART_ROWS))
-        return (_part(backend, rows, filters, known, until, stored) for rows in some)
-
-    return TableParts(_digest(compact(said).encode()), len(shown), page.next_cursor, parts)
-
-
-@dataclass(frozen=True)
-class _Stored:
-    """By what rows are known to be as they were written: their runs, and the tags of which more is written since."""
-
-    settled: Mapping[int, Settled]
-    marked: Collection[str]
-
-
-def _part(
-    backend: Backend,
-    rows: Sequence[ToldRow],
-    filters: RowFilter | None,
-    known: Shelf,
-    until: datetime | None,
-    stored_rows: _Stored | None,
-) -> list[dict[str, Any]]:
-    if stored_rows is not None:
-        return _as_stored(backend, rows, stored_rows, known)
-    with backend.database.read() as connection:
-        stored = verdicts.of_keys(connection, [row.key for row in rows])
-    told = [with_loop(stored[row.key], filters) for row in rows if row.key in stored]
-    written = written_of(backend, told, known, until)
-    return [written.beside(row) for row in told]
-
-
-def _as_stored(backend: Backend, rows: Sequence[ToldRow], by: _Stored, known: Shelf) -> list[dict[str, Any]]:
-    """The same of newest verdicts, without what is of their loops. One that a newer verdict has followed since the page
-    was looked up is read from its columns, as is one without a row of this version."""
-    with backend.database.read() as connection:
-        texts = backend.row_texts.of(connection, rows, by.settled, FORM)
-        read = {row.key: _read(texts[row.loop_id], row.unit) for row in rows if row.loop_id in texts}
-        told = {key: row for key, row in read.items() if row["audit_id"] == str(key[1])}
-        others = verdicts.of_keys(connection, [row.key for row in rows if row.key not in told])
-    anew = {key: as_row(stored) for key, stored in others.items()}
-    anew |= {row.key: told[row.key] for row in rows if row.tag in by.marked and row.key in told}
-    if anew:
-        written = written_of(backend, list(anew.values()), known)
-        told |= {key: written.beside(row) for key, row in anew.items()}
-    return [told[row.key] for row in rows if row.key in told]
-
-
-@dataclass(frozen=True)
-class TableAnswer:
-    """A page of the table as JSON, `{"rows": [...], "next_cursor": ...}`. `version` changes with what it says, and is
-    known before the page is written."""
-
-    version: str
-    write: Callable[[], bytes]
-
-
-def reliability_json(
-    backend: Backend,
-    limit: int = 1000,
-    cursor: str | None = None,
-    sort: str = "loop",
-    filters: RowFilter | None = None,
-) -> TableAnswer:
-    """The page of the newest verdicts, with each row as it was written when its verdict was made."""
-    filters = filters or RowFilter()
-    name = _checked(limit, sort)
-    with backend.database.read() as connection:
-        after = _after(cursor, sort)
-        rows = verdicts.sent_rows(connection, limit + 1, name, sort.startswith("-"), filters, after)
-        settled = verdicts.settled(connection, {row.audit_id for row in rows})
-    sent_page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
-    shown, behind = sent_page.rows, sent_page.next_cursor
-    marks = marks_of(backend, [row.tag for row in shown])
-    said = [FORM, behind, _told(settled), [(row.loop_id, row.audit_id, row.unit) for row in shown], marks.told]
-    return TableAnswer(_digest(compact(said).encode()), lambda: _written(backend, shown, settled, behind, marks.tags))
-
-
-def _told(settled: Mapping[int, Settled]) -> dict[str, list[str]]:
-    return {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
-
-
-def _digest(said: bytes) -> str:
-    return hashlib.sha256(said).hexdigest()[:32]
+    marks, until = marks_of(backend, [row.tag for row in page.rows]), _until(backend, filters)
+    shown = [(row.loop_id, row.audit_id, row.unit, *row.of_loop) for row in page.rows]
+    told = {str(number): list(map(str, times)) for number, times in sorted(settled.items())}
+    said = [FORM, page.next_cursor, told, shown, marks.told, iso_utc(until)]
+    version = hashlib.sha256(compact(said).encode()).hexdigest()[:32]
+    reading = Reading(backend, filters, of_loop, settled, marks.tags, until)
+    return TableParts(version, page.next_cursor, page.rows, reading)
 
 
 def _checked(limit: int, sort: str) -> str:
@@ -250,47 +268,6 @@ def _checked(limit: int, sort: str) -> str:
     if name not in SORTABLE:
         raise RequestError("bad_sort", f"cannot sort by {name!r}; there is {', '.join(sortable())}")
     return name
-
-
-def _written(
-    backend: Backend,
-    rows: Sequence[SentRow],
-    settled: Mapping[int, Settled],
-    next_cursor: str | None,
-    marked: Collection[str],
-) -> bytes:
-    """Each row's JSON as stored, else made from its columns; none where its verdict has been dropped meanwhile.
-
-    marked: tags of loops of which something is written that no stored row tells; few, so that these are made anew.
-    """
-    with backend.database.read() as connection:
-        texts = backend.row_texts.of(connection, rows, settled, FORM)
-        unwritten = [row.loop_id for row in rows if row.loop_id not in texts]
-        stored = verdicts.newest_of(connection, unwritten) if unwritten else {}
-    told = {tag: as_row(row) for tag, row in stored.items()}
-    told |= {
-        row.tag: _read(texts.pop(row.loop_id), row.unit) for row in rows if row.tag in marked and row.loop_id in texts
-    }
-    written = written_of(backend, list(told.values())) if told else None
-    units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in rows}}
-    pieces: list[bytes] = []  # put together once: 40 MB are not copied row by row before
-    for row in rows:
-        text = texts.get(row.loop_id)
-        if text is not None:
-            pieces += (b",{", text, units[row.unit])
-        elif written is not None and row.tag in told:
-            pieces += (b",", compact(written.beside(told[row.tag])).encode())
-    pieces[:1] = [piece.removeprefix(b",") for piece in pieces[:1]]
-    return b"".join((b'{"rows":[', *pieces, *_ending(next_cursor)))
-
-
-def _read(text: bytes, unit: str | None) -> dict[str, Any]:
-    """A row that is stored as JSON."""
-    return {**read_json(b"{" + text + b"}"), "unit": unit}
-
-
-def _ending(next_cursor: str | None) -> tuple[bytes, ...]:
-    return b'],"next_cursor":', compact(next_cursor).encode(), b"}"
 
 
 def _place_of(cursor: str | None) -> tuple[str, After] | None:

@@ -257,8 +257,8 @@ def test_a_whole_table_goes_out_in_parts_and_is_the_same(client, plant, monkeypa
     url = f"/v1/reliability?{asked.format(**plant)}&sort=-loop&limit=2"
     whole, made = client.get(url), []
     monkeypatch.setattr(reliability.service, "PART_ROWS", 1)
-    part = reliability.service._part
-    monkeypatch.setattr(reliability.service, "_part", lambda *told: made.append(1) or part(*told))
+    part = reliability.service.Reading.part
+    monkeypatch.setattr(reliability.service.Reading, "part", lambda *told: made.append(1) or part(*told))
     streamed = client.get(url)
     assert streamed.content == whole.content
     assert [answer.headers["vary"] for answer in (whole, streamed)] == ["Accept-Encoding"] * 2
@@ -301,14 +301,14 @@ def test_what_is_wrong_by_the_first_part_is_told_as_it_is(client, plant, monkeyp
     def away(*_):
         raise OperationalError("SELECT", {}, Exception("the server is away"))
 
-    monkeypatch.setattr(reliability.service, "_part", away)
+    monkeypatch.setattr(reliability.service.Reading, "part", away)
     answer = client.get("/v1/reliability?format=csv")
     assert (answer.status_code, answer.json()["code"]) == (503, "database_away")
 
 
 def test_what_goes_wrong_later_is_no_whole_answer(client, plant, monkeypatch):
     monkeypatch.setattr(reliability.service, "PART_ROWS", 1)
-    part, made = reliability.service._part, []
+    part, made = reliability.service.Reading.part, []
 
     def away_later(*told):
         made.append(1)
@@ -316,13 +316,13 @@ def test_what_goes_wrong_later_is_no_whole_answer(client, plant, monkeypatch):
             raise OperationalError("SELECT", {}, Exception("the server is away"))
         return part(*told)
 
-    monkeypatch.setattr(reliability.service, "_part", away_later)
+    monkeypatch.setattr(reliability.service.Reading, "part", away_later)
     with pytest.raises(httpx.RemoteProtocolError):
         client.get("/v1/reliability?format=csv")
 
 
 def test_few_parts_of_whole_tables_are_made_at_a_time(client, plant, monkeypatch):
-    inside, most, lock, page = [], [], threading.Lock(), reliability.service._part
+    inside, most, lock, page = [], [], threading.Lock(), reliability.service.Reading.part
 
     def counted(*given, **named):
         with lock:
@@ -333,7 +333,7 @@ def test_few_parts_of_whole_tables_are_made_at_a_time(client, plant, monkeypatch
             inside.pop()
         return page(*given, **named)
 
-    monkeypatch.setattr(reliability.service, "_part", counted)
+    monkeypatch.setattr(reliability.service.Reading, "part", counted)
     asked = {"format": "csv", "limit": 20_000}
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(lambda _: client.get("/v1/reliability", params=asked).status_code, range(8)))
