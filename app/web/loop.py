@@ -25,13 +25,13 @@ from app.services.plant.arrivals import current_ns
 from app.services.plant.charts import charts as charts_of
 from app.services.plant.charts import closer
 from app.services.plant.groups import unnamed
+from app.services.plant.listing import Listing, listing
 from app.services.plant.loop_sheet import loop_head, loop_sheet
 from app.services.plant.nights import nights as nights_of
 from app.services.plant.worst import worst_tags
 from app.services.stating import notes, properties
 from app.services.stating.continuing import maybe_before
 from app.services.stating.loop_list import number
-from app.services.stating.shelving import Shelf, shelf
 from app.services.telling.reason_wording import NO_VOTE
 from app.services.telling.rival_wording import worth_a_look
 from app.web.explanation import newest_in_words
@@ -124,9 +124,9 @@ def loop(backend: Services, tag: LoopTag) -> Response:
 def _loop_page(
     backend: Backend, tag: str, typed: TypedNote = NO_NOTE_TYPED, settings: Settings | None = None
 ) -> HTMLResponse:
-    row, shelved = loops.find(backend, tag), shelf(backend)
+    row, by = loops.find(backend, tag), listing(backend, current_ns(backend))
     found = loops.view_of(row)
-    told: dict[str, Any] = loop_head(backend, row, shelved)
+    told: dict[str, Any] = loop_head(backend, row, by.shelf)
     written = notes.note_page(backend, row, notes.SHOWN)
     told |= {"tag": found.tag, "notes": written.rows, "older_notes": bool(written.next_cursor), "typed": typed}
     told["as_set"] = _as_set(found)
@@ -134,7 +134,7 @@ def _loop_page(
     explanation = told["explanation"] = newest_in_words(backend, tag)
     told["maybe_before"] = maybe_before(backend, found.tag)
     try:
-        sheet = loop_sheet(backend, row, explanation, shelved)
+        sheet = loop_sheet(backend, row, explanation, by.shelf)
     except NotFoundError as error:
         if error.code != "not_audited":
             raise
@@ -145,15 +145,15 @@ def _loop_page(
         no_vote=NO_VOTE,
         rivals=worth_a_look(sheet["detail"].get("rivals", ())),
         last_nights=nights_of(backend, [tag]).get(tag, ()),
-        beside=_beside(backend, found.tag, shelved),
+        beside=_beside(backend, found.tag, by),
         unnamed=unnamed,
         **(told | sheet),
     )
 
 
-def _beside(backend: Backend, tag: str, shelved: Shelf) -> tuple[str | None, str | None]:
+def _beside(backend: Backend, tag: str, by: Listing) -> tuple[str | None, str | None]:
     """The loops before and after this one among the worst that the plant's page lists; None where there is none."""
-    tags = worst_tags(backend, current_ns(backend), shelved)
+    tags = worst_tags(backend, by)
     if tag not in tags:
         return None, None
     at = tags.index(tag)

@@ -111,11 +111,10 @@ class TableForm(BaseModel):
 def plant(backend: Services) -> HTMLResponse:
     reach = arrivals(backend)
     sheet = plant_sheet(backend, reach)
-    audited, changed, shelved, since_ns = sheet["seen"].audited, sheet["changed"], sheet["shelf"], reach.current_ns
-    together = sheet["together"]
-    today, worst = listed_first(backend, since_ns, changed, shelved, together) if audited else ([], [])
+    audited, changed, by = sheet["seen"].audited, sheet["changed"], sheet["listing"]
+    today, worst = listed_first(backend, by, changed) if audited else ([], [])
     any_old = audited and (reach.behind or reach.undated)
-    old = worst_of_old(backend, since_ns, shelved=shelved, together=together) if any_old else []
+    old = worst_of_old(backend, by) if any_old else []
     listed = [row["loop"] for row in [*today[:CHANGES], *worst, *old]]
     return page(
         "plant.html",

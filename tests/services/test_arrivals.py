@@ -26,11 +26,11 @@ from app.services.plant.arrivals import (
     nothing_new,
 )
 from app.services.plant.arrivals import sentences as sentences_by
+from app.services.plant.listing import listing
 from app.services.plant.plant_sheet import plant_sheet
 from app.services.plant.silent import of_run
 from app.services.recency import LATE
 from app.services.reports.documents import plant_report
-from app.services.stating.shelving import shelf
 from app.services.telling.naming import NAMED
 from app.storage import arrivals as stored
 from app.storage import series
@@ -222,9 +222,9 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
             end_ns = ns_of(NOON - timedelta(days=days))
             connection.execute(update(loops).where(loops.c.tag == tag).values(newest_ns=end_ns))
     since_ns = arrivals(backend, at=NOON).current_ns
-    assert {row["loop"] for row in worst.worst(backend, since_ns=since_ns)} == {"A", "C"}
-    assert {row["loop"] for row in worst.worst_of_old(backend, since_ns)} == {"B", "D"}
-    assert worst.worst_of_old(backend, None) == []
+    assert {row["loop"] for row in worst.worst(backend, listing(backend, since_ns))} == {"A", "C"}
+    assert {row["loop"] for row in worst.worst_of_old(backend, listing(backend, since_ns))} == {"B", "D"}
+    assert worst.worst_of_old(backend, listing(backend)) == []
     with backend.database.write() as connection:
         for row in connection.execute(select(loops.c.id, loops.c.newest_ns)).all():
             mine = update(verdicts).where(verdicts.c.loop_id == row.id)
@@ -243,7 +243,7 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     assert "Worst of old records" in html
     assert "No sample since 2026-02-27 00:00 UTC" in html
     assert "newest sample 2026-01-20 12:00" in html
-    ((_, rows),) = worst.complaints_of_units(backend, since_ns, shelf(backend), 5)
+    ((_, rows),) = worst.complaints_of_units(backend, listing(backend, since_ns), 5)
     assert {row["loop"] for row in rows} == {"A", "C"}
 
 

@@ -12,6 +12,7 @@ from app.services.backend import Backend
 from app.services.digests.making import digest_of, run_to_tell
 from app.services.digests.telling import as_text
 from app.services.plant import changes, worst
+from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health
 from app.services.telling.wording import headline, probability
 from app.storage.tables import audits, newest_rows
@@ -226,10 +227,10 @@ def test_a_pv_that_does_not_answer_is_looked_at_today_and_news_of_it_first(
     rewrite(backend, first, ids["C"], verdict="no_stiction", likely_cause=None, samples=100)
     (change,) = [change for change in changes.changes(backend).rows if change.loop == "C"]
     assert change.because == "PV does not answer OP: stuck valve or dead transmitter"
-    today = worst.look_today(backend, changes.changes(backend))
+    today = worst.look_today(backend, listing(backend), changes.changes(backend))
     assert [row["loop"] for row in today] == ["C", "B"]
     assert all(headline(row) == "a stuck valve or a dead transmitter; look today" for row in today)
-    assert {row["loop"] for row in worst.worst(backend, beside={"B", "C"})} == {"A", "D"}
+    assert {row["loop"] for row in worst.worst(backend, listing(backend), beside={"B", "C"})} == {"A", "D"}
 
 
 def test_a_valve_that_began_to_stick_is_why_though_more_was_recorded(

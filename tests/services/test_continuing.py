@@ -13,6 +13,7 @@ from app.services.auditing.chunks import audit_chunk
 from app.services.backend import Backend
 from app.services.digests.making import digest_of
 from app.services.plant import changes, loop_verdicts, reliability
+from app.services.plant.listing import listing
 from app.services.plant.nights import nights
 from app.services.plant.work_list import work_list
 from app.services.stating import notes, properties
@@ -271,5 +272,5 @@ def test_since_when_a_loop_renamed_twice_sticks_is_told_of_all_three(
     notes.end_shelving(
         renamed_twice, AGAIN, next(one.id for one in notes.list_notes(renamed_twice, AGAIN) if one.shelved_until)
     )
-    work = work_list(renamed_twice, shelf(renamed_twice))
+    work = work_list(renamed_twice, listing(renamed_twice))
     assert [one.since for one in work if one.loop == AGAIN] == [since]

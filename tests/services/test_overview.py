@@ -7,8 +7,8 @@ from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.plant import glossary, reliability, worst
 from app.services.plant import overview as plant
+from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health, newest_failure
-from app.services.stating.shelving import shelf
 from app.storage import items, loops
 from app.storage.asked_rows import RowFilter
 from app.storage.items import Failure
@@ -73,7 +73,7 @@ def test_the_worst_come_first_by_importance(backend: Backend, add_loops: AddLoop
     add_loops("A", "B", importance=1.0)
     add_loops("C", importance=9.0)
     audited(backend)
-    rows = worst.worst(backend)
+    rows = worst.worst(backend, listing(backend))
     assert [row["priority"] for row in rows] == sorted((row["priority"] for row in rows), reverse=True)
     assert rows[0]["loop"] == "C"
     assert rows[0]["priority"] == pytest.approx(9.0 * (100.0 - rows[0]["health"]))
@@ -139,9 +139,9 @@ def test_valves_that_stick_reliably_come_first_and_loops_that_were_not_judged_ar
     for tag, fields in said.items():
         rewrite(backend, run, ids[tag], **{"likely_cause": None, **fields})
         rewrite_newest(backend, ids[tag], **{"likely_cause": None, **fields})
-    assert [row["loop"] for row in worst.worst(backend)] == ["E", "B", "C", "D"]
-    assert [row["loop"] for row in worst.worst(backend, 2, beside={"E"})] == ["B", "C"]
-    assert worst.worst_tags(backend, None, shelf(backend)) == ["E", "B", "C", "D"]
+    assert [row["loop"] for row in worst.worst(backend, listing(backend))] == ["E", "B", "C", "D"]
+    assert [row["loop"] for row in worst.worst(backend, listing(backend), 2, beside={"E"})] == ["B", "C"]
+    assert worst.worst_tags(backend, listing(backend)) == ["E", "B", "C", "D"]
 
 
 def test_each_cause_that_loops_are_counted_under_finds_these_loops(

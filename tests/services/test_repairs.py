@@ -16,10 +16,10 @@ from app.services.digests import making, telling
 from app.services.moments import ns_of
 from app.services.plant import before_after, loop_verdicts, reliability, repaired
 from app.services.plant.before_after import compared
+from app.services.plant.listing import listing
 from app.services.plant.work_list import work_list
 from app.services.reports.documents import loop_report, plant_report
 from app.services.stating import notes
-from app.services.stating.shelving import shelf
 from app.services.telling.next_steps import Ask, Step, after_repair, step_for
 from app.services.telling.wording import RELIABILITY_WORDS, UNANSWERED, headline, rely
 from app.storage import loops as stored_loops
@@ -249,9 +249,9 @@ def test_that_a_repair_did_not_help_is_said_where_one_looks(
         connection.execute(update(newest_rows).values(**sticks, form="of the columns"))
     again = "Repaired 2026-03-01 (WO-63), did not help: reopen the order."
     assert loop_verdicts.loop_health(backend, "FIC1")["next_step"] == again
-    first = work_list(backend, shelf(backend))[0]
+    first = work_list(backend, listing(backend))[0]
     assert (first.loop, first.step.text) == ("FIC1", again)
-    assert [one.loop for one in work_list(backend, shelf(backend))] == ["FIC1"]
+    assert [one.loop for one in work_list(backend, listing(backend))] == ["FIC1"]
     sent = reliability.in_parts(backend)
     assert again.encode() in sent.as_json()
     assert sent.version != before

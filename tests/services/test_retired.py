@@ -20,6 +20,7 @@ from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant
 from app.services.plant.arrivals import NOTHING_NEW, arrivals
 from app.services.plant.groups import groups_of, plant_groups
+from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health, verdict_history
 from app.services.plant.reliability import RowFilter, in_parts
 from app.services.plant.repaired import repairs
@@ -90,7 +91,7 @@ ASKED: dict[str, Callable[[Backend], float]] = {
     "loops of the plant": lambda b: plant.overview(b).loops,
     "audited loops": lambda b: plant.overview(b).audited,
     "loops of its unit": lambda b: plant.overview(b).units[0].loops,
-    "worst list": lambda b: named(row["loop"] for row in worst.worst(b)),
+    "worst list": lambda b: named(row["loop"] for row in worst.worst(b, listing(b))),
     "page of the table": lambda b: named(row["loop"] for row in reliability.table(b, 9).rows),
     "treemap": lambda b: named(row[0] for row in plant.tiles(b)["loops"]),
     "units of the treemap": lambda b: plant.tiles(b)["units"][0][1],

@@ -14,6 +14,7 @@ from app.services.digests.telling import subject
 from app.services.plant import reliability
 from app.services.plant.arrivals import arrivals
 from app.services.plant.course import course
+from app.services.plant.listing import listing
 from app.services.plant.overview import overview
 from app.services.plant.reliability import RowFilter
 from app.services.plant.sticking import sticking
@@ -86,8 +87,8 @@ def test_the_report_lists_as_sticking_what_can_be_relied_on_and_names_the_others
 def test_a_list_of_old_records_says_of_those_without_a_date_what_is_counted_of_them(backend: Backend, run: int) -> None:
     since_ns = arrivals(backend).current_ns
     old = {"A2": "from an old record", "A7": "from an old record", "A4": "from before the repair", "A5": "yes"}
-    assert {row["loop"]: rely(row) for row in worst_of_old(backend, since_ns)} == old
-    assert {row["loop"]: rely(row) for row in complaints_of_old(backend, since_ns, shelf(backend))} == old
+    assert {row["loop"]: rely(row) for row in worst_of_old(backend, listing(backend, since_ns))} == old
+    assert {row["loop"]: rely(row) for row in complaints_of_old(backend, listing(backend, since_ns))} == old
     told = {one.loop: one.told.rpartition(", ")[2] for one in digest_of(backend, str(run)).old}
     assert told == old | {"A5": "rely on it"}
 

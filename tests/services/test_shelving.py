@@ -15,6 +15,7 @@ from app.services.backend import Backend
 from app.services.moments import UTC_CLOCK
 from app.services.plant import changes, reliability, worst
 from app.services.plant import overview as plant
+from app.services.plant.listing import Listing, listing
 from app.services.plant.loop_verdicts import loop_health
 from app.services.plant.work_list import work_list
 from app.services.plant.written import Written
@@ -68,7 +69,7 @@ def wait(backend: Backend, note_id: str, past: timedelta) -> None:
 
 
 def worst_loops(backend: Backend) -> list[str]:
-    return [row["loop"] for row in worst.worst(backend)]
+    return [row["loop"] for row in worst.worst(backend, listing(backend))]
 
 
 @pytest.fixture
@@ -116,24 +117,24 @@ def test_the_report_of_the_plant_leaves_it_out_and_names_it(judged: Backend) -> 
 
 def test_it_is_not_in_the_work_list_until_it_is_worse(judged: Backend) -> None:
     shelve(judged, "A")
-    assert [one.loop for one in work_list(judged, shelf(judged))] == ["B", "C"]
+    assert [one.loop for one in work_list(judged, listing(judged))] == ["B", "C"]
     assert '<td class="tag">A</td>' not in plant_report(judged).partition("1 shelved</summary>")[0]
     say(judged, "A", **SURE)
-    first = work_list(judged, shelf(judged))[0]
+    first = work_list(judged, listing(judged))[0]
     assert (first.loop, first.step.text.startswith(Ask.STICKS)) == ("A", True)
     assert "(work order WO-17), but by now the valve sticks, and that can be relied on" in first.facts
     assert first.facts.count("WO-17") == 1
     assert first.shelved in plant_report(judged)
     notes.add_note(judged, "A", "ordered again", "WO-18")
-    assert work_list(judged, shelf(judged))[0].facts.endswith("; work order WO-18")
+    assert work_list(judged, listing(judged))[0].facts.endswith("; work order WO-18")
     patch_loop(judged, "A", {"owner": "crew A"})
-    assert work_list(judged, shelf(judged))[0].facts.endswith("; work order WO-18; looked after by crew A")
+    assert work_list(judged, listing(judged))[0].facts.endswith("; work order WO-18; looked after by crew A")
 
 
 def test_the_work_of_a_run_goes_by_what_was_shelved_when_it_began(judged: Backend) -> None:
     shelve(judged, "A")
     (run,) = {int(row["audit_id"]) for row in reliability.table(judged, 10).rows}
-    as_it_began = work_list(judged, Shelf([], ()), run)
+    as_it_began = work_list(judged, Listing(Shelf([], ()), audit_id=run))
     assert [one.loop for one in as_it_began] == ["A", "B", "C"]
     assert not as_it_began[0].step.text.startswith("Wait")
 
@@ -157,7 +158,10 @@ def test_of_a_loop_that_a_run_left_out_its_shelf_tells_the_verdict_before(judged
 
 def test_it_is_neither_looked_at_today_nor_among_old_records(judged: Backend) -> None:
     def listed() -> list[list[str]]:
-        found = (worst.look_today(judged, changes.changes(judged)), worst.worst_of_old(judged, 1 << 62))
+        found = (
+            worst.look_today(judged, listing(judged), changes.changes(judged)),
+            worst.worst_of_old(judged, listing(judged, 1 << 62)),
+        )
         return [sorted(row["loop"] for row in rows) for rows in found]
 
     for tag in "AB":
@@ -186,9 +190,9 @@ def test_the_tags_of_the_worst_are_those_that_the_plant_s_page_lists(
     with backend.database.write() as connection:
         connection.execute(update(loops).where(loops.c.id.in_(old)).values(newest_ns=1000))
     for since_ns in (None, 1001):
-        _, listed = worst.listed_first(backend, since_ns)
+        _, listed = worst.listed_first(backend, listing(backend, since_ns))
         assert len(listed) == worst.WORST
-        assert worst.worst_tags(backend, since_ns, shelf(backend)) == [row["loop"] for row in listed]
+        assert worst.worst_tags(backend, listing(backend, since_ns)) == [row["loop"] for row in listed]
 
 
 def test_to_wait_comes_before_what_to_do_until_two_answers_agree(judged: Backend) -> None:
@@ -288,7 +292,7 @@ def test_what_got_worse_in_kind_is_listed_all_the_same(
     seen = shelf(judged)
     assert [(one.loop, one.worse) for one in seen.listed] == [("B", words), ("C", "")]
     assert seen.count_words == "2 shelved, 1 of them listed all the same"
-    row = next(row for row in worst.worst(judged) if row["loop"] == "B")
+    row = next(row for row in worst.worst(judged, listing(judged)) if row["loop"] == "B")
     assert row["next_step"].startswith(step)
     told = f"shelved until {judged.clock.short(row['shelved_until'])} (work order WO-17), but {words}"
     assert row["shelved"] == told

@@ -14,6 +14,7 @@ from app.services.digests.telling import as_text
 from app.services.moments import ns_of
 from app.services.plant import worst
 from app.services.plant.arrivals import current_ns
+from app.services.plant.listing import listing
 from app.services.plant.silent import silences, silent
 from app.services.telling.wording import brief, rely
 from app.storage.tables import audits, loops, newest_rows, verdicts
@@ -100,7 +101,7 @@ def test_the_verdict_of_an_old_record_does_not_read_as_if_it_were_of_today(
 ) -> None:
     run = nights(night(1), night(9, E=1))
     since_ns = ns_of(FIRST + timedelta(days=7))
-    (row,) = worst.worst_of_old(backend, since_ns)
+    (row,) = worst.worst_of_old(backend, listing(backend, since_ns))
     assert (row["loop"], rely(row), brief(row)) == ("E", "from an old record", "from an old record")
     with backend.database.write() as connection:
         connection.execute(update(verdicts).values(verdict="stiction", reliability="reliable", reasons=""))

@@ -19,6 +19,7 @@ from app.services.digests.making import digest_of
 from app.services.digests.telling import as_html, as_json, as_text
 from app.services.loops import find
 from app.services.plant.changes import changes
+from app.services.plant.listing import listing
 from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.reliability import in_parts
@@ -28,7 +29,6 @@ from app.services.plant.worst import listed_first, look_today, worst_tags
 from app.services.reports.documents import loop_report, plant_report
 from app.services.stating import notes
 from app.services.stating.properties import patch_loop
-from app.services.stating.shelving import shelf
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter
@@ -67,12 +67,12 @@ def rows_of(backend: Backend) -> dict[str, dict[str, Any]]:
 
 def today(backend: Backend) -> list[tuple[str, ...]]:
     """The entries of the list to look at today."""
-    rows, _ = listed_first(backend, None)
+    rows, _ = listed_first(backend, listing(backend))
     return [tuple(sorted(row["together"].loops)) if row["together"] else (row["loop"],) for row in rows]
 
 
 def work(backend: Backend, run: int | None = None) -> list[Work]:
-    return [one for one in work_list(backend, shelf(backend), run) if "today" in one.told]
+    return [one for one in work_list(backend, listing(backend, audit_id=run)) if "today" in one.told]
 
 
 def shelve(backend: Backend, tags: Iterable[str]) -> None:
@@ -158,8 +158,8 @@ def test_the_digest_and_the_report_of_the_plant_tell_of_them_once(plant: Backend
 def test_the_other_loops_of_the_plant_are_not_pushed_out(plant: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.services.plant.worst.MOST_TODAY", 2)
     assert sorted(today(plant)) == [DOWN, ("X1",)]
-    _, worst = listed_first(plant, None)
-    assert [row["loop"] for row in worst] == worst_tags(plant, None, shelf(plant)) == ["R1"]
+    _, worst = listed_first(plant, listing(plant))
+    assert [row["loop"] for row in worst] == worst_tags(plant, listing(plant)) == ["R1"]
 
 
 def test_shelved_loops_are_left_out_of_what_is_told_as_one(plant: Backend) -> None:
@@ -280,7 +280,7 @@ def test_a_group_in_which_any_is_news_comes_first_of_what_wants_a_look_today(
     backend = all_but_the_weightiest_changed
     assert today(backend) == [("X1",), DOWN]
     together = as_one(backend)
-    rows = look_today(backend, changes(backend, together=together), together=together)
+    rows = look_today(backend, listing(backend), changes(backend, together=together))
     assert [row["loop"] for row in rows] == ["D0", "X1"]
 
 

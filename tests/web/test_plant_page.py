@@ -47,8 +47,8 @@ def test_where_no_loop_is_left_for_the_worst_that_is_said_and_no_empty_table_sho
 def test_the_worst_say_where_the_valves_are_that_they_have_no_room_for(client, monkeypatch, room, stick, told):
     """With room left, the others that stick stand in other lists."""
 
-    def listed(backend, *_):
-        return [], [row | {"verdict": "stiction"} for row in worst(backend)]
+    def listed(backend, by, *_):
+        return [], [row | {"verdict": "stiction"} for row in worst(backend, by)]
 
     def sheet(backend, reach):
         found = plant_sheet(backend, reach)

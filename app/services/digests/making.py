@@ -21,14 +21,15 @@ from app.services.outward import AuditOut
 from app.services.plant.arrivals import arrivals
 from app.services.plant.changes import TOLD_FIRST, change_of, for_all, kind_of, second_night
 from app.services.plant.judged import Judged, ToManual, judged, to_manual
+from app.services.plant.listing import listing
 from app.services.plant.overview import cause_of_refusal, tally
 from app.services.plant.repaired import Repairs, repairs
 from app.services.plant.silent import of_run
-from app.services.plant.stood_together import AsOne, as_one
-from app.services.plant.told_until import notes_until, run_to_work_by
+from app.services.plant.stood_together import AsOne
+from app.services.plant.told_until import run_to_work_by
 from app.services.plant.work_list import Work, work_list
 from app.services.recency import DATED_NS, LATE, OLD_FROM
-from app.services.stating.shelving import Shelf, shelf
+from app.services.stating.shelving import Shelf
 from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
 from app.services.telling.repair_sides import of_before
@@ -114,21 +115,18 @@ def _read(backend: Backend, run: AuditOut) -> _Read:
     number, began = identifier(run.id), datetime.fromisoformat(run.created_at)
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
-    with backend.database.read() as connection:
-        until = notes_until(connection, number)
-    shelved = shelf(backend, number, until)
-    together = as_one(backend, shelved, number, since_ns)
-    left_out = (*shelved.left_out, *together.left_out)
+    by = listing(backend, since_ns, number)
+    until, left_out = by.notes_until, by.left_out
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
         apart = set_apart.of_run(connection, number, OLD_FROM, until)
         worst = digests.worst_of_units(connection, number, TOP, since_ns, left_out)
         old = digests.worst_of_old(connection, number, TOP, since_ns, left_out)
         retired = digests.retired_since(connection, number)
-        not_auditable = digests.refused_of(connection, number, TOP, shelved.left_out)
+        not_auditable = digests.refused_of(connection, number, TOP, by.shelf.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
-        changed = _changed(connection, number, backend.clock, together) if compared else NOTHING_CHANGED
+        changed = _changed(connection, number, backend.clock, by.together) if compared else NOTHING_CHANGED
         to_be_done = digests.to_be_done(connection, number, since_ns, left_out)
         tags = [row.tag for row in [*worst, *old]]
         written = notes.standing(connection, tags, until)
@@ -139,7 +137,7 @@ def _read(backend: Backend, run: AuditOut) -> _Read:
         run=run,
         since_ns=since_ns,
         arrivals=of_run(backend, number, began, reach),
-        shelf=shelved,
+        shelf=by.shelf,
         compared=compared,
         changed=changed,
         counted=counted,
@@ -151,7 +149,7 @@ def _read(backend: Backend, run: AuditOut) -> _Read:
         not_auditable=not_auditable,
         to_be_done=to_be_done,
         retired=retired,
-        work=work_list(backend, shelved, number, since_ns, ALL_WORK, until, besides),
+        work=work_list(backend, by, ALL_WORK, besides),
         to_manual=to_manual(backend, number) if compared else [],
         repairs=repairs(backend, number, until),
     )

@@ -12,11 +12,12 @@ from app.engine.long_records.episodes import BEGAN
 from app.services.backend import Backend
 from app.services.moments import PlantClock
 from app.services.plant.judged import Judged, judged
+from app.services.plant.listing import Listing
 from app.services.plant.nights import Night, Onset, nights, onsets
 from app.services.plant.repaired import repairs
-from app.services.plant.stood_together import Together, as_one
-from app.services.plant.worst import asked_today, not_shelved
-from app.services.stating.shelving import Shelf, Shelved
+from app.services.plant.stood_together import Together
+from app.services.plant.worst import asked_today, listed
+from app.services.stating.shelving import Shelved
 from app.services.telling.naming import named
 from app.services.telling.next_steps import Step
 from app.services.telling.reasons import SINCE
@@ -63,24 +64,14 @@ class Work:
         return "; ".join(one for one in (*told, whose) if one)
 
 
-def work_list(
-    backend: Backend,
-    shelved: Shelf,
-    audit_id: int | None = None,
-    since_ns: int | None = None,
-    most: int = MOST,
-    notes_until: datetime | None = None,
-    besides: Sequence[str] = (),
-) -> list[Work]:
-    """By the newest verdicts, or those of a run, without the loops that are `shelved`; since_ns: only loops with a
-    sample as new as that; notes_until: orders and repairs as they were written then (None: by now). Repairs that did
-    not help come first, then what wants a look today, which begins with the newest; in the other parts those come first
-    that lack most to full health, times their importance. Loops that came to stand together are listed once."""
-    together = as_one(backend, shelved, audit_id, since_ns)
+def work_list(backend: Backend, by: Listing, most: int = MOST, besides: Sequence[str] = ()) -> list[Work]:
+    """Repairs that did not help come first, then what wants a look today, which begins with the newest; in the other
+    parts those come first that lack most to full health, times their importance. Loops that came to stand together are
+    listed once. besides: tags of valves that are listed at the end if nowhere else."""
+    audit_id, together = by.audit_id, by.together
 
-    def listed(limit: int, asked: RowFilter) -> list[Work]:
-        wanted = replace(asked, audit_id=audit_id, recorded_from_ns=since_ns, left_out=together.left_out)
-        rows = not_shelved(backend, limit, wanted, shelved, notes_until) if limit else []
+    def told_of(limit: int, asked: RowFilter) -> list[Work]:
+        rows = listed(backend, by, limit, replace(asked, recorded_from_ns=by.since_ns)) if limit else []
         tags = [row["loop"] for row in rows]
         last, of_time = nights(backend, tags, audit_id), judged(backend, tags, audit_id)
         began = onsets(backend, tags, audit_id)
@@ -88,26 +79,26 @@ def work_list(
         def told(row: Mapping[str, Any]) -> Work:
             tag = row["loop"]
             since = _since(row, last.get(tag, ()), backend.clock, began.get(tag))
-            work = _work(row, since, of_time.get(tag), shelved.of(tag), backend.clock)
+            work = _work(row, since, of_time.get(tag), by.shelf.of(tag), backend.clock)
             return work if tag not in together.by_tag else _for_all(work, together.by_tag[tag], backend.clock)
 
         return [told(row) for row in rows]
 
-    failed = [repair.loop for repair in repairs(backend, audit_id, notes_until).listed if repair.outcome == "sticks"]
+    failed = [repair.loop for repair in repairs(backend, audit_id, by.notes_until).listed if repair.outcome == "sticks"]
     sticks = RowFilter(verdict=("stiction",))
-    work = listed(most, replace(sticks, tags=tuple(failed), reliability="reliable")) if failed else []
+    work = told_of(most, replace(sticks, tags=tuple(failed), reliability="reliable")) if failed else []
     again = {one.loop for one in work}
-    today = listed(LOOKED_AT, asked_today(since_ns))
+    today = told_of(LOOKED_AT, asked_today(by.since_ns))
     work += sorted(today, key=lambda one: BEFORE_THE_DATE.sub("", one.since), reverse=True)[
         : min(MOST_TODAY, most - len(work))
     ]
     for reliability in ("reliable", "not_reliable"):
         room = most - len(work)
-        sticking = listed(room and room + len(again), replace(sticks, reliability=reliability))
+        sticking = told_of(room and room + len(again), replace(sticks, reliability=reliability))
         work += [one for one in sticking if one.loop not in again][:room]
     # Of these valves, which stick, `most` may have left no room.
     left = tuple(sorted(set(besides) - {one.loop for one in work}))
-    return work + (listed(len(left), replace(sticks, tags=left)) if left else [])
+    return work + (told_of(len(left), replace(sticks, tags=left)) if left else [])
 
 
 def _work(

@@ -106,21 +106,20 @@ def plant_report(backend: Backend) -> str:
     reach = arrivals(backend)
     plant_groups(backend)
     sheet = plant_sheet(backend, reach)
-    seen, shelved, since_ns = sheet["seen"], sheet["shelf"], reach.current_ns
+    seen, by = sheet["seen"], sheet["listing"]
     if not seen.audited:
         why = "no loop of the plant is in service" if seen.retired and not seen.loops else NOT_AUDITED
         raise NotFoundError("not_audited", why)
-    together = sheet["together"]
-    worst = complaints_of_units(backend, since_ns, shelved, WORST_OF_UNIT, together)
-    old = complaints_of_old(backend, since_ns, shelved, together=together)
+    worst = complaints_of_units(backend, by, WORST_OF_UNIT)
+    old = complaints_of_old(backend, by)
     nights = course(backend)
     listed = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
     return document(
         "plant_report.html",
         **sheet,
         bars={unit.unit: _bar(unit.verdicts) for unit in seen.units},
-        work=work_list(backend, shelved, since_ns=since_ns),
-        sticking=sticking(backend, shelved, seen.reliable.get("stiction", 0)),
+        work=work_list(backend, by),
+        sticking=sticking(backend, by.shelf, seen.reliable.get("stiction", 0)),
         course=nights,
         course_units=unit_columns(nights, UNITS_BY_NIGHT),
         worst=worst,
