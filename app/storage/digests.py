@@ -2,34 +2,14 @@
 since are not told of."""
 
 from collections.abc import Collection, Iterable, Sequence
-from datetime import datetime
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Connection, Select, and_, func, not_, or_, select
 
 from app.storage.loops import IN_SERVICE
-from app.storage.newest import heads, heads_of_units, unanswered, worst_first
-from app.storage.plant import ChangedRow, complains, first_news, told_of_both, unjudged_as_before
+from app.storage.newest import unanswered, worst_first
+from app.storage.plant import ChangedRow, first_news, told_of_both, unjudged_as_before
 from app.storage.tables import loops, verdicts
-
-
-class ComplaintRow(NamedTuple):
-    """A loop to look at, and what the run said of it."""
-
-    tag: str
-    unit: str | None
-    importance: float
-    verdict: str
-    reliability: str
-    stiction_probability: float | None
-    likely_cause: str | None
-    health: float | None
-    reasons: str
-    reasons_text: str
-    window_start: datetime | None
-    window_end: datetime | None
-    audited_at: datetime
-    input_end_ns: int | None
 
 
 class ToBeDone(NamedTuple):
@@ -58,36 +38,6 @@ TEXTS = ("reasons_text", "reasons_text_before", "extra_json", "extra_json_before
 this = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
 _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
-
-
-def worst_of_units(
-    connection: Connection, audit_id: int, each: int, since_ns: int | None = None, left_out: Sequence[int] = ()
-) -> list[ComplaintRow]:
-    """Of each unit the loops that `complains` tells of, at the head of its list by what is missing to health x
-    importance; without those `left_out`, by id. since_ns: only those that were given a sample as new as that."""
-    listed = _complaints(audit_id, left_out)
-    listed = listed if since_ns is None else listed.where(this.c.input_end_ns >= since_ns)
-    return [ComplaintRow._make(row) for row in heads_of_units(connection, listed, this, each)]
-
-
-def worst_of_old(
-    connection: Connection, audit_id: int, most: int, since_ns: int | None, left_out: Sequence[int] = ()
-) -> list[ComplaintRow]:
-    """Of all units those whose samples are older."""
-    if since_ns is None:
-        return []
-    old = _complaints(audit_id, left_out).where(this.c.input_end_ns < since_ns)
-    return [ComplaintRow._make(row) for row in heads(connection, old, this, most)]
-
-
-def _complaints(audit_id: int, left_out: Sequence[int]) -> Select[Any]:
-    shown = (
-        *(loops.c.tag, loops.c.unit, loops.c.importance, this.c.verdict, this.c.reliability),
-        *(this.c.stiction_probability, this.c.likely_cause, this.c.health, this.c.reasons, this.c.reasons_text),
-        *(this.c.window_start, this.c.window_end, this.c.audited_at, this.c.input_end_ns),
-    )
-    complaints = select(*shown).select_from(_OF_RUN).where(this.c.audit_id == audit_id, complains(this))
-    return complaints.where(loops.c.id.not_in(left_out))
 
 
 def to_be_done(connection: Connection, audit_id: int, since_ns: int | None, left_out: Sequence[int]) -> list[ToBeDone]:

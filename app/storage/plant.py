@@ -176,31 +176,52 @@ def worst_of_units(
     complaints: bool = False,
     since_ns: int | None = None,
     left_out: Sequence[int] = (),
+    audit_id: int | None = None,
 ) -> list[TileRow]:
     """Of each unit the loops at the head of its list by what is missing to full health x importance. `complaints`: only
     those that `complains` tells of; since_ns: only those with a sample as new as that; `left_out`: not these loops, by
-    id."""
-    tiles = _tiles().where(complains(rows)) if complaints else _tiles()
-    tiles = tiles if since_ns is None else tiles.where(loops.c.newest_ns >= since_ns)
+    id; audit_id: by what that run said, and was given (None: by the newest verdicts and samples)."""
+    said = _Said.of(audit_id)
+    tiles = said.tiles.where(complains(said.rows)) if complaints else said.tiles
+    tiles = tiles if since_ns is None else tiles.where(said.newest_ns >= since_ns)
     tiles = tiles.where(loops.c.id.not_in(left_out)) if left_out else tiles
-    return [TileRow._make(row) for row in heads_of_units(connection, tiles, rows, each)]
+    return [TileRow._make(row) for row in heads_of_units(connection, tiles, said.rows, each)]
 
 
-def worst_of_old(connection: Connection, most: int, before_ns: int, left_out: Sequence[int] = ()) -> list[TileRow]:
+def worst_of_old(
+    connection: Connection, most: int, before_ns: int, left_out: Sequence[int] = (), audit_id: int | None = None
+) -> list[TileRow]:
     """The same of the loops of all units that `complains` tells of and whose newest sample is older than that."""
-    old = _tiles().where(complains(rows), loops.c.newest_ns < before_ns, loops.c.id.not_in(left_out))
-    return [TileRow._make(row) for row in heads(connection, old, rows, most)]
+    said = _Said.of(audit_id)
+    old = said.tiles.where(complains(said.rows), said.newest_ns < before_ns, loops.c.id.not_in(left_out))
+    return [TileRow._make(row) for row in heads(connection, old, said.rows, most)]
 
 
 def worst_of_unit(connection: Connection, unit: str | None, limit: int) -> list[TileRow]:
     """The same of one unit (None: of the loops that name none)."""
     mine = loops.c.unit.is_(None) if unit is None else loops.c.unit == unit
-    return [TileRow._make(row) for row in heads(connection, _tiles().where(mine), rows, limit)]
+    return [TileRow._make(row) for row in heads(connection, _Said.of(None).tiles.where(mine), rows, limit)]
 
 
-def _tiles() -> Select[Any]:
-    shown = (loops.c.tag, loops.c.unit, loops.c.importance, rows.c.verdict, rows.c.health)
-    return select(*shown).select_from(_NEWEST)
+class _Said(NamedTuple):
+    """What is said of the loops in service, and up to which sample. joined: with the loops."""
+
+    rows: FromClause
+    joined: FromClause
+    newest_ns: ColumnElement[Any]
+
+    @classmethod
+    def of(cls, audit_id: int | None) -> "_Said":
+        """What a run said (None: the newest)."""
+        if audit_id is None:
+            return cls(rows, _NEWEST, loops.c.newest_ns)
+        of_run = and_(verdicts.c.loop_id == loops.c.id, verdicts.c.audit_id == audit_id, IN_SERVICE)
+        return cls(verdicts, loops.join(verdicts, of_run), verdicts.c.input_end_ns)
+
+    @property
+    def tiles(self) -> Select[Any]:
+        shown = (loops.c.tag, loops.c.unit, loops.c.importance, self.rows.c.verdict, self.rows.c.health)
+        return select(*shown).select_from(self.joined)
 
 
 def last_whole_run(connection: Connection) -> WholeRun | None:

@@ -152,7 +152,7 @@ def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilte
     """The row of `table` behind so many others; None where there are not as many."""
     query = _without_texts(sort, descending, wanted, None).offset(place).limit(1)
     row = connection.execute(query).one_or_none()
-    return None if row is None else After(SentRow(*row[:5]).value, row.tag)
+    return None if row is None else After(SentRow._make((*row, ())).value, row.tag)
 
 
 def sent_rows(
@@ -166,7 +166,7 @@ def sent_rows(
 ) -> list[SentRow]:
     """The rows of `table`, without what their verdicts say."""
     query = _without_texts(sort, descending, wanted, after).add_columns(*(OF_LOOP if of_loop else ()))
-    return [SentRow(*row[:5], tuple(row[5:])) for row in connection.execute(query.limit(limit))]
+    return [SentRow._make((*row[:5], tuple(row[5:]))) for row in connection.execute(query.limit(limit))]
 
 
 def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After | None) -> Select[Any]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -88,6 +89,7 @@ def test_the_worst_come_first_and_those_of_unknown_health_last(database: Databas
 def test_the_heads_of_the_units_are_of_the_newest_verdicts_or_of_one_run(
     database: Database, runs: tuple[int, int]
 ) -> None:
+    of_first = partial(plant.worst_of_units, complaints=True, audit_id=runs[0])
     with database.read() as connection:
         whole = plant.worst_of_units(connection, 2)
         assert [tuple(row) for row in whole] == [
@@ -99,24 +101,31 @@ def test_the_heads_of_the_units_are_of_the_newest_verdicts_or_of_one_run(
         assert tags(plant.worst_of_units(connection, 9, complaints=True)) == ["A2", "A3", "B1", "B2"]
         assert tags(plant.worst_of_units(connection, 9, complaints=True, since_ns=NEW_NS)) == ["A2", "B2"]
         assert tags(plant.worst_of_unit(connection, "U1", 3)) == ["A4", "A2", "A1"]
-        assert tags(digests.worst_of_units(connection, runs[0], 2)) == ["A1", "A2", "B1", "B2"]
-        assert tags(digests.worst_of_units(connection, runs[0], 9, NEW_NS)) == ["A1", "A2", "B2"]
-        assert tags(digests.worst_of_units(connection, runs[1], 9)) == []
+        assert tags(of_first(connection, 2)) == ["A1", "A2", "B1", "B2"]
+        assert tags(of_first(connection, 9, since_ns=NEW_NS)) == [
+            "A1",
+            "A2",
+            "B2",
+        ]
+        assert tags(plant.worst_of_units(connection, 9, complaints=True, audit_id=runs[1])) == []
 
 
 def test_the_worst_of_old_records_are_of_all_units(database: Database, runs: tuple[int, int]) -> None:
     with database.read() as connection:
         assert tags(plant.worst_of_old(connection, 9, NEW_NS)) == ["B1", "A3"]
         assert tags(plant.worst_of_old(connection, 1, NEW_NS)) == ["B1"]
-        assert tags(digests.worst_of_old(connection, runs[0], 9, NEW_NS)) == ["B1", "A3"]
-        assert digests.worst_of_old(connection, runs[0], 9, None) == []
+        assert tags(plant.worst_of_old(connection, 9, NEW_NS, audit_id=runs[0])) == ["B1", "A3"]
 
 
 def test_loops_left_out_make_room_for_the_next(database: Database, runs: tuple[int, int]) -> None:
+    of_first = partial(plant.worst_of_units, complaints=True, audit_id=runs[0])
     with database.read() as connection:
         ids = [row.id for row in loops.page(connection, 10) if row.tag in ("A2", "B1")]
         assert tags(plant.worst_of_units(connection, 1, complaints=True, left_out=ids)) == ["A3", "B2"]
-        assert tags(digests.worst_of_units(connection, runs[0], 1, None, ids)) == ["A1", "B2"]
+        assert tags(of_first(connection, 1, left_out=ids)) == [
+            "A1",
+            "B2",
+        ]
         assert tags(plant.worst_of_old(connection, 9, NEW_NS, ids)) == ["A3"]
 
 

@@ -1,22 +1,22 @@
 """The digest of a run: read from the tables, and put into words."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import groupby
+from typing import Any
 
 from sqlalchemy import Connection
 
 from app.counting import counted
 from app.errors import RequestError
 from app.services.addresses import loop_address
-from app.services.audit_json.rows import TIMES, sampled
+from app.services.audit_json.rows import OLD
 from app.services.auditing.audits import get_audit
 from app.services.backend import Backend
 from app.services.cursors import identifier
 from app.services.digests.digest import NOTHING_CHANGED, Area, Changed, Digest, DigestLoop, Unlisted
-from app.services.moments import PlantClock, iso_utc, moment_of
+from app.services.moments import PlantClock, moment_of
 from app.services.outward import AuditOut
 from app.services.plant.arrivals import arrivals
 from app.services.plant.changes import TOLD_FIRST, change_of, for_all, kind_of, second_night
@@ -28,14 +28,14 @@ from app.services.plant.silent import of_run
 from app.services.plant.stood_together import AsOne
 from app.services.plant.told_until import run_to_work_by
 from app.services.plant.work_list import Work, work_list
-from app.services.recency import DATED_NS, LATE, OLD_FROM
+from app.services.plant.worst import complaints_of_old, complaints_of_units
+from app.services.recency import LATE, OLD_FROM
 from app.services.stating.shelving import Shelf
 from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
-from app.services.telling.repair_sides import of_before
-from app.services.telling.wording import PRIOR_ONLY, VERDICT_WORDS, codes_in
-from app.storage import digests, notes, plant, set_apart
-from app.storage.digests import ComplaintRow, CountRow, RefusedRow, ToBeDone
+from app.services.telling.wording import PRIOR_ONLY, VERDICT_WORDS, codes_of
+from app.storage import digests, plant, set_apart
+from app.storage.digests import CountRow, RefusedRow, ToBeDone
 from app.storage.set_apart import SetApart
 
 TOP = 5
@@ -87,7 +87,7 @@ def digest_of(backend: Backend, audit_id: str) -> Digest:
 
 @dataclass(frozen=True)
 class _Read:
-    """What a digest is made of. of_time, repaired_at: by tag, of those of `worst` and `old`."""
+    """What a digest is made of. worst: by unit; of_time: by tag, of those of `worst` and `old`."""
 
     plant: str
     url: str
@@ -99,10 +99,9 @@ class _Read:
     changed: Changed
     counted: list[CountRow]
     apart: list[SetApart]
-    worst: list[ComplaintRow]
-    old: list[ComplaintRow]
+    worst: list[tuple[str | None, list[dict[str, Any]]]]
+    old: list[dict[str, Any]]
     of_time: dict[str, Judged]
-    repaired_at: dict[str, str | None]
     not_auditable: list[RefusedRow]
     to_be_done: list[ToBeDone]
     retired: int
@@ -116,20 +115,17 @@ def _read(backend: Backend, run: AuditOut) -> _Read:
     reach = arrivals(backend, number, began)
     since_ns = reach.current_ns
     by = listing(backend, since_ns, number)
-    until, left_out = by.notes_until, by.left_out
     with backend.database.read() as connection:
         counted = digests.counts_of(connection, number)
-        apart = set_apart.of_run(connection, number, OLD_FROM, until)
-        worst = digests.worst_of_units(connection, number, TOP, since_ns, left_out)
-        old = digests.worst_of_old(connection, number, TOP, since_ns, left_out)
+        apart = set_apart.of_run(connection, number, OLD_FROM, by.notes_until)
         retired = digests.retired_since(connection, number)
         not_auditable = digests.refused_of(connection, number, TOP, by.shelf.left_out)
         # In a plant's first run every verdict is new: that is no news.
         compared = plant.any_run_before(connection, number)
         changed = _changed(connection, number, backend.clock, by.together) if compared else NOTHING_CHANGED
-        to_be_done = digests.to_be_done(connection, number, since_ns, left_out)
-        tags = [row.tag for row in [*worst, *old]]
-        written = notes.standing(connection, tags, until)
+        to_be_done = digests.to_be_done(connection, number, since_ns, by.left_out)
+    worst, old = complaints_of_units(backend, by, TOP), complaints_of_old(backend, by, TOP)
+    tags = [row["loop"] for rows in (*(rows for _, rows in worst), old) for row in rows]
     besides = sorted(changed.new)
     return _Read(
         plant=backend.settings.plant,
@@ -145,28 +141,24 @@ def _read(backend: Backend, run: AuditOut) -> _Read:
         worst=worst,
         old=old,
         of_time=judged(backend, tags, number),
-        repaired_at={tag: iso_utc(one.repaired_at) for tag, one in written.items()},
         not_auditable=not_auditable,
         to_be_done=to_be_done,
         retired=retired,
         work=work_list(backend, by, ALL_WORK, besides),
         to_manual=to_manual(backend, number) if compared else [],
-        repairs=repairs(backend, number, until),
+        repairs=repairs(backend, number, by.notes_until),
     )
 
 
 def _made(read: _Read, clock: PlantClock) -> Digest:
-    told, all_the_same = tally(read.counted, read.apart), read.shelf.by_tag()
+    told = tally(read.counted, read.apart)
     refused_loops: dict[str, list[str]] = {}
     for row in read.not_auditable:
         refused_loops.setdefault(cause_of_refusal(row.likely_cause), []).append(row.tag)
 
-    def loop_of(row: ComplaintRow) -> DigestLoop:
-        found = (read.of_time.get(row.tag), all_the_same.get(row.tag))
-        words = [one.words(clock) if one else "" for one in found]
-        times = {name: iso_utc(getattr(row, name)) for name in TIMES} | {"input_end": sampled(row.input_end_ns)}
-        before = of_before({**row._asdict(), **times}, read.repaired_at.get(row.tag))
-        return replace(_loop(row, read.url, *words), of_before_repair=before)
+    def loop_of(row: Mapping[str, Any]) -> DigestLoop:
+        of_time = read.of_time.get(row["loop"])
+        return _loop(row, read.url, of_time.words(clock) if of_time else "")
 
     return Digest(
         plant=read.plant,
@@ -177,8 +169,8 @@ def _made(read: _Read, clock: PlantClock) -> Digest:
         arrivals=read.arrivals,
         work=read.work,
         unlisted=_unlisted(read.to_be_done, read.work),
-        areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in groupby(read.worst, lambda row: row.unit)],
-        old=[_of_old_record(loop_of(row), row.input_end_ns) for row in read.old],
+        areas=[Area(unit, [loop_of(row) for row in rows]) for unit, rows in read.worst],
+        old=[replace(loop_of(row), recorded_to=row["recorded_to"], of_old_record=row[OLD]) for row in read.old],
         changed=read.changed,
         to_manual=_manual_words(read.to_manual, clock),
         repairs=read.repairs.listed,
@@ -201,26 +193,22 @@ def _manual_words(found: Sequence[ToManual], clock: PlantClock) -> list[str]:
     ]
 
 
-def _loop(row: ComplaintRow, url: str, of_time: str, shelved: str) -> DigestLoop:
+def _loop(row: Mapping[str, Any], url: str, of_time: str) -> DigestLoop:
     return DigestLoop(
-        loop=row.tag,
-        verdict=row.verdict,
-        reliability=row.reliability,
-        stiction_probability=row.stiction_probability,
-        likely_cause=row.likely_cause,
-        health=row.health,
-        importance=row.importance,
-        why=reasons_of(row._asdict())[0][:LONGEST_WHY],
-        address=loop_address(url, row.tag),
+        loop=row["loop"],
+        verdict=row["verdict"],
+        reliability=row["reliability"],
+        stiction_probability=row["stiction_probability"],
+        likely_cause=row["likely_cause"],
+        health=row["health"],
+        importance=row["importance"],
+        why=reasons_of(row)[0][:LONGEST_WHY],
+        address=loop_address(url, row["loop"]),
         judged=of_time,
-        measured=PRIOR_ONLY not in codes_in(row.reasons),
-        shelved=shelved,
+        measured=PRIOR_ONLY not in codes_of(row),
+        shelved=row["shelved"] or "",
+        of_before_repair=row["of_before_repair"],
     )
-
-
-def _of_old_record(loop: DigestLoop, newest_ns: int | None) -> DigestLoop:
-    """How old a record without a date is, is not known."""
-    return replace(loop, recorded_to=sampled(newest_ns), of_old_record=newest_ns is not None and newest_ns >= DATED_NS)
 
 
 def _unlisted(to_be_done: Sequence[ToBeDone], work: Sequence[Work]) -> Unlisted:

@@ -14,15 +14,13 @@ from itertools import groupby
 from typing import Any, TypeVar
 
 from app.engine.codes import NO_ANSWER_VERDICTS, UNANSWERED
-from app.services.audit_json.rows import OLD
 from app.services.backend import Backend
-from app.services.moments import PlantClock
 from app.services.plant.changes import Changes
 from app.services.plant.listing import Listing
 from app.services.plant.reliability import table
-from app.services.stating.shelving import Shelf
 from app.storage import plant, verdicts
 from app.storage.asked_rows import RowFilter
+from app.storage.plant import TileRow
 
 Loop = TypeVar("Loop")
 
@@ -95,15 +93,17 @@ def worst_of_old(backend: Backend, by: Listing, limit: int = WORST) -> list[dict
     date."""
     if by.since_ns is None:
         return []
-    return [_marked_old(row) for row in listed(backend, by, limit, RowFilter(recorded_before_ns=by.since_ns))]
+    return listed(backend, by, limit, RowFilter(recorded_before_ns=by.since_ns))
 
 
 def complaints_of_units(backend: Backend, by: Listing, each: int) -> list[tuple[str | None, list[dict[str, Any]]]]:
     """Of each unit the worst of the loops that stick, may, or show no answer of PV to OP; of loops that are told of as
     one the one that speaks for all."""
     with backend.database.read() as connection:
-        placed = plant.worst_of_units(connection, each, complaints=True, since_ns=by.since_ns, left_out=by.left_out)
-    rows = _rows_of(backend, placed, by.shelf)
+        placed = plant.worst_of_units(
+            connection, each, complaints=True, since_ns=by.since_ns, left_out=by.left_out, audit_id=by.audit_id
+        )
+    rows = _rows_of(backend, placed, by, RowFilter())
     return [(unit, list(some)) for unit, some in groupby(rows, lambda row: row["unit"])]
 
 
@@ -112,25 +112,14 @@ def complaints_of_old(backend: Backend, by: Listing, limit: int = WORST) -> list
     if by.since_ns is None:
         return []
     with backend.database.read() as connection:
-        placed = plant.worst_of_old(connection, limit, by.since_ns, by.left_out)
-    return [_marked_old(row) for row in _rows_of(backend, placed, by.shelf, by.since_ns)]
+        placed = plant.worst_of_old(connection, limit, by.since_ns, by.left_out, by.audit_id)
+    return _rows_of(backend, placed, by, RowFilter(recorded_before_ns=by.since_ns))
 
 
-def _marked_old(row: dict[str, Any]) -> dict[str, Any]:
-    """How old a record without a date is, is not known: its row says there what it says in the table."""
-    ends = row["recorded_to"]
-    return row | {OLD: True} if ends and PlantClock.dated(ends) else row
-
-
-def _rows_of(
-    backend: Backend, placed: Sequence[Any], shelved: Shelf, before_ns: int | None = None
-) -> list[dict[str, Any]]:
-    """Rows of `table` of these loops, in their order; a loop that was audited or retired meanwhile may be missing.
-    before_ns: all of them end before it."""
+def _rows_of(backend: Backend, placed: Sequence[TileRow], by: Listing, asked: RowFilter) -> list[dict[str, Any]]:
+    """Rows of `table` of these loops, in their order; a loop that was audited or retired meanwhile may be missing."""
     tags = tuple(row.tag for row in placed)
-    asked = RowFilter(tags=tags, recorded_before_ns=before_ns)
-    rows = table(backend, len(tags), filters=asked, shelved=shelved).rows if tags else []
-    by_tag = {row["loop"]: row for row in rows}
+    by_tag = {row["loop"]: row for row in listed(backend, by, len(tags), replace(asked, tags=tags))} if tags else {}
     return [by_tag[tag] for tag in tags if tag in by_tag]
 
 
