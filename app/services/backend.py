@@ -11,7 +11,7 @@ from sqlalchemy.exc import TimeoutError as NoFreeConnection
 
 from app.errors import RequestError
 from app.queue import Queue
-from app.services.data_folder import make_where_new
+from app.services.data_folder import NewFolder
 from app.services.found_groups import PARTING_S, FoundGroups
 from app.services.moments import PlantClock
 from app.settings import Settings
@@ -109,9 +109,14 @@ class Backend:
         not made."""
         limit_s = settings.worker_statement_timeout_s if worker else settings.statement_timeout_s
         database = Database(settings.resolved_database_url, statement_timeout_s=limit_s, pool_size=settings.pool_size)
+        backend = cls(settings, database, Queue(settings))
         if not looks_only:
-            make_where_new(settings, database)
-        return cls(settings, database, Queue(settings))
+            backend.new_folder.make()
+        return backend
+
+    @cached_property
+    def new_folder(self) -> NewFolder:
+        return NewFolder(self.settings, self.database)
 
     @cached_property
     def clock(self) -> PlantClock:

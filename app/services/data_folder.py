@@ -5,6 +5,7 @@ import logging
 import os
 import shutil
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -15,9 +16,6 @@ from app.sqlite_files import file_of
 from app.storage import Database, schema, uploads
 
 log = logging.getLogger("loopaudit.upkeep")
-
-UNTOLD: set[Path] = set()
-"""Folders of exports of which this process could not be told whether they are new."""
 
 FolderState = Literal["ok", "read-only", "gone"]
 
@@ -42,27 +40,32 @@ def free_bytes(settings: Settings) -> int:
         return 0
 
 
-def make_where_new(settings: Settings, database: Database) -> None:
-    """The data folder with its parts. Where the data base knows of exports it is not new but away, as a share that is
-    not mounted: what was taken in its place would be gone from sight with its return. So it is not made either where
-    the data base cannot be asked, until `make_once_told`."""
-    folder = settings.uploads_dir
-    if _is_there(folder):
-        return
-    UNTOLD.add(folder)
-    with suppress(SQLAlchemyError):  # which whoever needs the data base tells
-        if not _knows_exports(database):
-            settings.prepare_folders()
-        UNTOLD.discard(folder)
+@dataclass
+class NewFolder:
+    """The data folder with its parts, made where it is new. Where the data base knows of exports it is not new but
+    away, as a share that is not mounted: what was taken in its place would be gone from sight with its return. So it is
+    not made either where the data base cannot be asked, until `make_once_told`. untold: whether it could not be."""
 
+    settings: Settings
+    database: Database
+    untold: bool = False
 
-def make_once_told(settings: Settings, database: Database) -> None:
-    """`make_where_new` again, where the data base was away when this process asked it. One that was there meanwhile, or
-    at the start, is not new."""
-    if _is_there(settings.uploads_dir):
-        UNTOLD.discard(settings.uploads_dir)
-    elif settings.uploads_dir in UNTOLD:
-        make_where_new(settings, database)
+    def make(self) -> None:
+        if _is_there(self.settings.uploads_dir):
+            return
+        self.untold = True
+        with suppress(SQLAlchemyError):  # which whoever needs the data base tells
+            if not _knows_exports(self.database):
+                self.settings.prepare_folders()
+            self.untold = False
+
+    def make_once_told(self) -> None:
+        """Again, where the data base was away when it was asked. One that was there meanwhile, or at the start, is not
+        new."""
+        if _is_there(self.settings.uploads_dir):
+            self.untold = False
+        elif self.untold:
+            self.make()
 
 
 def _is_there(folder: Path) -> bool:

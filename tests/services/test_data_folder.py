@@ -3,7 +3,7 @@
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -131,11 +131,12 @@ def test_where_that_could_not_be_told_at_the_start_a_sweep_makes_it(
     def is_away(*_: object) -> None:
         raise OperationalError("SELECT", {}, Exception("connection refused"))
 
-    with away(backend.settings):
+    with ExitStack() as stack:
+        stack.enter_context(away(backend.settings))
         if not was_there:
             with monkeypatch.context() as patched:
                 patched.setattr(schema, "current_revision", is_away)
-                Backend.open(backend.settings).close()
+                backend = stack.enter_context(closing(Backend.open(backend.settings)))
         assert not backend.settings.uploads_dir.exists()
         with suppress(RequestError):  # of retention, which looks into the folder
             sweep(backend)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY
-from app.services.data_folder import make_where_new
+from app.services.data_folder import NewFolder
 from app.settings import Settings
 from app.storage import Database
 from app.storage.presence import present
@@ -88,7 +88,7 @@ def _locked(settings: Settings, how: int, refusal: RequestError) -> Iterator[Non
 @contextmanager
 def _lock_file(settings: Settings, name: str) -> Iterator[int]:
     with closing(Database(settings.resolved_database_url)) as database:
-        make_where_new(settings, database)
+        NewFolder(settings, database).make()
     lock = _opened(settings.data_dir / name, to_write=name == SERVING)
     try:
         yield lock

@@ -12,7 +12,6 @@ from app.services.auditing.calling import call_workers
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
 from app.services.backend import DATABASE_AWAY, Backend
-from app.services.data_folder import make_once_told
 from app.services.digests.deliveries import announce_digests
 from app.services.intake.drafts import drafts, is_held
 from app.services.intake.uploads import is_seen
@@ -130,7 +129,7 @@ def begin_night(backend: Backend) -> SweepReport:
 
 
 def make_folder(backend: Backend) -> SweepReport:
-    make_once_told(backend.settings, backend.database)
+    backend.new_folder.make_once_told()
     return SweepReport()
 
 

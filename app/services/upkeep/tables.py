@@ -10,7 +10,7 @@ from sqlalchemy.exc import OperationalError
 
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY, away_in_words
-from app.services.data_folder import make_where_new
+from app.services.data_folder import NewFolder
 from app.settings import Settings
 from app.sqlite_files import file_of
 from app.storage import Database, schema
@@ -28,7 +28,7 @@ def migrate(settings: Settings) -> str:
     database = Database(settings.resolved_database_url)
     try:
         with away_in_words():
-            make_where_new(settings, database)
+            NewFolder(settings, database).make()
             refuse_newer(schema.current_revision(database))
             with _in_use_in_words():
                 schema.migrate(database)
