@@ -16,5 +16,5 @@ def table_page(
 ) -> Page[dict[str, Any]]:
     """Each row made of its columns, without what is its loop's."""
     found = in_parts(backend, limit, cursor, sort, filters, of_loop=True)
-    rows = [row for part in found.parts() for row in part]
+    rows = [row for part in found.parts() for row in part.rows]
     return Page([{name: row[name] for name in row if name not in OF_LOOP} for row in rows], found.next_cursor)

@@ -1,6 +1,6 @@
 """The per-loop reliability table: the newest verdict of every loop, as JSON or as CSV."""
 
-from collections.abc import AsyncIterator, Iterable, Iterator
+from collections.abc import AsyncIterator, Iterator
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -207,8 +207,8 @@ def looked_up(backend: Backend, query: TableQuery) -> service.TableParts:
 def as_csv(found: service.TableParts, query: TableQuery) -> Iterator[bytes]:
     columns, mark = query.wanted_columns() or COLUMNS, BYTE_ORDER_MARK if query.byte_order_mark else ""
 
-    def text(rows: Iterable[service.Row]) -> bytes:
-        return csv_text(map(service.fields_of, rows), columns, raw=query.raw).encode()
+    def text(part: service.Part) -> bytes:
+        return csv_text(part.rows, columns, raw=query.raw).encode()
 
     head, parts = (mark + "".join(csv_lines((), columns))).encode(), map(text, found.parts())
     yield head + next(parts, b"")  # no part of its own: an answer begins with what may fail

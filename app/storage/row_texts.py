@@ -41,9 +41,10 @@ class RowTexts:
                 missing.append(row)
         if missing:
             read = texts(connection, [row.loop_id for row in missing], form)
-            known = [row for row in missing if row.key in read]
-            self._keep({row.loop_id: (stamps[row.audit_id], read[row.key]) for row in known if row.audit_id in stamps})
-            found |= {row.loop_id: read[row.key] for row in known}
+            fresh = {row.loop_id: text for row in missing if (text := read.get(row.key)) is not None}
+            settled_rows = [row for row in missing if row.loop_id in fresh and row.audit_id in stamps]
+            self._keep({row.loop_id: (stamps[row.audit_id], fresh[row.loop_id]) for row in settled_rows})
+            found |= fresh
         return found
 
     def __len__(self) -> int:

@@ -152,7 +152,7 @@ def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilte
     """The row of `table` behind so many others; None where there are not as many."""
     query = _without_texts(sort, descending, wanted, None).offset(place).limit(1)
     row = connection.execute(query).one_or_none()
-    return None if row is None else After(SentRow._make((*row, ())).value, row.tag)
+    return None if row is None else After(SentRow(*row).value, row.tag)
 
 
 def sent_rows(
@@ -185,6 +185,8 @@ def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After 
 
 def of_keys(connection: Connection, keys: Sequence[tuple[int, int]]) -> dict[tuple[int, int], dict[str, Any]]:
     """Verdicts by loop and run; one that is gone is left out."""
+    if not keys:
+        return {}
     query = _select().add_columns(verdicts.c.loop_id).select_from(_with_run(_OF_LOOPS))
     found: dict[tuple[int, int], dict[str, Any]] = {}
     for run in sorted({audit_id for _, audit_id in keys}):  # one, most often; as pairs they took ten times as long
@@ -201,7 +203,7 @@ def texts(connection: Connection, loop_ids: Sequence[int], form: str) -> dict[tu
         with in_driver(connection) as driver, driver.cursor() as cursor:
             cursor.adapters.register_loader("text", _as_bytes())
             cursor.execute(ROWS_OF, (form, list(loop_ids)))
-            return {(loop_id, audit_id): text for loop_id, audit_id, text in cursor}
+            return {(loop_id, audit_id): text for loop_id, audit_id, text in cursor.fetchall()}
     told = (newest_rows.c.loop_id, newest_rows.c.audit_id, newest_rows.c.row_json)
     query = select(*told).where(newest_rows.c.form == form, among_many(connection, newest_rows.c.loop_id, loop_ids))
     return {(loop_id, audit_id): text.encode() for loop_id, audit_id, text in connection.execute(query)}

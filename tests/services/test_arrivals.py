@@ -224,7 +224,7 @@ def test_loops_whose_records_are_old_have_a_list_of_their_own(backend: Backend, 
     since_ns = arrivals(backend, at=NOON).current_ns
     assert {row["loop"] for row in worst.worst(backend, listing(backend, since_ns))} == {"A", "C"}
     assert {row["loop"] for row in worst.worst_of_old(backend, listing(backend, since_ns))} == {"B", "D"}
-    assert worst.worst_of_old(backend, listing(backend)) == []
+    assert worst.worst_of_old(backend, listing(backend)) == worst.complaints_of_old(backend, listing(backend)) == []
     with backend.database.write() as connection:
         for row in connection.execute(select(loops.c.id, loops.c.newest_ns)).all():
             mine = update(verdicts).where(verdicts.c.loop_id == row.id)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import Engine, event, select, update
+from sqlalchemy import Engine, delete, event, select, update
 
 from app.services.audit_json.models import TableRow, WrittenFields
 from app.services.auditing import audits, chunks
@@ -16,6 +16,7 @@ from app.services.backend import Backend
 from app.services.plant import loop_verdicts, reliability
 from app.services.plant.reliability import RowFilter
 from app.services.stating import notes
+from app.services.stating.properties import patch_loop
 from app.services.telling.next_steps import Ask
 from app.services.telling.wording import rely
 from app.storage import loops as stored_loops
@@ -66,8 +67,8 @@ def test_rows_tell_what_their_page_tells(plant: Backend) -> None:
 
 
 def _of_run(backend: Backend) -> list[dict[str, Any]]:
-    (rows,) = reliability.in_parts(backend, filters=RowFilter(audit_id=1), of_loop=True).parts()
-    return [{name: row[name] for name in TableRow.model_fields} for row in rows]
+    (part,) = reliability.in_parts(backend, filters=RowFilter(audit_id=1), of_loop=True).parts()
+    return [{name: row[name] for name in TableRow.model_fields} for row in part.rows]
 
 
 def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -> None:
@@ -84,6 +85,22 @@ def test_the_version_of_an_answer_changes_with_what_is_written(plant: Backend) -
     assert reliability.in_parts(plant).version in seen, "what is withdrawn is as if it had not been written"
     notes.add_note(plant, "FIC0", "seen in the field, nothing to do")
     assert reliability.in_parts(plant).version in seen
+
+
+@pytest.mark.parametrize(
+    "changes", [{"type": "flow"}, {"description": "feed"}, {"owner": "team A"}, {"importance": 7.0}, {"unit": "U9"}]
+)
+def test_the_version_of_a_page_changes_with_what_its_loops_are_where_it_tells_that(
+    plant: Backend, changes: dict[str, Any]
+) -> None:
+    def asked(of_loop: bool) -> tuple[str, list[dict[str, Any]]]:
+        return reliability.in_parts(plant, of_loop=of_loop).version, _in_parts(plant, of_loop=of_loop)
+
+    before = {of_loop: asked(of_loop) for of_loop in (False, True)}
+    patch_loop(plant, "FIC1", changes)
+    for of_loop, (version, rows) in before.items():
+        version_now, rows_now = asked(of_loop)
+        assert (version_now != version) == (rows_now != rows) == (of_loop or "unit" in changes)
 
 
 def recorded(backend: Backend, **days_ago: float) -> None:
@@ -128,8 +145,9 @@ def test_what_a_run_said_of_old_records_stays_whatever_comes_later(backend: Back
     """Its rows changed as soon as a loop had newer samples, before anything was said of these."""
     recorded(backend, FIC0=3, FIC1=0.1)
     first = judge(backend)
-    version = reliability.in_parts(backend).version
+    version, with_newest = (reliability.in_parts(backend, of_loop=told).version for told in (False, True))
     recorded(backend, FIC0=0.05)
+    assert reliability.in_parts(backend, of_loop=True).version != with_newest
     assert old_of(sent(backend)) == {"FIC0"}, "no verdict is of the new samples"
     assert reliability.in_parts(backend).version == version
     second = judge(backend)
@@ -190,7 +208,7 @@ def test_a_run_is_sorted_by_the_newest_samples_that_it_shows(plant: Backend) -> 
     rest = reliability.table(plant, 2, page.next_cursor, sort="recorded_to", filters=RowFilter(audit_id=1))
     assert [row["loop"] for row in (*page.rows, *rest.rows)] == list(TAGS[::-1])
     told = reliability.in_parts(plant, sort="-recorded_to", filters=RowFilter(audit_id=1), of_loop=True)
-    assert [row["loop"] for part in told.parts() for row in part] == list(TAGS)
+    assert [row["loop"] for part in told.parts() for row in part.rows] == list(TAGS)
 
 
 def test_more_rows_take_no_more_questions(plant: Backend) -> None:
@@ -217,7 +235,7 @@ def _questions(backend: Backend, limit: int, asked: list[str]) -> tuple[int, int
 
 
 def _in_parts(backend: Backend, **asked: Any) -> list[dict[str, Any]]:
-    return [reliability.fields_of(row) for part in reliability.in_parts(backend, **asked).parts() for row in part]
+    return [row for part in reliability.in_parts(backend, **asked).parts() for row in part.rows]
 
 
 def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
@@ -243,16 +261,37 @@ def test_rows_of_a_csv_are_read_as_they_were_written_and_say_the_same(
         write(plant)
 
 
-def test_a_page_of_a_csv_keeps_its_verdicts_while_newer_ones_come(plant: Backend) -> None:
+def test_a_page_keeps_its_verdicts_while_newer_ones_come(plant: Backend) -> None:
     write(plant)
-    page = reliability.in_parts(plant)
+    page, as_json = reliability.in_parts(plant), reliability.in_parts(plant).as_json
     before = _in_parts(plant)
     judge(plant)
     assert {row["audit_id"] for row in _in_parts(plant)} == {"2"}
     (kept,) = page.parts()
-    assert [(row["loop"], row["audit_id"], row["verdict"]) for row in map(reliability.fields_of, kept)] == [
-        (row["loop"], "1", row["verdict"]) for row in before
-    ]
+    for rows in (kept.rows, json.loads(as_json())["rows"]):
+        assert [(row["loop"], row["audit_id"], row["verdict"]) for row in rows] == [
+            (row["loop"], "1", row["verdict"]) for row in before
+        ]
+    assert {row["audit_id"] for row in sent(plant)} == {"2"}, (
+        "what a page of before was told is not kept for newer ones"
+    )
+
+
+@pytest.mark.parametrize("dropped", [TAGS[:1], TAGS[1:2], TAGS[-1:], TAGS])
+def test_rows_dropped_since_the_page_was_looked_up_are_left_out_of_its_json(
+    plant: Backend, monkeypatch: pytest.MonkeyPatch, dropped: tuple[str, ...]
+) -> None:
+    """Whole parts, too: at the beginning, in the middle and at the end."""
+    monkeypatch.setattr(reliability, "PART_ROWS", 1)
+    page = reliability.in_parts(plant)
+    with plant.database.write() as connection:
+        ids = select(tables.loops.c.id).where(tables.loops.c.tag.in_(dropped)).scalar_subquery()
+        for table in (tables.newest_rows, tables.verdicts):
+            connection.execute(delete(table).where(table.c.loop_id.in_(ids)))
+    left = [tag for tag in TAGS if tag not in dropped]
+    for told in (page.as_json(), b"".join(page.json_parts()), b"".join(page.json_parts(("loop", "verdict")))):
+        answer = json.loads(told)
+        assert ([row["loop"] for row in answer["rows"]], answer["next_cursor"]) == (left, None)
 
 
 def test_rows_of_another_form_are_made_of_their_columns(plant: Backend) -> None:

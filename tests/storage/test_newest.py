@@ -102,11 +102,7 @@ def test_the_heads_of_the_units_are_of_the_newest_verdicts_or_of_one_run(
         assert tags(plant.worst_of_units(connection, 9, complaints=True, since_ns=NEW_NS)) == ["A2", "B2"]
         assert tags(plant.worst_of_unit(connection, "U1", 3)) == ["A4", "A2", "A1"]
         assert tags(of_first(connection, 2)) == ["A1", "A2", "B1", "B2"]
-        assert tags(of_first(connection, 9, since_ns=NEW_NS)) == [
-            "A1",
-            "A2",
-            "B2",
-        ]
+        assert tags(of_first(connection, 9, since_ns=NEW_NS)) == ["A1", "A2", "B2"]
         assert tags(plant.worst_of_units(connection, 9, complaints=True, audit_id=runs[1])) == []
 
 
@@ -122,10 +118,7 @@ def test_loops_left_out_make_room_for_the_next(database: Database, runs: tuple[i
     with database.read() as connection:
         ids = [row.id for row in loops.page(connection, 10) if row.tag in ("A2", "B1")]
         assert tags(plant.worst_of_units(connection, 1, complaints=True, left_out=ids)) == ["A3", "B2"]
-        assert tags(of_first(connection, 1, left_out=ids)) == [
-            "A1",
-            "B2",
-        ]
+        assert tags(of_first(connection, 1, left_out=ids)) == ["A1", "B2"]
         assert tags(plant.worst_of_old(connection, 9, NEW_NS, ids)) == ["A3"]
 
 

@@ -1,12 +1,12 @@
 """The per-loop reliability table: a page of rows, for people or as others read it."""
 
 import hashlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 from sqlalchemy import Connection
 
@@ -121,36 +121,43 @@ def with_loop(stored: dict[str, Any], filters: RowFilter | None = None) -> dict[
     return as_row(stored) | {name: stored[name] for name in OF_LOOP[:-1]} | {"recorded_to": sampled(stored[newest])}
 
 
-class StoredRow(NamedTuple):
-    """A row as it was written when its verdict was made (the inside of a JSON object), and what unit its loop is of
-    now."""
+@dataclass(frozen=True)
+class Part:
+    """Rows of a page, in its order. stored: of those that are sent as they were written when their verdicts were made,
+    the inside of a JSON object, by the key of the loop; made: the others. Of neither: its verdict has been dropped
+    meanwhile, and it is left out."""
 
-    text: bytes
-    unit: str | None
+    asked: Sequence[SentRow]
+    stored: Mapping[int, bytes]
+    made: Mapping[int, dict[str, Any]]
 
     @property
-    def fields(self) -> dict[str, Any]:
-        return {**read_json(b"{" + self.text + b"}"), "unit": self.unit}
+    def rows(self) -> Iterator[dict[str, Any]]:
+        for row in self.asked:
+            if (text := self.stored.get(row.loop_id)) is not None:
+                yield _fields(text, row.unit)
+            elif row.loop_id in self.made:
+                yield self.made[row.loop_id]
+
+    def as_json(self) -> list[bytes]:
+        """In pieces, with a comma before each row."""
+        units = {unit: f',"unit":{compact(unit)}}}'.encode() for unit in {row.unit for row in self.asked}}
+        pieces: list[bytes] = []
+        for row in self.asked:
+            if (text := self.stored.get(row.loop_id)) is not None:
+                pieces += (b",{", text, units[row.unit])
+            elif row.loop_id in self.made:
+                pieces += (b",", compact(self.made[row.loop_id]).encode())
+        return pieces
+
+    def as_json_of(self, columns: Sequence[str]) -> list[bytes]:
+        """The same of these fields alone, in this order."""
+        return [b"," + compact({name: row[name] for name in columns}).encode() for row in self.rows]
 
 
-Row = StoredRow | dict[str, Any]
-
-
-def fields_of(row: Row) -> dict[str, Any]:
-    return row.fields if isinstance(row, StoredRow) else row
-
-
-def _json_of(row: Row, columns: Sequence[str] | None) -> tuple[bytes, ...]:
-    """In pieces."""
-    if columns is not None:
-        fields = fields_of(row)
-        return (compact({name: fields[name] for name in columns}).encode(),)
-    return (b"{", row.text, _of_unit(row.unit)) if isinstance(row, StoredRow) else (compact(row).encode(),)
-
-
-@lru_cache(maxsize=1000)
-def _of_unit(unit: str | None) -> bytes:
-    return f',"unit":{compact(unit)}}}'.encode()
+def _fields(text: bytes, unit: str | None) -> dict[str, Any]:
+    """A row that is stored as JSON."""
+    return {**read_json(b"{" + text + b"}"), "unit": unit}
 
 
 @dataclass(frozen=True)
@@ -165,28 +172,28 @@ class Reading:
     marked: Collection[str]
     until: datetime | None
 
-    def part(self, rows: Sequence[SentRow]) -> list[Row]:
+    def part(self, asked: Sequence[SentRow]) -> Part:
         """As they are stored; made of their columns where a row is asked for otherwise, is of another form, or has been
         followed by a newer verdict. Few are marked, so that these are put together anew."""
         with self.backend.database.read() as connection:
-            texts = self._texts(connection, rows)
-            others = verdicts.of_keys(connection, [row.key for row in rows if row.loop_id not in texts])
-        made = partial(with_loop, filters=self.filters) if self.of_loop else as_row
-        anew = {loop_id: made(row) for (loop_id, _), row in others.items()}
-        for row in rows:
-            if row.tag in self.marked and row.loop_id in texts:
-                anew[row.loop_id] = StoredRow(texts.pop(row.loop_id), row.unit).fields
-        told: dict[int, Row] = {}
-        if anew:
-            written = written_of(self.backend, list(anew.values()), self._shelf, self.until)
-            told = {loop_id: written.beside(row) for loop_id, row in anew.items()}
-        told |= {row.loop_id: StoredRow(texts[row.loop_id], row.unit) for row in rows if row.loop_id in texts}
-        return [told[row.loop_id] for row in rows if row.loop_id in told]
+            texts = self._texts(connection, asked)
+            others = verdicts.of_keys(connection, [row.key for row in asked if row.loop_id not in texts])
+        of_columns = partial(with_loop, filters=self.filters) if self.of_loop else as_row
+        made = {loop_id: of_columns(stored) for (loop_id, _), stored in others.items()}
+        made |= {
+            row.loop_id: _fields(texts.pop(row.loop_id), row.unit)
+            for row in asked
+            if row.tag in self.marked and row.loop_id in texts
+        }
+        if made:
+            written = written_of(self.backend, list(made.values()), self._shelf, self.until)
+            made = {loop_id: written.beside(row) for loop_id, row in made.items()}
+        return Part(asked, texts, made)
 
-    def _texts(self, connection: Connection, rows: Sequence[SentRow]) -> dict[int, bytes]:
+    def _texts(self, connection: Connection, asked: Sequence[SentRow]) -> dict[int, bytes]:
         if self.of_loop or self.filters.audit_id is not None:
             return {}
-        return self.backend.row_texts.of(connection, rows, self.settled, FORM)
+        return self.backend.row_texts.of(connection, asked, self.settled, FORM)
 
     @cached_property
     def _shelf(self) -> Shelf:
@@ -196,15 +203,14 @@ class Reading:
 @dataclass(frozen=True)
 class TableParts:
     """A page of the table whose rows are read when they are asked for, so many at a time: all fields of those of a
-    plant would have 200 MB. `version` changes with what they say. A row whose verdict has been dropped meanwhile is
-    left out."""
+    plant would have 200 MB. `version` changes with what they say."""
 
     version: str
     next_cursor: str | None
     asked: Sequence[SentRow]
     reading: Reading
 
-    def parts(self, size: int | None = None) -> Iterator[list[Row]]:
+    def parts(self, size: int | None = None) -> Iterator[Part]:
         """So many rows each (None: `PART_ROWS`). Nothing of a part is held here once it is given."""
         size = size or PART_ROWS
         return (self.reading.part(self.asked[at : at + size]) for at in range(0, len(self.asked), size))
@@ -212,23 +218,22 @@ class TableParts:
     def json_parts(self, columns: Sequence[str] | None = None) -> Iterator[bytes]:
         """As JSON, `{"rows": [...], "next_cursor": ...}`. columns: of each row these alone, in this order; None: all
         that it has."""
-        return map(b"".join, self._json(self.parts(), columns))
+        written = (part.as_json() if columns is None else part.as_json_of(columns) for part in self.parts())
+        return map(b"".join, self._json(written))
 
     def as_json(self) -> bytes:
         """The same at once, of rows as they are stored: put together once, for 40 MB are not copied row by row
         before."""
-        return b"".join(chain.from_iterable(self._json(self.parts(len(self.asked)))))
+        return b"".join(chain.from_iterable(self._json(part.as_json() for part in self.parts(len(self.asked)))))
 
-    def _json(self, parts: Iterator[list[Row]], columns: Sequence[str] | None = None) -> Iterator[list[bytes]]:
-        """The pieces of each part."""
-        before = b'{"rows":['
-        for rows in parts:
-            pieces: list[bytes] = []
-            for row in rows:
-                pieces += (before, *_json_of(row, columns))
-                before = b","
+    def _json(self, written: Iterable[list[bytes]]) -> Iterator[list[bytes]]:
+        """What is before, between and behind the pieces of the parts."""
+        head = b'{"rows":['
+        for pieces in written:
+            if head and pieces:
+                pieces[0], head = head + pieces[0].removeprefix(b","), b""
             yield pieces
-        yield [before.removesuffix(b","), b'],"next_cursor":', compact(self.next_cursor).encode(), b"}"]
+        yield [head, b'],"next_cursor":', compact(self.next_cursor).encode(), b"}"]
 
 
 def in_parts(
