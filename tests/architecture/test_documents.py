@@ -1,6 +1,8 @@
 """What README and pages of docs name can be found, every setting stands in its table, and figures told twice agree."""
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -69,6 +71,30 @@ def test_links_lead_to_files_and_to_headings_in_them(page):
         target = page.parent / path if path else page
         assert target.exists(), path
         assert not anchor or anchor in _anchors(target), f"{path}#{anchor}"
+
+
+TWO_WORDS = re.compile(r"(?<!stiction )data\s+bases?\b", re.IGNORECASE)
+"""English writes it as one; the International Stiction Data Base is called so."""
+
+
+@pytest.mark.parametrize("page", DOCUMENTS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_pages_write_database_as_one_word(page):
+    assert not TWO_WORDS.findall(page.read_text(encoding="utf-8"))
+
+
+def _texts(module: Path) -> Iterator[str]:
+    """The strings of a module that are not its docstrings."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
+            yield node.value
+
+
+def test_what_programs_tell_writes_database_as_one_word():
+    told = [text for module in (ROOT / "app").rglob("*.py") for text in _texts(module)]
+    assert len(told) > 10_000
+    assert not [text for text in told if TWO_WORDS.search(text)]
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`((?:app|tests|workers|migrations)/[\w/.]*)`", README))))

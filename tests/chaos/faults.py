@@ -369,9 +369,9 @@ FAULTS = (
     Fault("a loop beyond its time", bad_loop(spoiled_worker.SLOW), 0.5),
     Fault("a loop beyond its memory", bad_loop(spoiled_worker.MEMORY), 0.5),
     Fault("the data folder's disk full", fill_data_disk, 0.7),
-    Fault("the data base's disk full", fill_database_disk, 0.7),
+    Fault("the database's disk full", fill_database_disk, 0.7),
     Fault("the service's clock jumps", jump_clock, 0.8),
-    Fault("the data base's clock jumps", jump_database_clock, 0.8),
+    Fault("the database's clock jumps", jump_database_clock, 0.8),
     Fault("migration meanwhile", migrate_meanwhile, 0.8),
     Fault("everything but the servers lost", lose_machine, 0.5),
 )

@@ -36,7 +36,7 @@ def test_a_sound_installation_has_no_problem(plant):
     plant.settings.data_dir.chmod(0o700)
     found = states(doctor.examine(plant.settings))
     assert found.keys() >= {
-        "data folder", "disk", "kernel cache", "settings", "SQLite", "data base", "tables", "integrity", "clock",
+        "data folder", "disk", "kernel cache", "settings", "SQLite", "database", "tables", "integrity", "clock",
         "growth", "workers", "open work", "room", "keys", "broker",
     }  # fmt: skip
     assert "problem" not in found.values()
@@ -191,7 +191,7 @@ def test_a_data_base_of_an_older_version_is_a_problem(plant):
         schema.migrate(plant.database)
 
 
-@pytest.mark.parametrize(("at", "name"), [(0, "data base"), (8 * 4096, "integrity")])
+@pytest.mark.parametrize(("at", "name"), [(0, "database"), (8 * 4096, "integrity")])
 def test_a_damaged_sqlite_file_is_found_and_a_backup_advised(tmp_path, make_tables, at, name):
     settings = Settings(data_dir=tmp_path)
     make_tables(settings)
@@ -212,7 +212,7 @@ def test_names_that_others_may_use_without_a_key_are_warned_of(tmp_path):
 def test_a_data_base_that_is_away_is_a_problem_and_its_password_is_not_told(tmp_path):
     settings = Settings(data_dir=tmp_path, database_url="postgresql+psycopg://who:hunter2@127.0.0.1:1/none")
     checks = doctor.examine(settings)
-    assert states(checks)["data base"] == "problem"
+    assert states(checks)["database"] == "problem"
     assert "hunter2" not in str(checks)
 
 
@@ -241,11 +241,11 @@ def test_an_installation_that_is_not_set_up_is_no_problem_and_nothing_is_made(tm
     done = CliRunner().invoke(cli, ["doctor", "--json"])
     assert done.exit_code == 0, done.output
     rows = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [row["name"] for row in rows if "not set up yet" in row["found"]] == ["data base"]
+    assert [row["name"] for row in rows if "not set up yet" in row["found"]] == ["database"]
     assert "serve" in rows[-1]["advice"]
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "loopaudit.db").touch()
-    assert of("data base", Settings(data_dir=tmp_path)).state == "warning"
+    assert of("database", Settings(data_dir=tmp_path)).state == "warning"
 
 
 @pytest.mark.postgres
@@ -254,7 +254,7 @@ def test_without_a_data_folder_the_data_base_is_looked_at(tmp_path, postgres_url
     checks = doctor.examine(settings)
     found = states(checks)
     assert {found[name] for name in ("data folder", "exports", "broker")} == {"problem"}
-    assert {found[name] for name in ("data base", "tables", "keys", "workers")} == {"ok"}
+    assert {found[name] for name in ("database", "tables", "keys", "workers")} == {"ok"}
     assert any("No such file" in check.found for check in checks if check.name == "exports")
     assert list(tmp_path.iterdir()) == []
 
@@ -281,14 +281,14 @@ def test_why_a_data_base_cannot_be_used_is_told_in_its_own_words(tmp_path, postg
     missing = make_url(postgres_url).set(database="no_such_plant").render_as_string(hide_password=False)
     assert (
         'database "no_such_plant" does not exist'
-        in of("data base", Settings(data_dir=tmp_path, database_url=missing)).found
+        in of("database", Settings(data_dir=tmp_path, database_url=missing)).found
     )
     server = make_url(postgres_url)
     role = f"postgresql://nobody_here:hunter2@{server.host}:{server.port or 5432}/{server.database}"
-    found = of("data base", Settings(data_dir=tmp_path, database_url=role)).found
+    found = of("database", Settings(data_dir=tmp_path, database_url=role)).found
     assert '"nobody_here"' in found.partition("cannot be used: ")[2]
     assert "hunter2" not in found
-    refused = of("data base", Settings(data_dir=tmp_path, database_url="postgresql://127.0.0.1:1/plant"))
+    refused = of("database", Settings(data_dir=tmp_path, database_url="postgresql://127.0.0.1:1/plant"))
     assert "refused" in refused.found
 
 
@@ -321,7 +321,7 @@ def crowded(postgres_url: str) -> Iterator[Callable[[int], str]]:
 
 
 @pytest.mark.postgres
-@pytest.mark.parametrize(("most", "name"), [(0, "data base"), (1, "growth")])
+@pytest.mark.parametrize(("most", "name"), [(0, "database"), (1, "growth")])
 def test_connections_that_are_all_in_use_are_told_with_what_gives_more(tmp_path, crowded, most, name):
     found = of(name, Settings(data_dir=tmp_path, database_url=crowded(most)))
     assert (found.state, "too many connections" in found.found) == ("problem", True)

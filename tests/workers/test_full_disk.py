@@ -24,7 +24,7 @@ def of_these_tables(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "error",
     [OperationalError("INSERT", {}, DiskFull("could not extend file")), OSError(errno.ENOSPC, "could not extend file")],
-    ids=["data base", "data folder"],
+    ids=["database", "data folder"],
 )
 def test_a_full_disk_ends_a_task_with_a_line(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, error: Exception

@@ -1,4 +1,4 @@
-"""A data base of our own, an empty broker, and the product's own processes on them; all of it gone afterwards."""
+"""A database of our own, an empty broker, and the product's own processes on them; all of it gone afterwards."""
 
 import os
 import socket
@@ -25,7 +25,7 @@ READY_WITHIN_S = 900.0
 
 @contextmanager
 def plant_backend(bench: Bench, **changes: object) -> Iterator[Backend]:
-    """The services on an empty data base of a PostgreSQL server, with the broker in Redis."""
+    """The services on an empty database of a PostgreSQL server, with the broker in Redis."""
     with _database(bench.postgres) as url:
         _check_empty(bench.redis)
         folder = bench.folder / f"data-{uuid.uuid4().hex[:6]}"
@@ -65,7 +65,7 @@ def _check_empty(url: str) -> None:
     except Exception as error:
         raise SkippedError(f"no Redis server at {url}: {error}") from error
     if size:
-        raise SkippedError(f"the Redis data base {url} is not empty; name an empty one with --redis")
+        raise SkippedError(f"the Redis database {url} is not empty; name an empty one with --redis")
 
 
 def _empty(url: str) -> None:
@@ -76,7 +76,7 @@ def _empty(url: str) -> None:
 
 @contextmanager
 def process(backend: Backend, name: str, *arguments: str) -> Iterator["subprocess.Popen[bytes]"]:
-    """A `loopaudit` command on the backend's data base and broker, its output in the data folder."""
+    """A `loopaudit` command on the backend's database and broker, its output in the data folder."""
     settings = backend.settings
     environment = {k: v for k, v in os.environ.items() if not k.startswith("LOOPAUDIT_")} | {
         "LOOPAUDIT_DATABASE_URL": settings.resolved_database_url,

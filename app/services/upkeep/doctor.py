@@ -54,7 +54,7 @@ class Check:
 
 
 def examine(settings: Settings) -> list[Check]:
-    """Every check that can be made; where the data base is away, those that need it say so."""
+    """Every check that can be made; where the database is away, those that need it say so."""
     checks = [data_folder(settings), disk(settings), kernel_cache(), openness(settings), variables()]
     checks.append(sqlite_version(settings))
     file = _sqlite_file(settings)
@@ -90,9 +90,7 @@ def _is_begun(file: Path) -> bool:
 
 
 def not_set_up(file: Path) -> Check:
-    return Check(
-        "data base", "warning", f"not set up yet: there is no {file}", "`loopaudit serve` or `migrate` does it"
-    )
+    return Check("database", "warning", f"not set up yet: there is no {file}", "`loopaudit serve` or `migrate` does it")
 
 
 def data_folder(settings: Settings) -> Check:
@@ -173,15 +171,15 @@ def reachable(backend: Backend) -> Check:
         took_s = backend.database.answers()
     except SQLAlchemyError as error:
         advice = _advice(backend, error) or "start it, or correct LOOPAUDIT_DATABASE_URL"
-        return Check("data base", "problem", f"{_where(backend)} cannot be used: {_reason(error)}", advice)
+        return Check("database", "problem", f"{_where(backend)} cannot be used: {_reason(error)}", advice)
     found = f"{_where(backend)} answers in {1000 * took_s:.0f} ms"
     if took_s >= SLOW_DATABASE_S:
-        return Check("data base", "warning", found, "slow")
-    return Check("data base", "ok", found)
+        return Check("database", "warning", found, "slow")
+    return Check("database", "ok", found)
 
 
 def growth(backend: Backend) -> Check:
-    """Whether there is room where the data base has its files, which for a server is a disk that is not seen from
+    """Whether there is room where the database has its files, which for a server is a disk that is not seen from
     here."""
     name = "growth"
     if backend.database.is_sqlite and not backend.database.takes_writes():
@@ -239,7 +237,7 @@ def clock(backend: Backend) -> Check:
 
 
 def workers(backend: Backend) -> Check:
-    """Alive is who gets on: a worker that hears nothing looks alive to everything but the data base."""
+    """Alive is who gets on: a worker that hears nothing looks alive to everything but the database."""
     with backend.database.read() as connection:
         found = figures.waiting(connection)
     if silent_s := stands_still_s(backend):
@@ -435,12 +433,12 @@ def _advice(backend: Backend, error: SQLAlchemyError) -> str | None:
 
 
 def _is_damaged(backend: Backend, error: SQLAlchemyError) -> bool:
-    """Whether SQLite says that its file is none, or is broken: that is no data base that is merely away."""
+    """Whether SQLite says that its file is none, or is broken: that is no database that is merely away."""
     return backend.database.is_sqlite and type(error) is DatabaseError
 
 
 def _reason(error: SQLAlchemyError) -> str:
-    """In the data base's own words, on one line, without the statement that SQLAlchemy adds."""
+    """In the database's own words, on one line, without the statement that SQLAlchemy adds."""
     words = one_line(str(getattr(error, "orig", None) or error))
     return redacted(words[:LONGEST_REASON]) or type(error).__name__
 
