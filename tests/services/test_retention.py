@@ -95,6 +95,26 @@ def test_exports_that_were_read_go_and_those_to_be_read_stay(plant):
     assert count(plant, "uploads") == 2
 
 
+@pytest.mark.parametrize(("days", "gone"), [(-1, False), (1, True)])
+@pytest.mark.parametrize(
+    ("setting", "kind"),
+    [("uploads", "files"), ("receipts", "uploads"), ("verdicts", "verdicts"), ("details", "details")],
+)
+def test_each_kind_is_kept_for_as_many_days_as_its_setting_says(plant, setting, kind, days, gone):
+    others = {f"keep_{name}_days": 0 for name in ("uploads", "receipts", "verdicts", "details")}
+    if setting == "receipts":
+        others["keep_uploads_days"] = 1  # a receipt stays with its export
+    aged(plant, 40 + days)
+    dropped = retention.retain(with_settings(plant, **others | {f"keep_{setting}_days": 40}))
+    assert bool(dropped[kind]) == gone
+
+
+@pytest.mark.parametrize(("days", "gone"), [(-1, False), (1, True)])
+def test_the_trail_is_kept_for_as_many_days_as_its_setting_says(plant, days, gone):
+    aged(plant, 40 + days)
+    assert bool(retention.retain(with_settings(plant, keep_trail_days=40))["trail"]) == gone
+
+
 def sent_again(backend: Backend) -> None:
     """To be read otherwise: an upload of its own."""
     reading = uploads.ReadingOptions(time_zone="Asia/Tokyo")
