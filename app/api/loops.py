@@ -31,7 +31,7 @@ Owner = Annotated[str | None, Query(max_length=200, description="Who looks after
 Form = Annotated[Literal["json", "csv"], Query(alias="format", description="json or csv.")]
 WhichRetired = Literal["true", "false", "any"]
 Retired = Annotated[WhichRetired, Query(description="true: retired loops; false: those that are not; any: both.")]
-Points = Annotated[int, Query(ge=2, le=MOST_POINTS, description="About how many points are wanted.")]
+Points = Annotated[int, Query(ge=2, le=MOST_POINTS, description="So many points at most.")]
 Instant = Annotated[IsoTime | None, Query(description="ISO 8601; without an offset it is UTC.")]
 From = Annotated[IsoTime | None, Query(alias="from", description="Another name of start, as explanations have it.")]
 IfMatch = Annotated[str | None, Header(max_length=500, description="ETag of the loop as it is to be changed.")]

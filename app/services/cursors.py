@@ -33,11 +33,12 @@ def page_of(
 
 
 def decode(cursor: str | None, kinds: tuple[type | tuple[type, ...], ...]) -> list[Any] | None:
-    """The values that `encode` was given, each one that a data base can be asked with; None for no cursor.
+    """The values that `encode` was given, each one that a database can be asked with; None for no cursor, or an empty
+    one, as dashboards send for their first page.
 
     Raises RequestError("bad_cursor") for any other text.
     """
-    if cursor is None:
+    if not cursor:
         return None
     try:
         padded = cursor[:LONGEST] + "=" * (-len(cursor) % 4)

@@ -113,6 +113,15 @@ def test_pages_follow_the_cursor_as_a_query_parameter(client):
     assert second["next_cursor"] is None
 
 
+@pytest.mark.parametrize("listed", ["reliability", "loops", f"loops/{TAGS[0]}/verdicts", "audits", "uploads"])
+def test_an_empty_cursor_is_that_of_the_first_page(client, listed):
+    asked = {"limit": 1}
+    assert (
+        client.get(f"/v1/{listed}", params=asked | {"cursor": ""}).json()
+        == client.get(f"/v1/{listed}", params=asked).json()
+    )
+
+
 def test_times_are_told_twice(client):
     row = client.get("/v1/reliability").json()["rows"][0]
     for name in ("audited_at", "window_start", "window_end"):

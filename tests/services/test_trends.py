@@ -29,7 +29,7 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     add_loops("FIC1", n=1400)
     whole, thinned = trend(backend, "FIC1", points=5000), trend(backend, "FIC1", points=100)
     assert (whole.samples, len(whole.time), thinned.samples) == (1400, 1400, 1400)
-    assert 20 < len(thinned.time) <= 104
+    assert 20 < len(thinned.time) <= 100
     assert (max(thinned.pv), min(thinned.op)) == (max(whole.pv), min(whole.op))
     assert (thinned.time[0], thinned.time[-1]) == (whole.time[0], whole.time[-1])
     assert whole.sp is None
@@ -37,6 +37,14 @@ def test_a_trend_keeps_the_extremes(backend: Backend, add_loops: AddLoops) -> No
     part = trend(backend, "FIC1", start=start, end=datetime(2025, 6, 15, 15, 20, tzinfo=UTC))
     assert part.samples == 10
     assert np.isfinite(part.pv).all()
+
+
+@pytest.mark.parametrize("points", [2, 3, 5, 7, 8, 9, 61, 399, 1399])
+def test_a_trend_has_no_more_points_than_are_asked_for(backend: Backend, add_loops: AddLoops, points: int) -> None:
+    add_loops("FIC1", n=1400)
+    whole, thinned = trend(backend, "FIC1", points=5000), trend(backend, "FIC1", points=points)
+    assert points / 3 < len(thinned.time) <= points
+    assert (thinned.time[0], thinned.time[-1]) == (whole.time[0], whole.time[-1])
 
 
 def test_a_sample_ahead_of_the_clock_moves_no_trend(backend: Backend, add_loops: AddLoops) -> None:

@@ -37,9 +37,10 @@ def trend(
     backend: Backend, tag: str, points: int = 1000, start: datetime | None = None, end: datetime | None = None
 ) -> TrendOut:
     """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours, without samples ahead of the clock
-    where there are others; about `points` times.
+    where there are others; at most `points` times.
 
-    Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost. Raises
+    Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost; fewer than ten
+    points are spread evenly. Raises
     DataError("damaged_samples") where what is stored cannot be read.
     """
     if not 2 <= points <= MOST_POINTS:
