@@ -2,10 +2,10 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -50,15 +50,17 @@ def demo(
       loopaudit demo --no-serve > table.txt
     """
     from app.cli.demo_table import print_demo
+    from app.cli.serve import listen
     from app.services.demo import plant, write_exports
 
+    listen("127.0.0.1", port).close()  # before anything else is done; a port that is taken may be a real plant's
     keep = sys.stdout.isatty() if serve is None else serve
     loops = plant()
     ends = interrupts.ended_in_order(signal.SIGTERM, signal.SIGHUP)  # a terminal that is closed too
     with ends, tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder:
         say(f"loopaudit: simulating {len(loops):,} loops and writing their historian exports")
         exports = write_exports(Path(folder) / "exports", loops)
-        with running_service(Path(folder) / "data", port or free_port()) as client:
+        with running_service(Path(folder) / "data", port) as client:
             rows = audited(client, exports, loops)
             print_demo(loops, rows, sys.stdout)
             for line in where_to_look(client.url, at_the_top(client)) if keep else NOT_KEPT:
@@ -81,15 +83,10 @@ def where_to_look(url: str, worst: str) -> tuple[str, ...]:
     )
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @contextmanager
 def running_service(data_dir: Path, port: int) -> Iterator["ServiceClient"]:
-    """`loopaudit serve` on the embedded default as a child process, ready to be asked; stopped afterwards."""
+    """`loopaudit serve` on the embedded default as a child process, ready to be asked; stopped afterwards. Nobody else
+    is asked: what answers at its port may be the service of a real plant. port: 0: any free one."""
     from app.cli.client import ServiceClient
 
     command = [sys.executable, "-m", "app", "serve", "--port", str(port), "--until-parent-ends"]
@@ -100,8 +97,9 @@ def running_service(data_dir: Path, port: int) -> Iterator["ServiceClient"]:
             command, env=embedded_environment(data_dir), stdin=subprocess.PIPE, stdout=log_file, stderr=log_file
         )
         try:
-            with ServiceClient(f"http://127.0.0.1:{port}") as client:
-                if not client.ready(START_WITHIN_S):
+            address = own_address(process, data_dir)
+            with ServiceClient(address or "") as client:
+                if address is None or not client.ready(START_WITHIN_S):
                     tail = log.read_text(encoding="utf-8", errors="replace")[-2000:]
                     raise RequestError(
                         "not_ready", f"the service did not come up within {START_WITHIN_S:.0f} s:\n{tail}"
@@ -109,6 +107,18 @@ def running_service(data_dir: Path, port: int) -> Iterator["ServiceClient"]:
                 yield client
         finally:
             stop(process)
+
+
+def own_address(process: "subprocess.Popen[bytes]", data_dir: Path) -> str | None:
+    """Where the child listens; None where it ended, or did not come so far in time."""
+    from app.services.upkeep.presence import address_of_server
+
+    until = time.monotonic() + START_WITHIN_S
+    while process.poll() is None and time.monotonic() < until:
+        if address := address_of_server(data_dir, process.pid):
+            return address
+        time.sleep(0.1)
+    return None
 
 
 def embedded_environment(data_dir: Path) -> dict[str, str]:

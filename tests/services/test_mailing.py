@@ -1,6 +1,7 @@
 """The digest's mail over STARTTLS: encrypted, to a server whose certificate holds, or not at all."""
 
 import shutil
+import socket
 import ssl
 import subprocess
 from collections.abc import Callable, Iterator
@@ -13,7 +14,6 @@ import pytest
 from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import AuthResult, LoginPassword
 
-from app.cli.demo import free_port
 from app.services.digests.mailing import send_mail
 from app.services.digests.sending import Mail, NotSentError
 from app.settings import Settings
@@ -72,6 +72,12 @@ def issue(tmp_path: Path) -> Issue:
         return found
 
     return made
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 @contextmanager
