@@ -4,6 +4,7 @@ with it.
 
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +20,7 @@ from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
 
 if TYPE_CHECKING:
     from app.engine.mismatch import Comparison, Explanation
+    from app.services.explaining.files import Asked
 
 
 FIGURES = ("given", "refitted", "explained")
@@ -104,7 +106,7 @@ def explain(
     refuse_outputs([trace, plot, model], files_read(file, validate, sim, sim_model))
     second = Columns(validate_op or op, validate_pv or pv, sp, loop)
     asked = Asked(file, Columns(op, pv, sp, loop), sim, sim_model, validate, second, judged, options)
-    with compiling_told():
+    with compiling_told(), answering_unusable(asked, format_, started):
         found = explained_files(asked)
     comparison = found.first
     if found.long:
@@ -122,6 +124,24 @@ def explain(
             stream.write(text)
         say(f"wrote {path}")
     sys.stdout.write(as_json(line) if format_ is Form.json else as_text(line))
+
+
+@contextmanager
+def answering_unusable(asked: "Asked", form: Form, started: float) -> Iterator[None]:
+    """Machines get their object for a recording too that nothing can be compared with, before the command ends."""
+    from time import perf_counter
+
+    from app.services.explaining.comparisons import name_of
+    from app.services.explaining.files import UnusableError, asked_kind
+    from app.services.explaining.line import unusable_line
+
+    try:
+        yield
+    except UnusableError as error:
+        if form is Form.json:
+            line = unusable_line(error, name_of(asked.file), asked_kind(asked), perf_counter() - started)
+            sys.stdout.write(as_json(line))
+        raise
 
 
 def as_json(line: dict[str, Any]) -> str:

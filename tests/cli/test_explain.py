@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from app.cli.explain import as_text
 from app.cli.main import cli
 from app.errors import LoopauditError
+from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.wording import HELD, NO_SIZE, RANGES
 from tests.engine.wandering import STICKY, TS, recorded
 
@@ -52,6 +54,44 @@ def test_json_has_the_form_of_the_contract(recording: Path, tmp_path: Path) -> N
     assert line["validation"] is None
     assert trace.read_text().startswith("time,PV,PV_given,PV_refitted,PV_explained")
     assert "plotly" in plot.read_text(encoding="utf-8")[:20000].lower()
+
+
+def written_to(path: Path, pv: Callable[[int], object], n: int) -> Path:
+    rows = "".join(f"{t},50,{pv(t)},{40 + t % 9}\n" for t in range(n))
+    path.write_text(f"time,SP,PV,OP\n{rows}")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("pv", "n", "code"),
+    [
+        (lambda t: 50, 400, "signal_constant"),
+        (lambda t: 50 + t % 7, 20, "too_short"),
+        (lambda t: "", 400, "not_numeric"),
+    ],
+)
+@pytest.mark.parametrize("options", [[], ["--quick"], ["--sim-model", '{"gain": 1, "time_constants_s": [5]}']])
+def test_a_recording_that_cannot_be_compared_is_answered_in_json_too(
+    recording: Path, tmp_path: Path, pv: Callable[[int], object], n: int, code: str, options: list[str]
+) -> None:
+    poor, trace = written_to(tmp_path / "FIC7.csv", pv, n), tmp_path / "trace.csv"
+    asked = options if "--quick" in options else [*options, "--validate", str(recording), "--trace", str(trace)]
+    result = runner.invoke(cli, ["explain", str(poor), "--format", "json", *asked])
+    assert isinstance(result.exception, LoopauditError)  # on stderr and as exit code 2
+    line = json.loads(result.stdout)
+    assert set(line) == set(LINE_FIELDS)
+    assert (line["recording"], line["verdict"], line["effects"]) == ("FIC7", "inconclusive", [])
+    assert [reason["code"] for reason in line["evidence"]] == [code] == [result.exception.code]
+    assert line["located"]["block"] is line["fit"]["rmse_explained"] is None
+    assert line["simulation"] == ("model" if "--sim-model" in options else "identified")
+    assert not trace.exists()
+    assert runner.invoke(cli, ["explain", str(poor), *options]).stdout == ""
+
+
+def test_a_second_recording_that_cannot_be_compared_is_not_said_of_the_first(recording: Path, tmp_path: Path) -> None:
+    poor = written_to(tmp_path / "FIC7.csv", lambda t: 50 + t % 7, 20)
+    result = runner.invoke(cli, ["explain", str(recording), "--format", "json", "--validate", str(poor)])
+    assert (result.exception.code, result.stdout) == ("too_short", "")
 
 
 @pytest.mark.parametrize(

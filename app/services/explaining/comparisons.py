@@ -263,9 +263,14 @@ def of_table(path: Path, columns: Columns, simulated: str | None, options: Inges
     signals = {"op": some_numbers(table, op), "pv": some_numbers(table, pv)}
     signals |= {"sp": table.numbers(sp)} if sp is not None else {}
     signals |= {"trace": laid.trace} if laid is not None else {}
-    found = uniform(path.name.partition(".")[0] if path.suffix == ".gz" else path.stem, time, signals, others)
+    found = uniform(name_of(path), time, signals, others)
     laid_notes = () if laid is None else laid.notes
     return replace(found, notes=(*damaged(table.damage), *in_doubt(table.doubts()), *said, *found.notes, *laid_notes))
+
+
+def name_of(path: Path) -> str:
+    """Of the recording in a file: the file's, without its suffix."""
+    return path.name.partition(".")[0] if path.suffix == ".gz" else path.stem
 
 
 def check_apart(columns: dict[str, str | None]) -> None:

@@ -7,12 +7,20 @@ from pathlib import Path
 
 from app.engine.long_records.stretches import LONG_SAMPLES
 from app.engine.mismatch import Comparison
+from app.engine.mismatch.compare.comparison import check
 from app.engine.mismatch.compare.narrowing import narrowed
-from app.errors import LoopauditError, RequestError
+from app.errors import DataError, LoopauditError, RequestError
 from app.ingest import IngestOptions
 from app.services.explaining.comparisons import Columns, is_file, read_with_recording
 from app.services.explaining.line import Kind, Second
 from app.services.explaining.models import with_model
+
+OF_RECORDING = frozenset({"too_short", "not_numeric", "signal_constant", "nothing_known"})
+"""Codes of what a recording lacks, whatever it is compared with."""
+
+
+class UnusableError(DataError):
+    """The recording that is to be explained has nothing to compare a simulation with."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +54,11 @@ class Compared:
 
 def explained_files(asked: Asked) -> Compared:
     """The files read, the second one's faults told as such. Raises DataError and RequestError where they cannot be
-    compared, RequestError("judged_alone") where part of a record has a simulation of the whole.
+    compared, UnusableError where the first one cannot be with anything, RequestError("judged_alone") where part of a
+    record has a simulation of the whole.
     """
-    read = read_with_recording(asked.file, asked.columns, asked.simulated, asked.options)
-    first = read.comparison if asked.model is None else with_model(read.comparison, asked.model)
-    simulated = first.trace is not None or first.simulation is not None
-    if asked.judged and simulated:
-        raise RequestError("judged_alone", "--judged takes part of the record; a simulation is compared with all of it")
-    if asked.judged:
-        first = narrowed(first, read.recording)
-    found = Compared(first, _kind(first, asked.simulated, asked.model))
-    found = replace(found, long=not (asked.judged or simulated) and len(first.pv) > LONG_SAMPLES)
+    with _of_the_first():
+        found = _first(asked)
     if asked.second is None:
         return found
     with _of_the_second(asked.second):
@@ -64,6 +66,38 @@ def explained_files(asked: Asked) -> Compared:
         second = read_with_recording(asked.second, asked.second_columns, column, asked.options).comparison
         second = second if asked.model is None else with_model(second, asked.model)
     return replace(found, second=second, told_second=Second(second.name, _kind(second, None, asked.model)))
+
+
+def _first(asked: Asked) -> Compared:
+    read = read_with_recording(asked.file, asked.columns, asked.simulated, asked.options)
+    first = read.comparison if asked.model is None else with_model(read.comparison, asked.model)
+    simulated = first.trace is not None or first.simulation is not None
+    if asked.judged and simulated:
+        raise RequestError("judged_alone", "--judged takes part of the record; a simulation is compared with all of it")
+    if asked.judged:
+        first = narrowed(first, read.recording)
+    check(first)
+    long = not (asked.judged or simulated) and len(first.pv) > LONG_SAMPLES
+    return Compared(first, _kind(first, asked.simulated, asked.model), long=long)
+
+
+def asked_kind(asked: Asked) -> Kind:
+    """What a recording was to be compared with that cannot be."""
+    if asked.model is not None:
+        return "model"
+    if asked.simulated is None:
+        return "identified"
+    return "trace" if is_file(asked.simulated) else "column"
+
+
+@contextmanager
+def _of_the_first() -> Iterator[None]:
+    try:
+        yield
+    except DataError as error:
+        if error.code not in OF_RECORDING:
+            raise
+        raise UnusableError(error.code, error.message) from error
 
 
 @contextmanager

@@ -6,17 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypedDict
 
+from app.engine import ENGINE_VERSION
 from app.engine.mismatch.fit.closed_loop import ClosedLoop, LoopFigures
 from app.engine.mismatch.fit.windows import Window
 from app.engine.mismatch.judge.holdout import FitMeasures
 from app.engine.mismatch.judge.residuals import LagsTest
-from app.engine.mismatch.judge.result import Effect, ExplainedModel, Explanation, Improvement, Location, PartModel
+from app.engine.mismatch.judge.result import (
+    NOWHERE,
+    Effect,
+    ExplainedModel,
+    Explanation,
+    Improvement,
+    Location,
+    PartModel,
+)
 from app.engine.mismatch.loop.law import Law
 from app.errors import DataError
 from app.services.audit_json.numbers import or_none
 
 Kind = Literal["trace", "column", "model", "identified"]
 """What a recording is compared with; identified: our own linear loop."""
+
+SIMULATIONS = ("given", "refitted", "explained")
 
 FIGURES = 6
 """Significant ones, of each number of an explanation."""
@@ -81,6 +92,31 @@ def explanation_line(
         "closed_loop": None if explanation.closed_loop is None else closed_loop_line(explanation.closed_loop),
         "model": model_line(explanation.model),
         "engine_version": explanation.engine_version,
+        "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
+    }
+    return {**line}
+
+
+def unusable_line(error: DataError, name: str, simulation: Kind, elapsed_s: float | None = None) -> dict[str, Any]:
+    """Of a recording with nothing to compare a simulation with: the same fields, inconclusive, with the reason."""
+    line: ExplanationLine = {
+        "recording": name,
+        "simulation": simulation,
+        "figures_of": dict.fromkeys(SIMULATIONS),
+        "verdict": "inconclusive",
+        "effects": [],
+        "located": location_line(NOWHERE),
+        "fit": {
+            **dict.fromkeys(f"{of}_{simulated}" for of in ("rmse", "fit_pct") for simulated in SIMULATIONS),
+            "held_out": [],
+            "residuals": dict.fromkeys(SIMULATIONS),
+        },
+        "validation": None,
+        "refit": {},
+        "evidence": [{"code": error.code, "text": error.message}],
+        "closed_loop": None,
+        "model": {},
+        "engine_version": ENGINE_VERSION,
         "elapsed_s": None if elapsed_s is None else round(elapsed_s, 3),
     }
     return {**line}
