@@ -7,8 +7,9 @@ from sqlalchemy import select, update
 
 from app.engine.codes import UNANSWERED
 from app.main import create_app
-from app.services.plant import groups, loop_sheet
+from app.services.plant import groups, loop_sheet, loop_verdicts
 from app.services.plant.groups import plant_groups
+from app.services.telling.next_steps import LONGER, Ask
 from app.storage.tables import loops, newest_rows
 from app.web import loop as loop_page
 from tests.told_groups import group_of
@@ -87,6 +88,39 @@ def test_a_loop_names_the_source_of_its_group_also_where_that_may_be_chance(
     monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [pair])
     told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     assert f"the likeliest source is LIC7 : {said}" in told
+
+
+@pytest.mark.parametrize(
+    ("step", "said"),
+    [
+        (Ask.SHAKEN, "Then: Once its valve is repaired, this one may stop oscillating by itself. If it goes on,"),
+        (Ask.MAY_BE_SHAKEN, "Then: Where operation allows it, put the loop in manual for a few cycles:"),
+        (f"{Ask.SHAKEN_FROM_OUTSIDE} {LONGER}.", f"Then: Leave the valve alone. {LONGER}."),
+        (Ask.MAY_STICK, f"Then: {Ask.MAY_STICK}"),
+    ],
+)
+def test_a_loop_is_sent_to_the_source_once(client, web_backend, monkeypatch, step, said):
+    _shaken_by_lic7(web_backend, monkeypatch, step)
+    page = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    report = " ".join(" ".join(seen(client, "/v1/loops/FIC101/report").texts).split())
+    for told in (page.replace("LIC7 ,", "LIC7,"), report):
+        assert f"First look at LIC7, with which it oscillates in step. {said}" in told
+        assert "Look first" not in told
+
+
+@pytest.mark.parametrize("step", ["Wait: shelved until 3 May 2027.", Ask.LOOK_TODAY, Ask.NOTHING_NEWER])
+def test_what_waits_or_is_urgent_does_not_come_behind_the_source(client, web_backend, monkeypatch, step):
+    _shaken_by_lic7(web_backend, monkeypatch, step)
+    told = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
+    assert f"What to do: {step}" in told
+    assert "First look at" not in told
+
+
+def _shaken_by_lic7(web_backend, monkeypatch, step):
+    health = loop_verdicts.loop_health
+    pair = group_of("1", 300.0, True, False, 0.001, "LIC7", plant_groups(web_backend)[0].members)
+    monkeypatch.setattr(loop_sheet, "groups_of", lambda found, tag: [pair])
+    monkeypatch.setattr(loop_verdicts, "loop_health", lambda *asked: health(*asked) | {"next_step": str(step)})
 
 
 def test_a_loop_is_sent_to_no_source_of_loops_that_are_not_in_step(client, web_backend, monkeypatch):

@@ -14,6 +14,7 @@ from app.services.plant.periods import periods
 from app.services.plant.stood_together import as_one
 from app.services.stating.continuing import goes_on_as
 from app.services.stating.shelving import Shelf
+from app.services.telling.next_steps import behind_source
 from app.services.telling.rival_wording import why_first
 from app.services.telling.size_wording import size_in_words
 from app.services.telling.why_rely import contradiction, derivative, names_otherwise, older_said, points
@@ -67,6 +68,7 @@ def loop_sheet(
         "history": loop_verdicts.chained_history(backend, found, NIGHTS),
         "groups": mine,
         "shaken_by": shaking,
+        "behind_source": None if shaking is None else behind_source(row["next_step"]),
         "stood_with": _stood_with(backend, row),
         "repair": repair,
         "compared": compared(backend, found, repair, it.pv_unit),

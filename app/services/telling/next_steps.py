@@ -45,6 +45,15 @@ def _has_band(quarter: str) -> str:
     )
 
 
+_IF_REPAIRED = (
+    "nce its valve is repaired, this one may stop oscillating by itself. If it goes on, ask for a stroke test here."
+)
+_IN_MANUAL = (
+    "Where operation allows it, put the loop in manual for a few cycles: if the oscillation goes on, it comes "
+    "from outside; if it stops, ask for a stroke test."
+)
+
+
 class Ask(StrEnum):
     """What can be asked for, in the words of the guide; which it is, is told by its name."""
 
@@ -59,13 +68,9 @@ class Ask(StrEnum):
     )
     MAY_BE_SHAKEN = (
         "Look first for what else oscillates with this period: another loop (see the Groups page), a pump, a batch. "
-        "Where operation allows it, put the loop in manual for a few cycles: if the oscillation goes on, it comes "
-        "from outside; if it stops, ask for a stroke test."
+        f"{_IN_MANUAL}"
     )
-    SHAKEN = (
-        "Look first at the loop that is named: once its valve is repaired, this one may stop oscillating by itself. "
-        "If it goes on, ask for a stroke test here."
-    )
+    SHAKEN = f"Look first at the loop that is named: o{_IF_REPAIRED}"
     TUNING_UNSURE = (
         "Before anybody touches the tuning, put the loop in manual for a few cycles, where operation allows it: if "
         "the oscillation goes on, it comes from outside; if it stops, ask for a stroke test, and for looser tuning "
@@ -231,6 +236,18 @@ AT_ONCE = frozenset({Ask.WAIT, Ask.LOOK_TODAY, Ask.STOOD_TOGETHER})
 """Steps that a longer record adds nothing to."""
 
 
+BEHIND_SOURCE = {
+    Ask.SHAKEN: f"O{_IF_REPAIRED}",
+    Ask.MAY_BE_SHAKEN: _IN_MANUAL,
+    Ask.SHAKEN_FROM_OUTSIDE: "Leave the valve alone.",
+}
+"""What is left to say of steps that send elsewhere first, where that place was named before them."""
+
+WAITS = "Wait"
+NOT_BEHIND_SOURCE = (Ask.LOOK_TODAY, Ask.STOOD_TOGETHER, Ask.NOTHING_NEWER)
+"""With what waits: steps that are taken wherever the oscillation comes from."""
+
+
 @dataclass(frozen=True)
 class Step:
     """What to do about a loop. code: what is asked; whoever has the same one is asked the same. asks: that in words;
@@ -278,6 +295,15 @@ def _with_number(ask: Ask, row: Mapping[str, Any], clock: PlantClock) -> str | N
     if ask is Ask.HAS_BAND and (size := band_of(row)) is not None:
         return _has_band(f"{size / 4.0:.2g} units (a quarter of the band, {size:.2g})")
     return None
+
+
+def behind_source(step: str) -> str | None:
+    """The text of a step as it is told behind the loop to look at first; None where nobody is to look there first."""
+    if step.startswith(WAITS) or any(ask in step for ask in NOT_BEHIND_SOURCE):
+        return None
+    for ask, rest in BEHIND_SOURCE.items():
+        step = step.replace(ask, rest)
+    return step
 
 
 def after_repair(step: Step, repaired: str, order: str | None, *, sure: bool) -> Step:
