@@ -54,6 +54,32 @@ def test_what_to_do_has_room_and_the_last_column_is_seen(opened: Page):
     assert part.evaluate("part => part.scrollWidth <= part.clientWidth")
 
 
+def test_on_a_telephone_the_tiles_stand_in_two_columns_below_the_first(narrow: Page):
+    narrow.goto("/")
+    first, *others = (tile.bounding_box() for tile in narrow.locator(".tile").all())
+    assert len(others) == 4
+    assert {tile["x"] for tile in others[::2]} == {first["x"]}
+    assert {tile["x"] for tile in others[1::2]} == {others[1]["x"]}
+    assert [tile["width"] for tile in others] == pytest.approx([others[0]["width"]] * 4, abs=0.1)
+    assert first["width"] == pytest.approx(others[1]["x"] + others[1]["width"] - first["x"])
+
+
+def test_on_a_telephone_all_pages_are_named_in_one_line(narrow: Page):
+    narrow.goto("/")
+    assert len({link.bounding_box()["y"] for link in narrow.locator("header nav a").all()}) == 1
+
+
+@pytest.mark.parametrize("path", ["/", "/table"])
+def test_on_a_telephone_a_valve_is_said_to_stick_once(narrow: Page, path: str):
+    narrow.goto(path)
+    row = narrow.locator("tr:has(.badge.stiction):has(td.cause)").first
+    cause = row.locator("td.cause")
+    assert (cause.text_content() or "").strip() == "the valve sticks"
+    expect(cause).to_be_hidden()
+    narrow.set_viewport_size({"width": 1280, "height": 900})
+    expect(cause).to_be_visible()
+
+
 @pytest.mark.parametrize("width_px", [1280, 360])
 def test_the_order_of_the_table_can_be_read_to_its_end(opened: Page, width_px):
     opened.set_viewport_size({"width": width_px, "height": 900})
@@ -260,3 +286,18 @@ def test_a_chart_is_printed_on_white_from_a_dark_screen_too(opened: Page):
     opened.evaluate("dispatchEvent(new Event('afterprint'))")
     expect(chart).to_have_css("background-color", dark)
     assert dark != "rgb(255, 255, 255)"
+
+
+def test_lines_and_captions_are_printed_for_paper_from_a_dark_screen_too(opened: Page):
+    opened.emulate_media(color_scheme="dark")
+    settled(opened, "/loops/LIC7")
+    grid, caption = opened.locator("#trend .gridlayer path").first, opened.locator("#charts .weak").first
+    dark = grid.evaluate("path => getComputedStyle(path).stroke")
+    opened.evaluate("dispatchEvent(new Event('beforeprint'))")
+    opened.emulate_media(media="print")
+    expect(grid).to_have_css("stroke", "rgb(221, 227, 234)")  # pale, as from a light screen
+    expect(caption).to_have_css("color", "rgb(86, 99, 114)")
+    opened.emulate_media(media="screen")
+    opened.evaluate("dispatchEvent(new Event('afterprint'))")
+    expect(grid).to_have_css("stroke", dark)
+    assert dark == "rgb(52, 64, 77)"

@@ -47,9 +47,15 @@ document.addEventListener("toggle", ({ target }) => { if (target.open) fitted(ta
 addEventListener("beforeprint", () => { for (const part of document.querySelectorAll("details:not([open])")) { part.open = true; part.dataset.printed = ""; fitted(part); } });
 addEventListener("afterprint", () => { for (const part of document.querySelectorAll("details[data-printed]")) { part.open = false; delete part.dataset.printed; } });
 // Paper is white, and whoever prints from a dark screen would get black boxes.
-const inked = (paper, ink) => { for (const chart of document.querySelectorAll(".js-plotly-plot")) Plotly.relayout(chart, { paper_bgcolor: paper, plot_bgcolor: paper, "font.color": ink }); };
-addEventListener("beforeprint", () => inked("#ffffff", "#000000"));
-addEventListener("afterprint", () => inked(paint("--paper"), paint("--ink")));
+const inked = (paper, ink, line) => {
+  for (const chart of document.querySelectorAll(".js-plotly-plot")) {
+    const axes = Object.keys(chart._fullLayout).filter((name) => /^[xy]axis\d*$/.test(name));
+    const grid = Object.fromEntries(axes.map((name) => [`${name}.gridcolor`, line]));
+    Plotly.relayout(chart, { paper_bgcolor: paper, plot_bgcolor: paper, "font.color": ink, ...grid });
+  }
+};
+addEventListener("beforeprint", () => inked("#ffffff", "#000000", "#dde3ea"));
+addEventListener("afterprint", () => inked(paint("--paper"), paint("--ink"), paint("--line")));
 const tell = (chart, text) => { chart.textContent = text; chart.classList.add("empty"); };
 const draw = (id, traces, more, without) => {
   const chart = document.getElementById(id);
