@@ -1,9 +1,11 @@
 """`loopaudit keys` and `trail`: keys that are made, listed and revoked, and who did it."""
 
 import json
+import os
 
 import pytest
 
+from app.services import data_folder
 from app.services.moments import PlantClock
 from tests.cli.calling import as_program
 
@@ -45,6 +47,23 @@ def test_a_data_base_that_is_not_made_is_not_said_to_be(monkeypatch, capsys, tmp
     monkeypatch.setenv("LOOPAUDIT_DATABASE_URL", f"sqlite:///{tmp_path}/plant.db")
     code, _, err = as_program(monkeypatch, capsys, "keys", "create", "me")
     assert (code, "a new one is made" in err, "[no_tables]" in err) == (2, False, True)
+
+
+def test_no_data_base_is_begun_below_a_mount_that_is_away(monkeypatch, capsys, tmp_path):
+    """It would be gone from sight with the return of the mount, and the plant's own one is there."""
+    place, other = tmp_path / "srv plant", tmp_path / "usr"
+    fstab = tmp_path / "fstab"
+    fstab.write_text(
+        f"# {tmp_path} none\n/dev/sdb1 {str(place).replace(' ', chr(92) + '040')} ext4 defaults 0 2\nfloppy\n"
+    )
+    monkeypatch.setattr(data_folder, "FSTAB", fstab)
+    for folder, refused in ((place / "loopaudit", True), (other, False)):
+        monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(folder))
+        code, _, err = as_program(monkeypatch, capsys, "keys", "create", "me")
+        assert (code == 2, "[not_mounted]" in err, folder.exists()) == (refused, refused, not refused)
+    monkeypatch.setattr(os.path, "ismount", lambda path: str(path) == str(place))
+    monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(place / "loopaudit"))
+    assert as_program(monkeypatch, capsys, "keys", "create", "me")[0] == 0
 
 
 def test_keys_and_trail_are_told_by_the_clock_of_the_plant(monkeypatch, capsys, tmp_path):
