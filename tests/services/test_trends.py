@@ -45,6 +45,18 @@ def test_a_trend_has_no_more_points_than_are_asked_for(backend: Backend, add_loo
     whole, thinned = trend(backend, "FIC1", points=5000), trend(backend, "FIC1", points=points)
     assert points / 3 < len(thinned.time) <= points
     assert (thinned.time[0], thinned.time[-1]) == (whole.time[0], whole.time[-1])
+    assert thinned.time_ms == sorted(set(thinned.time_ms))
+
+
+@pytest.mark.parametrize("points", [4, 5, 7, 9, 10, 400])
+def test_the_peak_of_pv_is_seen_however_few_points_are_asked_for(
+    backend: Backend, add_loops: AddLoops, points: int
+) -> None:
+    add_loops("FIC1", n=1400)
+    whole, thinned = trend(backend, "FIC1", points=5000), trend(backend, "FIC1", points=points)
+    assert len(thinned.time) <= points
+    assert max(thinned.pv) == max(whole.pv)
+    assert whole.time[whole.pv.index(max(whole.pv))] == thinned.time[thinned.pv.index(max(thinned.pv))]
 
 
 def test_a_sample_ahead_of_the_clock_moves_no_trend(backend: Backend, add_loops: AddLoops) -> None:

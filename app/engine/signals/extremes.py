@@ -9,13 +9,13 @@ from app.engine.recording import FloatArray, IntArray
 
 def extremes(signals: Sequence[FloatArray], n: int, points: int) -> IntArray:
     """Where each signal is least and greatest in each of the stretches into which the samples are cut; in order, each
-    once, with the first and the last sample. Evenly spread samples where `points` has no room for those of one stretch.
+    once, with the first and the last sample. Where `points` has no room for all signals, of the first ones alone.
 
-    signals: (n,) each, n at least 1, NaN where a value is missing. points: so many samples in all at most, at least 1.
+    signals: (n,) each, n at least 1, NaN where a value is missing. points: so many samples in all at most, at least 2.
     """
-    buckets = (points - 2) // (2 * max(1, len(signals)))
-    if buckets < 1:
-        return np.unique(np.linspace(0, n - 1, points).astype(np.int64))
+    pairs = (points - 2) // 2
+    signals = signals[:pairs]
+    buckets = max(1, pairs // max(1, len(signals)))
     edges = np.linspace(0, n, buckets + 1).astype(np.int64)
     width = int(np.max(np.diff(edges)))
     # The last column repeats samples of the next stretch where a stretch is one shorter; repeated places fall away.

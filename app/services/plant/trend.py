@@ -39,9 +39,9 @@ def trend(
     """PV, OP, SP and mode between `start` and `end`, by default the newest 24 hours, without samples ahead of the clock
     where there are others; at most `points` times.
 
-    Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost; fewer than ten
-    points are spread evenly. Raises
-    DataError("damaged_samples") where what is stored cannot be read.
+    Of each stretch the least and the greatest value of each signal are kept, so that no peak is lost; where so few
+    points have no room for all signals, those of PV first, then of OP. Raises DataError("damaged_samples") where what
+    is stored cannot be read.
     """
     if not 2 <= points <= MOST_POINTS:
         raise RequestError("bad_points", f"points must be from 2 to {MOST_POINTS}, got {points}")
