@@ -80,6 +80,11 @@ def test_on_a_telephone_a_valve_is_said_to_stick_once(narrow: Page, path: str):
     expect(cause).to_be_visible()
 
 
+def test_on_a_telephone_a_cause_that_is_chosen_without_the_verdict_is_seen(narrow: Page):
+    narrow.goto("/table?column=likely_cause")
+    expect(narrow.locator("td.cause", has_text="the valve sticks").first).to_be_visible()
+
+
 @pytest.mark.parametrize("width_px", [1280, 360])
 def test_the_order_of_the_table_can_be_read_to_its_end(opened: Page, width_px):
     opened.set_viewport_size({"width": width_px, "height": 900})
