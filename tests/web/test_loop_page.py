@@ -17,7 +17,7 @@ from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.periods import periods
 from app.services.plant.worst import worst as worst_rows
 from app.services.stating.shelving import shelf
-from app.services.telling.next_steps import next_step
+from app.services.telling.next_steps import behind_source, next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops as stored_loops
 from app.storage.tables import newest_rows
@@ -69,7 +69,8 @@ def test_a_loop_says_how_large_its_stiction_is_or_why_not(client):
 def test_a_loop_says_what_to_do_next_and_which_end_of_a_figure_is_good(client):
     row = client.get("/v1/loops/FIC101/health").json()
     text = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
-    assert next_step(row, UTC_CLOCK) in text
+    then = behind_source(next_step(row, UTC_CLOCK))
+    assert f"What to do: First look at LIC7 , with which it oscillates in step. Then: {then}" in text
     assert "(regular above 1; at most 100)" in text
     assert "(1 is best, 0 worst)" in text
 

@@ -45,8 +45,8 @@ def _has_band(quarter: str) -> str:
     )
 
 
-_IF_REPAIRED = (
-    "nce its valve is repaired, this one may stop oscillating by itself. If it goes on, ask for a stroke test here."
+_ONCE_REPAIRED = (
+    "once its valve is repaired, this one may stop oscillating by itself. If it goes on, ask for a stroke test here."
 )
 _IN_MANUAL = (
     "Where operation allows it, put the loop in manual for a few cycles: if the oscillation goes on, it comes "
@@ -70,7 +70,7 @@ class Ask(StrEnum):
         "Look first for what else oscillates with this period: another loop (see the Groups page), a pump, a batch. "
         f"{_IN_MANUAL}"
     )
-    SHAKEN = f"Look first at the loop that is named: o{_IF_REPAIRED}"
+    SHAKEN = f"Look first at the loop that is named: {_ONCE_REPAIRED}"
     TUNING_UNSURE = (
         "Before anybody touches the tuning, put the loop in manual for a few cycles, where operation allows it: if "
         "the oscillation goes on, it comes from outside; if it stops, ask for a stroke test, and for looser tuning "
@@ -237,7 +237,7 @@ AT_ONCE = frozenset({Ask.WAIT, Ask.LOOK_TODAY, Ask.STOOD_TOGETHER})
 
 
 BEHIND_SOURCE = {
-    Ask.SHAKEN: f"O{_IF_REPAIRED}",
+    Ask.SHAKEN: f"{_ONCE_REPAIRED[:1].upper()}{_ONCE_REPAIRED[1:]}",
     Ask.MAY_BE_SHAKEN: _IN_MANUAL,
     Ask.SHAKEN_FROM_OUTSIDE: "Leave the valve alone.",
 }
