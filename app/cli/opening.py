@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from app.cli.configuration import load_settings
 from app.cli.messages import say
-from app.errors import RequestError
 
 if TYPE_CHECKING:
     from app.services.backend import Backend
@@ -43,15 +42,11 @@ def opened(
 
 def tell_missing(settings: "Settings") -> None:
     """Where the settings of the service were forgotten, what is made in another folder is of no use to it. Raises
-    RequestError("not_mounted") where it would be made below a mount that is away, and be gone from sight with that
-    one's return."""
-    from app.services.data_folder import unmounted_place
-    from app.services.upkeep.tables import database_files
+    RequestError("not_mounted")."""
+    from app.services.upkeep.tables import database_files, refuse_unmounted
 
+    refuse_unmounted(settings)
     for file in database_files(settings):
         if not file.is_file():
             where = file.parent.absolute()
-            if place := unmounted_place(where):
-                text = f"there is no database in {where}, and {place}, which /etc/fstab names, is not mounted"
-                raise RequestError("not_mounted", f"{text}: mount it first")
             say(f"loopaudit: there is no database in {where} yet: a new one is made there (LOOPAUDIT_DATA_DIR)")

@@ -1,7 +1,6 @@
 """`loopaudit keys` and `trail`: keys that are made, listed and revoked, and who did it."""
 
 import json
-import os
 
 import pytest
 
@@ -51,17 +50,16 @@ def test_a_data_base_that_is_not_made_is_not_said_to_be(monkeypatch, capsys, tmp
 
 def test_no_data_base_is_begun_below_a_mount_that_is_away(monkeypatch, capsys, tmp_path):
     """It would be gone from sight with the return of the mount, and the plant's own one is there."""
-    place, other = tmp_path / "srv plant", tmp_path / "usr"
-    fstab = tmp_path / "fstab"
-    fstab.write_text(
-        f"# {tmp_path} none\n/dev/sdb1 {str(place).replace(' ', chr(92) + '040')} ext4 defaults 0 2\nfloppy\n"
-    )
+    place, other = tmp_path / "srv", tmp_path / "usr"
+    fstab, mounted = tmp_path / "fstab", tmp_path / "mounts"
+    fstab.write_text(f"/dev/sdb1 {place} ext4 defaults 0 2\n")
     monkeypatch.setattr(data_folder, "FSTAB", fstab)
+    monkeypatch.setattr(data_folder, "MOUNTED", mounted)
     for folder, refused in ((place / "loopaudit", True), (other, False)):
         monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(folder))
         code, _, err = as_program(monkeypatch, capsys, "keys", "create", "me")
         assert (code == 2, "[not_mounted]" in err, folder.exists()) == (refused, refused, not refused)
-    monkeypatch.setattr(os.path, "ismount", lambda path: str(path) == str(place))
+    mounted.write_text(fstab.read_text())
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(place / "loopaudit"))
     assert as_program(monkeypatch, capsys, "keys", "create", "me")[0] == 0
 

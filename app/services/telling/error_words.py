@@ -267,7 +267,7 @@ _SERVICE = {
     "newer_tables": "A newer loopaudit made these tables; run that one, or restore the backup from before it.",
     "no_database": "There is no database in the data folder; check that LOOPAUDIT_DATA_DIR is that of the service.",
     "no_tables": "The database has no tables; run `loopaudit migrate`.",
-    "not_mounted": "The data folder has no database, and is in a place of /etc/fstab that is not mounted; mount it.",
+    "not_mounted": "There is no database, and its folder is in a place of /etc/fstab that is not mounted; mount it.",
     "not_ready": "The service is not ready, or did not come up in time; the text says what it lacks.",
     "older_tables": "The tables are those of an older version; run `loopaudit migrate`.",
     "settings": "A setting has a value that it cannot have; the text says which, SETTINGS.md what it takes.",

@@ -23,7 +23,7 @@ from app.services.backend import DISK_FULL, away_in_words
 from app.services.intake.uploads import STORED, stored_files
 from app.services.upkeep.draft_folder import BEING_WRITTEN, PART, draft_of, settle
 from app.services.upkeep.presence import alone
-from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer
+from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer, refuse_unmounted
 from app.settings import Settings, sync_folder
 from app.sqlite_files import file_of
 from app.storage import Database, copying, health, schema
@@ -99,9 +99,11 @@ def restore(settings: Settings, folder: Path, *, force: bool = False) -> BackupR
 
     One of SQLite goes into PostgreSQL too. Raises RequestError where the service is running, where a file is missing,
     changed or not of the backup, where it is of PostgreSQL and goes into SQLite, where it is of a newer version, where
-    PostgreSQL has tables of a newer version, or, unless `force`, where there are loops, uploads or keys already.
+    PostgreSQL has tables of a newer version, or, unless `force`, where there are loops, uploads or keys already, and
+    where an SQLite database would be made below a mount that is away.
     """
     told = _checked_manifest(folder)
+    refuse_unmounted(settings)
     with away_in_words(*UNUSABLE), alone(settings):
         return _restored(settings, folder, told, force)
 

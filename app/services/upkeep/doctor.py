@@ -19,7 +19,7 @@ from app.services.access import keys
 from app.services.access.rates import shared_refusal
 from app.services.auditing.standing_still import stands_still_s
 from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_room, takes_no_writes
-from app.services.data_folder import if_lost
+from app.services.data_folder import FSTAB, if_lost, unmounted_place
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.plant.arrivals import arrivals, sentences
@@ -90,6 +90,9 @@ def _is_begun(file: Path) -> bool:
 
 
 def not_set_up(file: Path) -> Check:
+    if not file.is_file() and (place := unmounted_place(file.parent)):
+        found = f"there is no {file}, and {place}, which {FSTAB} names, is not mounted"
+        return Check("database", "problem", found, "mount it: `serve` begins no database there meanwhile")
     return Check("database", "warning", f"not set up yet: there is no {file}", "`loopaudit serve` or `migrate` does it")
 
 
