@@ -88,6 +88,18 @@ def test_a_recording_that_cannot_be_compared_is_answered_in_json_too(
     assert runner.invoke(cli, ["explain", str(poor), *options]).stdout == ""
 
 
+@pytest.mark.parametrize("n", [20, 400])
+@pytest.mark.parametrize("options", [[], ["--quick"], ["--sim", "PV_sim"]])
+def test_a_simulation_beside_a_recording_that_cannot_be_compared_is_told_as_such(
+    tmp_path: Path, n: int, options: list[str]
+) -> None:
+    poor = tmp_path / "FIC7.csv"
+    rows = "".join(f"{t},50,50,{40 + t % 9},{50 + t % 7}\n" for t in range(n))
+    poor.write_text(f"time,SP,PV,OP,PV_sim\n{rows}")
+    line = json.loads(runner.invoke(cli, ["explain", str(poor), "--format", "json", *options]).stdout)
+    assert (line["verdict"], line["simulation"]) == ("inconclusive", "column")
+
+
 def test_a_second_recording_that_cannot_be_compared_is_not_said_of_the_first(recording: Path, tmp_path: Path) -> None:
     poor = written_to(tmp_path / "FIC7.csv", lambda t: 50 + t % 7, 20)
     result = runner.invoke(cli, ["explain", str(recording), "--format", "json", "--validate", str(poor)])

@@ -224,6 +224,14 @@ def in_the_table(path: Path, simulated: str | None, options: IngestOptions) -> b
     return there is not None and table.column_of("PV") is not None and table.column_of("OP") is not None
 
 
+def has_simulation(path: Path, options: IngestOptions) -> bool:
+    """Whether a file has a column with a usual name of a simulation, whatever else it has."""
+    try:
+        return simulation_among(read_table(path, options).names) is not None
+    except DataError:
+        return False
+
+
 def recorded_simulation(recording: Recording, wanted: str | None) -> str | None:
     """The further signal of that name, or one with a usual name of a simulation. Raises RequestError("no_such_column")
     where one that was named is missing.

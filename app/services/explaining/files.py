@@ -11,7 +11,7 @@ from app.engine.mismatch.compare.comparison import check
 from app.engine.mismatch.compare.narrowing import narrowed
 from app.errors import DataError, LoopauditError, RequestError
 from app.ingest import IngestOptions
-from app.services.explaining.comparisons import Columns, is_file, read_with_recording
+from app.services.explaining.comparisons import Columns, has_simulation, is_file, read_with_recording
 from app.services.explaining.line import Kind, Second
 from app.services.explaining.models import with_model
 
@@ -86,7 +86,7 @@ def asked_kind(asked: Asked) -> Kind:
     if asked.model is not None:
         return "model"
     if asked.simulated is None:
-        return "identified"
+        return "column" if has_simulation(asked.file, asked.options) else "identified"
     return "trace" if is_file(asked.simulated) else "column"
 
 
