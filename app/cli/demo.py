@@ -19,11 +19,14 @@ from app.errors import RequestError
 from app.services.addresses import tag_in_url
 
 if TYPE_CHECKING:
+    import socket
+
     from app.cli.client import ServiceClient
     from app.client import Audit
     from app.services.demo import DemoExport, DemoLoop
 
 START_WITHIN_S = 180.0
+ASKED_FOR_S = 1.0  # until it is seen whether it is still there
 # A worker compiles the engine at its first start: a minute, and several on a machine that has other work.
 READ_WITHIN_S = 900.0
 AUDIT_WITHIN_S = 900.0
@@ -53,14 +56,17 @@ def demo(
     from app.cli.serve import listen
     from app.services.demo import plant, write_exports
 
-    listen("127.0.0.1", port).close()  # before anything else is done; a port that is taken may be a real plant's
     keep = sys.stdout.isatty() if serve is None else serve
-    loops = plant()
     ends = interrupts.ended_in_order(signal.SIGTERM, signal.SIGHUP)  # a terminal that is closed too
-    with ends, tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder:
+    with (
+        ends,
+        listen("127.0.0.1", port, at_once=True) as listening,  # a port that is taken may be a real plant's
+        tempfile.TemporaryDirectory(prefix="loopaudit-demo-") as folder,
+    ):
+        loops = plant()
         say(f"loopaudit: simulating {len(loops):,} loops and writing their historian exports")
         exports = write_exports(Path(folder) / "exports", loops)
-        with running_service(Path(folder) / "data", port) as client:
+        with running_service(Path(folder) / "data", listening) as client:
             rows = audited(client, exports, loops)
             print_demo(loops, rows, sys.stdout)
             for line in where_to_look(client.url, at_the_top(client)) if keep else NOT_KEPT:
@@ -84,41 +90,45 @@ def where_to_look(url: str, worst: str) -> tuple[str, ...]:
 
 
 @contextmanager
-def running_service(data_dir: Path, port: int) -> Iterator["ServiceClient"]:
-    """`loopaudit serve` on the embedded default as a child process, ready to be asked; stopped afterwards. Nobody else
-    is asked: what answers at its port may be the service of a real plant. port: 0: any free one."""
+def running_service(data_dir: Path, listening: "socket.socket") -> Iterator["ServiceClient"]:
+    """`loopaudit serve` on the embedded default as a child process, ready to be asked; stopped afterwards. listening:
+    where it is asked; the child alone keeps it, so that nobody else ever answers there, such as a real plant's service.
+    """
     from app.cli.client import ServiceClient
+    from app.cli.serve import address_of
 
-    command = [sys.executable, "-m", "app", "serve", "--port", str(port), "--until-parent-ends"]
+    address, its = address_of(listening), listening.fileno()
+    command = [sys.executable, "-m", "app", "serve", "--socket-of-parent", str(its), "--until-parent-ends"]
     data_dir.mkdir(parents=True)
     log = data_dir / "service.log"
     with log.open("wb") as log_file:
         process = subprocess.Popen(  # noqa: S603 - our own command
-            command, env=embedded_environment(data_dir), stdin=subprocess.PIPE, stdout=log_file, stderr=log_file
+            command,
+            env=embedded_environment(data_dir),
+            stdin=subprocess.PIPE,
+            stdout=log_file,
+            stderr=log_file,
+            pass_fds=(its,),
         )
         try:
-            address = own_address(process, data_dir)
-            with ServiceClient(address or "") as client:
-                if address is None or not client.ready(START_WITHIN_S):
+            listening.close()
+            with ServiceClient(address) as client:
+                if not comes_up(process, client):
                     tail = log.read_text(encoding="utf-8", errors="replace")[-2000:]
-                    raise RequestError(
-                        "not_ready", f"the service did not come up within {START_WITHIN_S:.0f} s:\n{tail}"
-                    )
+                    late = f" within {START_WITHIN_S:.0f} s" if process.poll() is None else ""
+                    raise RequestError("not_ready", f"the service did not come up{late}:\n{tail}")
                 yield client
         finally:
             stop(process)
 
 
-def own_address(process: "subprocess.Popen[bytes]", data_dir: Path) -> str | None:
-    """Where the child listens; None where it ended, or did not come so far in time."""
-    from app.services.upkeep.presence import address_of_server
-
+def comes_up(process: "subprocess.Popen[bytes]", client: "ServiceClient") -> bool:
+    """False where it ended, or is not ready in time."""
     until = time.monotonic() + START_WITHIN_S
     while process.poll() is None and time.monotonic() < until:
-        if address := address_of_server(data_dir, process.pid):
-            return address
-        time.sleep(0.1)
-    return None
+        if client.ready(ASKED_FOR_S):
+            return True
+    return False
 
 
 def embedded_environment(data_dir: Path) -> dict[str, str]:

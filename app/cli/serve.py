@@ -35,6 +35,7 @@ def serve(
     host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port to listen on; 0: any free one.")] = 8000,
     until_parent_ends: Annotated[bool, typer.Option("--until-parent-ends", hidden=True)] = False,
+    socket_of_parent: Annotated[int | None, typer.Option("--socket-of-parent", hidden=True)] = None,
 ) -> None:
     """Serve API and pages; on the embedded default (SQLite, no broker server) worker and schedule run beside it.
 
@@ -55,7 +56,7 @@ def serve(
     if settings.embedded:
         tell_missing(settings)
     with (
-        listen(host, port) as listening,
+        listen(host, port) if socket_of_parent is None else socket.socket(fileno=socket_of_parent) as listening,
         only_one(settings, listening),
         ready_to_work(settings, until_parent_ends, migrates=settings.embedded),
     ):
@@ -95,7 +96,9 @@ def stop_quietly(signum: int, frame: FrameType | None) -> None:
     sys.exit(ExitCode.DONE)
 
 
-def listen(host: str, port: int) -> socket.socket:
+def listen(host: str, port: int, *, at_once: bool = False) -> socket.socket:
+    """A socket at that address. at_once: whether who connects waits there from now on: until somebody listens, others
+    may take the same address. Raises RequestError("cannot_listen")."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family)
     # Connections inherit it. Without it a short answer, sent as head and body, waits 40 ms for the client's receipt.
@@ -103,6 +106,8 @@ def listen(host: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        if at_once:
+            listening.listen(LARGEST_BURST)
     except OSError as error:
         listening.close()
         raise RequestError(

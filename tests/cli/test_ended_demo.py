@@ -4,14 +4,19 @@ import signal
 import subprocess
 import sys
 import threading
+import time
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from os import environ
 from typing import ClassVar
 
 import pytest
 
+from app.cli import demo as demos
 from app.cli.demo import running_service
+from app.cli.serve import listen
 from app.errors import RequestError
+from app.services.upkeep.presence import SERVING
 
 KEPT_UP = """
 import os, signal, sys, time
@@ -70,11 +75,35 @@ def test_a_demo_sends_nothing_to_a_service_that_has_its_port_already(plant_at_th
     assert AnsweringAnybody.asked == []
 
 
-def test_a_demo_asks_its_own_service_alone(plant_at_the_port, tmp_path):
-    """Though the port was taken between the look at it and the start of the service."""
+def test_a_demo_asks_its_own_service_alone(tmp_path):
+    """Though another one has taken the port already, and begins to listen while the demo's own comes up."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), AnsweringAnybody, bind_and_activate=False) as other:
+        AnsweringAnybody.asked.clear()
+        other.server_bind()
+        port, data = other.server_address[1], tmp_path / "data"
+
+        def listens_meanwhile() -> None:
+            until = time.monotonic() + 60
+            while not (data / SERVING).exists() and time.monotonic() < until:
+                time.sleep(0.01)
+            with suppress(OSError):  # the port is taken
+                other.server_activate()
+                other.serve_forever()
+
+        meanwhile = threading.Thread(target=listens_meanwhile, daemon=True)
+        meanwhile.start()
+        with running_service(data, listen("127.0.0.1", port, at_once=True)) as client:
+            assert [loop.tag for loop in client.loops()] == []
+            assert client.url == f"http://127.0.0.1:{port}"
+    assert AnsweringAnybody.asked == []
+
+
+def test_a_demo_whose_service_ends_says_why_at_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(demos, "embedded_environment", lambda _: {**environ, "LOOPAUDIT_TIME_ZONE": "Nowhere/At_All"})
+    began, listening = time.monotonic(), listen("127.0.0.1", 0, at_once=True)
     with (
-        pytest.raises(RequestError, match="Address already in use"),
-        running_service(tmp_path / "data", plant_at_the_port),
+        pytest.raises(RequestError, match=r"did not come up:\n(?s:.*)Nowhere/At_All"),
+        running_service(tmp_path / "data", listening),
     ):
         pass
-    assert AnsweringAnybody.asked == []
+    assert time.monotonic() - began < demos.START_WITHIN_S / 2

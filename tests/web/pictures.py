@@ -13,6 +13,7 @@ from typing import Literal
 from playwright.sync_api import Browser, sync_playwright
 
 from app.cli.demo import at_the_top, audited, running_service
+from app.cli.serve import listen
 from app.services.addresses import tag_in_url
 from app.services.demo import plant, write_exports
 
@@ -67,7 +68,7 @@ def main(folder: Path) -> None:
     loops = plant()
     with tempfile.TemporaryDirectory() as place, sync_playwright() as playwright:
         exports = write_exports(Path(place) / "exports", loops)
-        with running_service(Path(place) / "data", 0) as client:
+        with running_service(Path(place) / "data", listen("127.0.0.1", 0, at_once=True)) as client:
             audited(client, exports, loops)
             worst = at_the_top(client)
             browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])

@@ -3,7 +3,6 @@
 import errno
 import fcntl
 import os
-import re
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
@@ -17,7 +16,6 @@ from app.storage.presence import present
 
 LOCK = "at-work.lock"
 SERVING = "serving.lock"
-_SERVER = re.compile(r"(\S+) \(process (\d+)\)")
 AWAY = (errno.ENOENT, errno.ESTALE, errno.EIO, errno.ENOTCONN, errno.EHOSTDOWN)
 """A folder that is not mounted, or is a share whose server is away."""
 
@@ -54,15 +52,6 @@ def only_server(settings: Settings, address: str) -> Iterator[None]:
         os.ftruncate(lock, 0)
         os.pwrite(lock, f"{address} (process {os.getpid()})".encode(), 0)
         yield
-
-
-def address_of_server(data_dir: Path, process_id: int) -> str | None:
-    """Where that very process serves the data folder; None as long as it does not."""
-    try:
-        told = _SERVER.fullmatch((data_dir / SERVING).read_text(encoding="utf-8"))
-    except OSError:
-        return None
-    return told[1] if told and int(told[2]) == process_id else None
 
 
 def _already(settings: Settings, told: bytes) -> str:
