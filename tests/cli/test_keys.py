@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from app.services import data_folder
+from app.services import mounts
 from app.services.moments import PlantClock
 from tests.cli.calling import as_program
 
@@ -53,8 +53,8 @@ def test_no_data_base_is_begun_below_a_mount_that_is_away(monkeypatch, capsys, t
     place, other = tmp_path / "srv", tmp_path / "usr"
     fstab, mounted = tmp_path / "fstab", tmp_path / "mounts"
     fstab.write_text(f"/dev/sdb1 {place} ext4 defaults 0 2\n")
-    monkeypatch.setattr(data_folder, "FSTAB", fstab)
-    monkeypatch.setattr(data_folder, "MOUNTED", mounted)
+    monkeypatch.setattr(mounts, "FSTAB", fstab)
+    monkeypatch.setattr(mounts, "MOUNTED", mounted)
     for folder, refused in ((place / "loopaudit", True), (other, False)):
         monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(folder))
         code, _, err = as_program(monkeypatch, capsys, "keys", "create", "me")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.errors import RequestError
-from app.services import data_folder
-from app.services.data_folder import unmounted_place
+from app.services import mounts
+from app.services.mounts import unmounted_place
 from app.services.upkeep import backup as backups
 from app.services.upkeep import doctor
 from app.services.upkeep.tables import migrate
@@ -20,8 +20,8 @@ Tables = Callable[[str, str], None]
 @pytest.fixture
 def tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tables:
     """Puts fstab and what is mounted, with `@` for the folder of the test."""
-    monkeypatch.setattr(data_folder, "FSTAB", tmp_path / "fstab")
-    monkeypatch.setattr(data_folder, "MOUNTED", tmp_path / "mounts")
+    monkeypatch.setattr(mounts, "FSTAB", tmp_path / "fstab")
+    monkeypatch.setattr(mounts, "MOUNTED", tmp_path / "mounts")
 
     def put(fstab: str, mounted: str) -> None:
         for name, text in (("fstab", fstab), ("mounts", mounted)):

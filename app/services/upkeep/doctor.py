@@ -19,9 +19,10 @@ from app.services.access import keys
 from app.services.access.rates import shared_refusal
 from app.services.auditing.standing_still import stands_still_s
 from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_room, takes_no_writes
-from app.services.data_folder import FSTAB, if_lost, unmounted_place
+from app.services.data_folder import if_lost
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
+from app.services.mounts import FSTAB, unmounted_place
 from app.services.plant.arrivals import arrivals, sentences
 from app.services.telling.naming import one_line
 from app.services.upkeep.readiness import LEAST_FREE_BYTES

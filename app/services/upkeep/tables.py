@@ -11,6 +11,7 @@ from sqlalchemy.exc import OperationalError
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY, away_in_words
 from app.services.data_folder import NewFolder
+from app.services.mounts import FSTAB, unmounted_place
 from app.settings import Settings
 from app.sqlite_files import file_of
 from app.storage import Database, schema
@@ -23,8 +24,9 @@ log = logging.getLogger("loopaudit.upkeep")
 
 def migrate(settings: Settings) -> str:
     """Brings the data base to this version's tables; returns which version that is. Raises
-    RequestError("newer_tables") where a newer loopaudit made them.
+    RequestError("newer_tables") where a newer loopaudit made them, RequestError("not_mounted").
     """
+    refuse_unmounted(settings)
     database = Database(settings.resolved_database_url)
     try:
         with away_in_words():
@@ -106,6 +108,15 @@ def refuse_missing(settings: Settings) -> None:
             text = f"there is no database in {where}; is LOOPAUDIT_DATA_DIR the folder of the service?"
             makes = "serve" if settings.embedded else "migrate"
             raise RequestError("no_database", f"{text} `loopaudit {makes}` makes one")
+
+
+def refuse_unmounted(settings: Settings) -> None:
+    """Raises RequestError("not_mounted") where an SQLite database would be made below a mount that is away: it would be
+    gone from sight with the return of that one, on which the plant's own database is."""
+    for file in database_files(settings):
+        if not file.is_file() and (place := unmounted_place(file.parent)):
+            text = f"there is no database in {file.parent.absolute()}, and {place}, which {FSTAB} names, is not mounted"
+            raise RequestError("not_mounted", f"{text}: mount it first")
 
 
 def database_files(settings: Settings) -> tuple[Path, ...]:
