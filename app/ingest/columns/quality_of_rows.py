@@ -1,7 +1,7 @@
 """Which column of a long table says how good its values are, where none is called a quality: by a name that makes it a
 flag, or by a short name and what stands there."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -46,11 +46,10 @@ def with_columns_left(plan: LongPlan, head: Head) -> LongPlan:
     if plan.has_signals:
         return plan
     names = {index: name for index, name in _names(plan, head).items() if index not in plan.read}
-    if not plan.first_row:
-        names = {index: f"column {index + 1}" for index in names if not counts_rows(numbers_of(head, index, 0))}
+    nameless = columns_without_name(head, names, plan.first_row)
     shown = ", ".join(
         name[:80]
-        for index, name in names.items()
+        for index, name in (names | nameless).items()
         if name and plain(name) not in SKIPPED_NAMES and head.column(index, plan.first_row)
     )
     if not shown:
@@ -58,6 +57,13 @@ def with_columns_left(plan: LongPlan, head: Head) -> LongPlan:
     return replace(
         plan, notes=(*plan.notes, f"columns beside tag, time and value were not read: {shown[:_MOST_SHOWN]}")
     )
+
+
+def columns_without_name(head: Head, names: Mapping[int, str], first_row: int) -> dict[int, str]:
+    """How columns that hold something under an empty name are called in notes, but for those of the number of the
+    row."""
+    empty = (index for index, name in names.items() if not name and head.column(index, first_row))
+    return {index: f"column {index + 1}" for index in empty if not counts_rows(numbers_of(head, index, first_row))}
 
 
 def _names(plan: LongPlan, head: Head) -> dict[int, str]:

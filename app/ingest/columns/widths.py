@@ -17,8 +17,9 @@ def usual_width(head: Head, first_row: int) -> int:
 
 def named_width(head: Head, names: tuple[str, ...], first_row: int, time: tuple[int, ...] = ()) -> int:
     """Of rows under a row of names: a row that has something behind the last name may have it anywhere, its fields are
-    not those of the names. In cells, instead of text, nothing is moved. time: columns of times, which may stand last
-    under an empty name.
+    not those of the names. In cells, instead of text, nothing is moved, and neither is it where the row of names has
+    empty ones to the end of the rows and decimals have points. time: columns of times, which may stand last under an
+    empty name.
 
     Raises DataError("more_fields_than_names") where most rows are so.
     """
@@ -30,8 +31,20 @@ def named_width(head: Head, names: tuple[str, ...], first_row: int, time: tuple[
     named = max(named, *(index + 1 for index in time if index < len(names)), 0)
     over = [] if head.typed else [row for row in rows if any(row[named:])]
     if 2 * len(over) > len(rows):
+        if _have_cells_in_names(head, names, over):
+            return len(names)
         raise _more_fields(head, named, over)
     return named if over else width
+
+
+def _have_cells_in_names(head: Head, names: tuple[str, ...], over: list[tuple[str, ...]]) -> bool:
+    """Whether each field has a name, be it an empty one, and none is the decimals of another."""
+    whole = head.delimiter != "," or 2 * sum(any(map(_has_point, row)) for row in over) > len(over)
+    return whole and all(len(row) == len(names) for row in over)
+
+
+def _has_point(text: str) -> bool:
+    return "." in text and is_number(text)
 
 
 def refuse_parted_decimals(head: Head, value: int) -> None:

@@ -18,7 +18,7 @@ from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES
 from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
-from app.ingest.columns.quality_of_rows import with_columns_left, with_flags
+from app.ingest.columns.quality_of_rows import columns_without_name, with_columns_left, with_flags
 from app.ingest.columns.row_ends import with_ends
 from app.ingest.columns.state_column import with_state_column
 from app.ingest.columns.time_names import time_columns
@@ -43,6 +43,7 @@ from app.ingest.layouts import (
     wide,
 )
 from app.ingest.model import IngestOptions
+from app.ingest.telling import first_of
 
 _CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?")
 _FEWEST_WORDS = 3  # a time and two signals
@@ -80,7 +81,7 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
         plan = with_flags(with_unit_column(with_state_column(plan, head), head), head)
         refuse_further_groups(plan, head)
         plan = with_columns_left(plan, head)
-    further = (*notes_of_zones(plan, head, options), *_notes_of_further_times(plan))
+    further = (*notes_of_zones(plan, head, options), *_notes_of_further_times(plan), *_notes_of_nameless(plan, head))
     notes = (*further, *plan.notes, *heading_notes(head, plan.heading))
     return replace(_with_units(plan, head), notes=notes)
 
@@ -89,6 +90,14 @@ def _notes_of_further_times(plan: Plan) -> tuple[str, ...]:
     further = plan.further_times if isinstance(plan, WidePlan) else ()
     shown = ", ".join(column.tag[:80] for column in further[:5])
     return (f"columns of further times were not read, neither as times nor as values: {shown}",) if further else ()
+
+
+def _notes_of_nameless(plan: Plan, head: Head) -> tuple[str, ...]:
+    """The columns of a wide table that hold something under an empty name."""
+    names = plan.names if isinstance(plan, WidePlan) else ()
+    unread = {index: name for index, name in enumerate(names) if index not in plan.read}
+    shown = first_of(list(columns_without_name(head, unread, plan.first_row).values()), 5)
+    return (f"columns without a name were not read: {shown}",) if shown else ()
 
 
 def recognise_again(plan: Plan, head: Head, options: IngestOptions, every: Every) -> Plan:

@@ -121,11 +121,16 @@ def _is_certain(names: Names, signals: Mapping[str, Signal], above: bool) -> boo
     pv, op = ({tag for tag, signal in pairs if signal == wanted} for wanted in ("PV", "OP"))
     if not op or not op <= pv:
         return False
-    return len(tags) > 1 or (above and like_a_tag(next(iter(tags))))
+    if len(tags) > 1:
+        return True
+    tag = next(iter(tags))
+    return above and like_a_tag(tag) and not is_number(tag)
 
 
 def _may_be_tag(text: str) -> bool:
-    return bool(text) and not is_number(text) and not is_unit(text) and place(text, "").loop != ""
+    """A loop may be called by its number; one with decimals is a limit or a range."""
+    numbered = text.isdigit() or not is_number(text)
+    return bool(text) and numbered and not is_unit(text) and place(text, "").loop != ""
 
 
 def _are_starts(tags: set[str]) -> bool:

@@ -1,6 +1,7 @@
 """Wide: a row of names, then a row an instant. Recordings `time,SP,PV,OP[,MODE]` and SQL dumps with date and time
 apart are of this form."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from app.ingest.columns.clocks import date_and_clock, is_date_or_clock
@@ -17,21 +18,26 @@ from app.ingest.columns.time_columns import (
     times_assumed,
 )
 from app.ingest.columns.time_names import time_columns
+from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import PREAMBLE_ROWS, Head, is_number
 from app.ingest.model import IngestOptions
 from app.ingest.tags.grouping import AUDITED, place, share_like_tags
 
+_FEWEST_NAMES = 2
 _MOST_OF_TIMES = 2  # columns: date and clock
 _FEW_ROWS = 8
 _MOST_STAMPS = 0.75  # of the rows, where those of a stamp may be told apart by a word
 
 
 def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
+    """By words that may be names; where there are none, by numbers beside the name of the times."""
+    plan = _sniff_below(head, options, _may_be_names)
+    return plan if plan is not None else _sniff_below(head, options, _are_numbers_beside_times)
+
+
+def _sniff_below(head: Head, options: IngestOptions, may_be_names: Callable[[Head, int], bool]) -> WidePlan | None:
     for index, names in enumerate(head.rows[:PREAMBLE_ROWS]):
-        named = [name for name in names if name]
-        if len(named) < 2 or any(is_number(name, head.decimal_mark) for name in named):
-            continue
-        if _are_starts(named) or _say_time_of_each(named):
+        if not may_be_names(head, index):
             continue
         written, names = names, _with_name_of_times(head, names, index)
         time = time_columns_in(head, names, index + 1, options)
@@ -50,6 +56,42 @@ def sniff(head: Head, options: IngestOptions) -> WidePlan | None:
                 _refuse_words_that_part(head, names, plan, options)
             return plan and _of_times(plan, head, names)
     return None
+
+
+def _may_be_names(head: Head, at: int) -> bool:
+    """Whether a row may name columns, some of them by numbers."""
+    row = head.row(at)
+    named = [name for name in row if name]
+    if len(named) < _FEWEST_NAMES:
+        return False
+    if any(is_number(name, head.decimal_mark) for name in named) and not _may_have_numbers(row):
+        return False
+    return not (_are_starts(named) or _say_time_of_each(named))
+
+
+def _may_have_numbers(row: tuple[str, ...]) -> bool:
+    """Whether a row with numbers has the names of signals beside that of times, or PV and OP behind a first cell that
+    is neither a time nor a signal: then the numbers are names too, as of tags or of columns that somebody added."""
+    if time_columns(row):
+        return _names_times_and_signals(row)
+    if any(map(str.isdigit, row[0])) or place(row[0], "").signal != "OTHER":
+        return False
+    return {place(name, "").signal for name in row} >= AUDITED
+
+
+def _are_numbers_beside_times(head: Head, at: int) -> bool:
+    """Whether a row names the times, and other columns by numbers that differ: it has as many cells as the rows, and no
+    other one names times and signals."""
+    row = head.row(at)
+    others = [name for index, name in enumerate(row) if index not in time_columns(row)]
+    if not 0 < len(others) < len(row) or len(set(others)) < len(others) or not all(others):
+        return False
+    numbered = any(is_number(name, head.decimal_mark) for name in others)
+    return numbered and len(row) == usual_width(head, at + 1) and not any(map(_names_times_and_signals, head.rows))
+
+
+def _names_times_and_signals(row: tuple[str, ...]) -> bool:
+    return bool(time_columns(row)) and not AUDITED.isdisjoint(place(name, "").signal for name in row)
 
 
 def _are_starts(named: list[str]) -> bool:
