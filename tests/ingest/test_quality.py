@@ -456,3 +456,11 @@ def test_integers_near_the_good_ones_are_no_qualities_where_they_are_many(read: 
     rows = (f"2026-03-01 00:{i:02d}:00,{i},{192 + i % 20},{i % 9},{192 + i % 20}" for i in range(60))
     content = read("Time,A,A_Q,B,B_Q\n" + "\n".join(rows))
     assert {"A_Q", "B_Q"} <= {tag for loop in content.summary.loops for tag in loop.others}
+
+
+def test_a_column_called_as_a_quality_that_is_0_in_all_rows_is_told_beside_others(read: Read) -> None:
+    rows = [f"2026-03-01 00:{i:02d}:00,{i},{0 if i in (6, 7) else 192},{i % 9},0" for i in range(60)]
+    content = read("Time,A.PV,A.PV_Q,A.OP,A.OP_Q\n" + "\n".join(rows))
+    assert refused(content) == [6, 7]
+    (note,) = content.summary.notes
+    assert note.endswith("no value was refused by them: A.OP_Q")

@@ -5,6 +5,8 @@ from datetime import datetime, timedelta
 
 import pytest
 
+from app.ingest import IngestOptions
+
 from .conftest import Content, Read
 
 START = datetime(2026, 5, 14, 6)
@@ -128,3 +130,21 @@ def test_seconds_that_begin_again_are_those_of_another_run(read: Read) -> None:
     rows = (f"{10 * i},{50 + i % 7}.{(i + run) % 10},{40 + i % 5}.5\n" for run in (0, 1) for i in range(60))
     (note,) = told(read("Time [s],A.PV,A.OP\n" + "".join(rows)))
     assert note.startswith(f"{TOLD} 10 minutes 590 s after the start, as where another run begins: rows of two")
+
+
+@pytest.mark.parametrize("newest_first", [False, True])
+@pytest.mark.parametrize("at", range(80, 121, 5))
+def test_a_clock_set_back_where_two_pieces_of_a_file_meet(read: Read, at: int, newest_first: bool) -> None:
+    """All rows are as long as the others: a piece has twenty of them."""
+    head, *rows = wide(stamps(310, at=at)).splitlines(keepends=True)
+    rows = rows[::-1] if newest_first else rows
+    content = read("".join((head, *rows)), options=IngestOptions(chunk_bytes=20 * len(rows[0])))
+    (note,) = told(content)
+    assert note.startswith(f"{TOLD} 5 minutes at ")
+
+
+@pytest.mark.parametrize("times", [spans((0, 100), (60, 200)), spans((60, 120), (0, 60)), spans((0, 100), (100, 200))])
+def test_pieces_that_meet_where_no_clock_was_set_back(read: Read, times: list[datetime]) -> None:
+    rows = of_time(times)
+    options = IngestOptions(chunk_bytes=20 * (len(rows[0]) + 1))
+    assert told(read("\n".join(("Time,A.PV,A.OP", *rows)), options=options)) == []

@@ -56,6 +56,10 @@ class Contradictions:
         at = at[:: -(-len(at) // room)] if room else at[:0]
         self._held.append(np.stack((lines[at], lines[at + 1])).astype(np.int64))
 
+    def of_other_columns(self) -> "Contradictions":
+        """To go on with other columns of the same rows, none of which has contradicted another one yet."""
+        return Contradictions(self.rows, _told=self._told)
+
     def lines_to_ask(self) -> NDArray[np.int64] | None:
         """(2, k) the lines of rows, and of those that contradict them; None where they are few, or hardly more than
         when they were last asked for."""

@@ -11,6 +11,7 @@ from app.ingest.tables.odd_fields import ChunkColumns
 from app.ingest.tags.fault_words import tell_faults
 from app.ingest.tags.quality import Quality, holds_good, is_number, may_be_quality, numbers_tell_quality
 
+_ZERO = "0"
 _ENOUGH = MOST_QUALITIES + 2  # one of them may be the empty one
 
 
@@ -36,9 +37,13 @@ class LateQualities:
         """The columns that hold qualities, by all rows so far."""
         return frozenset(column for column, seen in self._seen.items() if _tell(seen))
 
-    def unknown(self) -> frozenset[int]:
-        """The columns of which different numbers may be qualities, and nothing tells which of them are good."""
-        return frozenset(column for column, seen in self._seen.items() if len(seen) > 1 and not _tell(seen))
+    def unknown(self, others_judge: bool) -> frozenset[int]:
+        """The columns of which different numbers may be qualities, and nothing tells which of them are good.
+        others_judge: other columns are qualities: one that is 0 in all rows may be one, too, of values that are all
+        bad."""
+        at_rest = [{_ZERO}] if others_judge else []
+        untold = {column: seen for column, seen in self._seen.items() if not _tell(seen)}
+        return frozenset(column for column, seen in untold.items() if len(seen) > 1 or set(seen) in at_rest)
 
     def teach(self, quality: Quality) -> None:
         """What stands in the columns that were found, and how often."""

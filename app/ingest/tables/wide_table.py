@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.ingest.columns.dates_once import DatesOnce
 from app.ingest.columns.fractions import with_parts
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan, name_of
-from app.ingest.model import NO_TIME, IngestOptions, SignalBlock, TimeArray
+from app.ingest.model import NO_TIME, FloatArray, IngestOptions, SignalBlock, TimeArray
 from app.ingest.numbers.evidence import Evidence
 from app.ingest.numbers.values import same_tag
 from app.ingest.rejecting import RejectLog
@@ -30,6 +30,7 @@ from app.ingest.tags.loops import Grouping
 from app.ingest.tags.quality import Quality
 from app.ingest.times.doubled_hour import hours_apart
 from app.ingest.times.order import are_shuffled, in_order, last_of_repeats, runs_back, without_stutter
+from app.ingest.times.set_back import Border
 from app.ingest.times.time_reader import TimeReader
 
 
@@ -45,6 +46,7 @@ class WideTable:
         if not tally.again:
             tally.quality = Quality()
         self._holding: list[Spreader | WholeStamps] = []  # back what goes on in the next chunk, by group
+        self._borders: dict[int, Border] = {}  # by group, of the chunk that was read last
         self._forth = np.zeros((len(plan.groups), 2), dtype=np.int64)  # by group, steps of time forth and back
         self._further_names = FurtherNames(plan.names, plan.groups)
         grouping.place_all(value.tag for group in plan.groups for value in group.values)
@@ -82,7 +84,9 @@ class WideTable:
         for number, groups in enumerate(passes):
             yield from self._one_pass(reader, groups, first=number == 0, alone=len(passes) == 1)
         self._tally.wordy += self._values.wordy()
-        self._tally.unknown_qualities = [self._places[at].tag for at in sorted(self._values.late_qualities.unknown())]
+        others_judge = any(value.quality is not None for group in self._plan.groups for value in group.values)
+        unknown = self._values.late_qualities.unknown(others_judge)
+        self._tally.unknown_qualities = [self._places[at].tag for at in sorted(unknown)]
 
     def _passes(self, reader: RowReader) -> Iterator[list[TimedColumns]]:
         """The groups with the columns of so many loops as the reader can give at once: all, unless it reads columns
@@ -153,6 +157,7 @@ class WideTable:
         may be made again."""
         spill: Spill | None = None
         held: list[list[Grid]] = [[] for _ in groups]
+        self._tally.contradictions = self._tally.contradictions.of_other_columns()
         try:
             for number, chunk in self._chunks(reader, groups, first):
                 held[number].append(self._grid(chunk, number))
@@ -185,6 +190,7 @@ class WideTable:
         self._dates = [DatesOnce(group.time) for group in self._plan.groups]
         self._further_names = FurtherNames(self._plan.names, groups)
         resolutions = [group.form.resolution_ns for group in groups]
+        self._borders = {}
         self._holding = [Spreader(of_form) if self._plan.spread else WholeStamps() for of_form in resolutions]
         for rows in reader.rows(self._plan.first_row, _columns(groups)):
             self._tally.rows_read += rows.filled if first else 0
@@ -289,10 +295,11 @@ class WideTable:
 
     def _grid(self, chunk: Chunk, number: int) -> Grid:
         time_ns, matrix, lines, zone = chunk.time_ns, chunk.matrix, chunk.lines, self._times[number].wall_zone
-        if self._see_steps(number, time_ns):
+        newest_first = self._see_steps(number, time_ns)
+        if newest_first:
             self._tally.backward = True
             time_ns, matrix, lines = time_ns[::-1], matrix[::-1], lines[::-1]
-        self._tally.set_back.look(time_ns, matrix)
+        self._look_for_set_back(number, time_ns, matrix, newest_first)
         order, shuffled = in_order(time_ns), are_shuffled(time_ns)
         if order is not None:
             self._tally.backward = True
@@ -306,7 +313,7 @@ class WideTable:
         if order is not None:
             steady, matrix, lines = steady[order], matrix[order], lines[order]
         audited = self._audited(columns)
-        self._tally.contradictions.rows += len(steady)
+        self._tally.contradictions.rows += len(steady) if is_first else 0
         self._tally.contradictions.look(steady, matrix, lines, audited)
         once_ns, matrix = last_of_repeats(steady, matrix, lines, [value.tag for value in chunk.columns], self._log)
         if is_first:
@@ -316,6 +323,12 @@ class WideTable:
         self._tally.values_kept += int(np.count_nonzero(np.isfinite(matrix)))
         last = lines[np.append(steady[1:] != steady[:-1], True)].astype(np.uint32)
         return Grid(columns, once_ns, np.ascontiguousarray(matrix.T), last, np.zeros(len(columns), dtype=np.uint32))
+
+    def _look_for_set_back(self, number: int, time_ns: TimeArray, matrix: FloatArray, newest_first: bool) -> None:
+        """In a chunk of a group, and between it and the one before it."""
+        self._tally.set_back.look(time_ns, matrix)
+        piece = Border.of(time_ns, matrix, newest_first)
+        self._borders[number] = self._tally.set_back.look_on(self._borders.get(number), piece)
 
     def _audited(self, columns: NDArray[np.uint32]) -> list[int]:
         """The positions of PV and OP: a number beside them may be that of the plant."""

@@ -14,7 +14,39 @@ RowNumbers = NDArray[np.intp]
 
 _FEWEST_STEPS, _FEWEST_ROWS = 3, 3
 _LONGEST_NS = 1800 * NS_PER_S  # an hour is that of autumn, or of another zone
+_MOST_COLUMNS = 64  # that are held of a piece of a file
 _MOST = 3  # of the rows of a piece; where more go back, these are of several logs
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """The rows of a file next to the piece of it that follows: time_ns (n,), values (n, m) of some columns, oldest
+    first. newest_first: rows of the file do not come so, and the following piece is an earlier one."""
+
+    time_ns: TimeArray
+    values: FloatArray
+    newest_first: bool
+
+    @staticmethod
+    def of(time_ns: TimeArray, values: FloatArray, newest_first: bool) -> "Border":
+        """Of a piece."""
+        some = values[:, :: -(-values.shape[1] // _MOST_COLUMNS)]
+        return Border(time_ns, some, newest_first)
+
+    def joined(self, following: "Border") -> "Border":
+        """With those of the piece that follows."""
+        parts = (following, self) if self.newest_first else (self, following)
+        times, values = (np.concatenate(each) for each in zip(*((at.time_ns, at.values) for at in parts), strict=True))
+        return Border(times, values, self.newest_first)
+
+    def near(self) -> "Border":
+        """As many rows as a clock can be set back by."""
+        times = self.time_ns
+        if self.newest_first:
+            rows = slice(0, int(np.argmax(np.append(times > times[0] + _LONGEST_NS, True))))
+        else:
+            rows = slice(int(np.argmax(times >= times[-1] - _LONGEST_NS)), len(times))
+        return Border(times[rows].copy(), self.values[rows].copy(), self.newest_first)
 
 
 @dataclass
@@ -25,12 +57,26 @@ class SetBack:
 
     def look(self, time_ns: TimeArray, values: FloatArray) -> None:
         """time_ns: (n,) in order of rows, oldest first; values: (n, m). Rows that were sent again say nothing."""
+        self._look(time_ns, values, np.flatnonzero(np.diff(time_ns) < 0))
+
+    def look_on(self, before: Border | None, piece: Border) -> Border:
+        """The same over the border of a piece of a file with those before it; returns what is next to the following
+        one."""
+        if before is None or before.newest_first != piece.newest_first:
+            return piece.near()
+        whole = before.joined(piece)
+        back = np.flatnonzero(np.diff(whole.time_ns) < 0)  # once more too where too few rows had come on either side
+        if len(back):
+            self._look(whole.time_ns, whole.values, back)
+        return whole.near()
+
+    def _look(self, time_ns: TimeArray, values: FloatArray, asked: RowNumbers) -> None:
+        """asked: the rows behind which time goes back."""
         steps = np.diff(time_ns)
-        back = np.flatnonzero(steps < 0)
-        if not 0 < len(back) <= _MOST or not np.any(steps > 0):
+        if not 0 < np.count_nonzero(steps < 0) <= _MOST or not np.any(steps > 0):
             return
         least = _FEWEST_STEPS * int(np.median(steps[steps > 0]))
-        for at in back.tolist():
+        for at in asked.tolist():
             if least <= -steps[at] < _LONGEST_NS and _lie_over_each_other(time_ns, values, at):
                 self.met[int(time_ns[at])] = int(-steps[at])
 
