@@ -164,7 +164,7 @@ class TableExport(Export):
     def loops(self) -> Iterator[LoopSamples]:
         for batch in self._batches():
             for block in batch:
-                self._scale_jumps.look(block)
+                self._scale_jumps.look(block, self._tally.writing.units.in_per_cent(block.tag))
             yield from stretches(batch)
 
     def _batches(self) -> Iterator[list[SignalBlock]]:

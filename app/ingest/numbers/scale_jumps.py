@@ -1,4 +1,5 @@
-"""Values that jump by a power of ten and go on so, as where a unit or a range changes inside of a record."""
+"""Values that jump by a power of ten and go on so, as where a unit or a range changes inside of a record, and shares
+beside values in per cent."""
 
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ LEAST_DECADES, TOLERANCE_DECADES = 2, 0.2
 WINDOW, FEWEST = 100, 20  # samples before and behind a jump that are asked
 LEAST = 10.0 ** (LEAST_DECADES - 2 * TOLERANCE_DECADES)  # from one sample to the next
 MOST_JUMPS = 4  # of a tag: what jumps more often does so by itself
+FEWEST_SHARES = 3  # without a % behind them
+LEAST_RATIO = 30.0  # of values in per cent to shares
 _SHOWN = 5
 
 
@@ -63,23 +66,46 @@ def _mean_step(values: FloatArray) -> float:
     return float(np.mean(np.abs(np.diff(values)))) if len(values) > 1 else 0.0
 
 
+def has_shares(values: FloatArray, in_per_cent: int) -> bool:
+    """Whether values (n,) of which so many have a % behind them are shares where they have none, as 0.41 beside 41 %.
+    Where one of those without is greater than 1, they are per cent as well."""
+    sizes = np.abs(values[np.isfinite(values)])
+    small, others = sizes[sizes <= 1.0], sizes[sizes > 1.0]
+    bare = len(sizes) - in_per_cent
+    if not FEWEST_SHARES <= bare <= len(small) or not len(others):
+        return False
+    return float(np.median(others)) >= LEAST_RATIO * float(np.median(small))
+
+
 class ScaleJumps:
     """Takes the signals of a file as they are read."""
 
     def __init__(self) -> None:
         self._found: dict[str, ScaleJump] = {}
+        self._shares: list[str] = []
 
-    def look(self, block: SignalBlock) -> None:
+    def look(self, block: SignalBlock, in_per_cent: int = 0) -> None:
+        """in_per_cent: how many of its values have a % behind them."""
+        if in_per_cent and has_shares(block.value, in_per_cent):
+            self._shares.append(block.tag)
         if block.signal in ("PV", "OP", "SP") and block.tag not in self._found:
             jump = scale_jump(block)
             if jump is not None:
                 self._found[block.tag] = jump
 
     def notes(self) -> list[str]:
-        if not self._found:
-            return []
-        shown = first_of([f"{tag} ({_told(jump)})" for tag, jump in self._found.items()], _SHOWN)
-        return [f"check the units, values and their noise become many times as large or small at once: {shown}"]
+        notes = []
+        if self._found:
+            shown = first_of([f"{tag} ({_told(jump)})" for tag, jump in self._found.items()], _SHOWN)
+            notes.append(
+                f"check the units, values and their noise become many times as large or small at once: {shown}"
+            )
+        if self._shares:
+            notes.append(
+                "check this first, shares such as 0.41 stand beside values with % behind them, and were read as they "
+                f"stand: {first_of(self._shares, _SHOWN)}"
+            )
+        return notes
 
 
 def _told(jump: ScaleJump) -> str:

@@ -28,6 +28,7 @@ _SPELLED = """
 UNITS = frozenset(_SPELLED.split())
 _WITH_UNIT = r"^([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)$"
 _FIELD = re.compile(_WITH_UNIT)
+_MINUS_BEHIND = re.compile(r"\d+([.,]\d+)?-$")  # as SAP writes it
 _PLAIN = str.maketrans({"°": "deg", **dict.fromkeys("[]().^")})
 _OF_AN_HOUR = re.compile("/(?:hr|hour)$")
 _SHORT = ("k", "mil", "bil", "tri")
@@ -64,6 +65,10 @@ class UnitsOfTags:
     def of_most(self) -> dict[str, str]:
         """By tag, the unit that most of all its numbers have that were read; of equal ones the earlier."""
         return {tag: times.most_common(1)[0][0] for tag, times in self._times.items()}
+
+    def in_per_cent(self, tag: str) -> int:
+        """How many of a tag's numbers have a % behind them."""
+        return self._times[tag]["%"] if tag in self._times else 0
 
     @property
     def is_settled(self) -> bool:
@@ -110,7 +115,9 @@ def are_units(texts: pl.Series) -> pl.Series:
 
 
 def without_unit(field: str) -> str:
-    """The number of a field that has a unit behind it; other fields as they are."""
+    """The number of a field that has a unit, or its minus, behind it; other fields as they are."""
+    if field[-1:] == "-" and _MINUS_BEHIND.match(field):
+        return "-" + field[:-1]
     found = None if field[-1:].isdigit() else _FIELD.match(field)
     return found[1] if found and is_unit(found[2]) else field
 

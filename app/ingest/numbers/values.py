@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray
 from app.ingest.numbers.no_data import NO_WORD
+from app.ingest.numbers.signs import with_minus_before
 from app.ingest.numbers.writing import Writing
 from app.ingest.rejecting import RejectLog
 from app.ingest.times.time_reader import to_numbers
@@ -33,7 +34,8 @@ def refused_as(code: str, text: str) -> str:
 
 def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbers:
     """The numbers among texts that the fast reader could not read."""
-    texts = texts.str.replace_all(_ROUND, "").str.replace(_MINUS, "-")
+    writing.signs.see(texts, tags)
+    texts = with_minus_before(texts.str.replace_all(_ROUND, "").str.replace(_MINUS, "-"))
     whole = writing.whole(texts, tags)
     numbers = to_numbers(whole).copy()
     odd = np.flatnonzero(~np.isfinite(numbers) & says_something(whole))

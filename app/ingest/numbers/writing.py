@@ -21,6 +21,7 @@ from app.ingest.numbers.marks import (
     near_decimals,
     other_mark,
 )
+from app.ingest.numbers.signs import Signs, with_minus_before
 from app.ingest.numbers.units import UnitsOfTags, are_units
 from app.ingest.telling import tags_by
 from app.ingest.times.time_reader import to_numbers
@@ -49,6 +50,7 @@ class Writing:
     units: UnitsOfTags = field(default_factory=UnitsOfTags)
     marks: DoubtfulMarks = field(default_factory=DoubtfulMarks)
     blanks: Blanks = field(default_factory=Blanks)
+    signs: Signs = field(default_factory=Signs)
     odd: set[str] = field(default_factory=set)
     _chunks: int = 0  # that were read to their end
     _unsettled: bool = False
@@ -100,7 +102,7 @@ class Writing:
         None where none of it was."""
         if self._knows_all:
             return
-        odd = pl.DataFrame({"tag": tags, "text": texts})
+        odd = pl.DataFrame({"tag": tags, "text": with_minus_before(texts)})
         self.odd.update(odd["tag"].unique().drop_nulls())
         decided = self._decided()
         self._learn(odd, rest, before)
@@ -280,7 +282,7 @@ class Writing:
 
     def notes(self, order: Sequence[str] = ()) -> list[str]:
         """What is to be said of how numbers were read. order: that of the tags."""
-        return [*self.units.notes(order), *self.doubts(order)]
+        return [*self.units.notes(order), *self.signs.notes(order), *self.doubts(order)]
 
     def doubts(self, order: Sequence[str] = ()) -> list[str]:
         """What is to be said of numbers that may be read in two ways."""
