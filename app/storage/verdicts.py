@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from app.storage.newest import NEWEST_ROWS, NEWEST_VERDICTS, is_newest, unanswer
 from app.storage.tables import audits, loops, newest_rows, verdicts
 
 _OF_LOOPS = verdicts.join(loops, loops.c.id == verdicts.c.loop_id)
+EXCERPTS_AT_ONCE = 500
 ROWS_OF = "SELECT loop_id, audit_id, row_json FROM newest_rows WHERE form = %s AND loop_id = ANY(%s::bigint[])"
 
 
@@ -300,11 +301,18 @@ def swings(connection: Connection) -> list[SwingRow]:
     return [SwingRow._make(row) for row in connection.execute(query.where(seen, IN_SERVICE).order_by(loops.c.tag))]
 
 
-def excerpts(connection: Connection) -> list[ExcerptsRow]:
-    """What is kept of OP and SP of all loops in service in which one of them moves."""
-    query = select(loops.c.tag, newest_rows.c.excerpts_json).select_from(NEWEST_ROWS)
+def excerpts(connection: Connection) -> Iterator[ExcerptsRow]:
+    """What is kept of OP and SP of all loops in service in which one of them moves: of a plant, 40 MB of text, of which
+    some at a time are in memory."""
     kept = newest_rows.c.excerpts_json.is_not(None)
-    return [ExcerptsRow._make(row) for row in connection.execute(query.where(kept, IN_SERVICE).order_by(loops.c.tag))]
+    columns = (loops.c.id, loops.c.tag, newest_rows.c.excerpts_json)
+    query = (
+        select(*columns).select_from(NEWEST_ROWS).where(kept, IN_SERVICE).order_by(loops.c.id).limit(EXCERPTS_AT_ONCE)
+    )
+    last = 0
+    while rows := connection.execute(query.where(loops.c.id > last)).all():
+        yield from (ExcerptsRow(tag, text) for _, tag, text in rows)
+        last = rows[-1].id
 
 
 def newest_state(connection: Connection) -> tuple[Any, ...]:

@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,12 +35,11 @@ def from_json(text: str) -> Excerpts:
     return Excerpts(told["interval_s"], np.array(told["numbers"], np.int64), op, sp)
 
 
-def by_tag(rows: list["ExcerptsRow"]) -> dict[str, Excerpts]:
-    """Each row is let go as it is read: the texts of a plant take more than what they tell. Those of records without a
-    date have no clock that others share."""
+def by_tag(rows: Iterable["ExcerptsRow"]) -> dict[str, Excerpts]:
+    """Of rows as they come: the texts of a plant take more than what they tell. Those of records without a date have no
+    clock that others share."""
     found = {}
-    while rows:
-        row = rows.pop()
+    for row in rows:
         kept = from_json(row.excerpts_json)
         if kept.numbers[0] * LENGTH * kept.interval_s >= FIRST_DATED.timestamp():
             found[row.tag] = kept

@@ -83,7 +83,7 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     """The verdicts of the run of which other loops tell something."""
     with backend.database.read() as connection:
         newest, swinging = verdicts.said(connection), verdicts.swings(connection)
-        moving, unmoved = verdicts.excerpts(connection), unanswered(connection)
+        moving, unmoved = by_tag(verdicts.excerpts(connection)), unanswered(connection)
         stood_before = unanswered_before(connection, unknown_since(unmoved))
     # Worked out between two looks: who reads keeps writers waiting on SQLite.
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
@@ -91,7 +91,7 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     asked = None if len(ids) == len(newest) else ids.keys()
     stated = {row.tag: row.moves_valve for row in newest if row.moves_valve is not None}
     stand = of_plant(unmoved, stood_before)
-    found = hearing.hear(said, candidates(swinging), by_tag(moving), asked, stated, stand)
+    found = hearing.hear(said, candidates(swinging), moving, asked, stated, stand)
     wanted = sorted((ids[tag], tag) for tag in found if tag in ids)
     parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))
     with backend.database.read() as connection:
