@@ -333,28 +333,3 @@ def test_a_bare_point_of_ovation_is_the_pv_beside_its_output() -> None:
     tags = ["FIC101.UNIT1@NET1", "FIC101-OUT.UNIT1@NET1", "FIC101.UNIT2@NET1"]
     loops = {loop.loop: (loop.pv, loop.op) for loop in group(tags)}
     assert loops == {"FIC101.UNIT1@NET1": (tags[0], tags[1]), tags[2]: (None, None)}
-
-
-@pytest.mark.parametrize(
-    ("prefix", "loop"),
-    [
-        ("ns=2;s=FIC101.", "FIC101"),
-        ("nsu=http://example.org/UA/;s=FIC101.", "FIC101"),
-        ("opc.tcp://server:4840/ns=2;s=FIC101.", "FIC101"),
-        ("s=FIC101.", "FIC101"),
-        ("ns=3;s=Channel1.Device1.FIC101.", "Channel1.Device1.FIC101"),
-        ("ns=4;s=Unit1/FIC101/", "Unit1/FIC101"),
-    ],
-)
-def test_an_id_of_opc_ua_has_the_loop_of_its_name(prefix: str, loop: str) -> None:
-    tags = [f"{prefix}{word}" for word in ("PV", "OP", "SP")]
-    assert group(tags) == (LoopTags(loop, *tags),)
-
-
-def test_an_id_of_opc_ua_as_a_controller_writes_it() -> None:
-    tags = [f'ns=3;s="DB1"."FIC101"."{word}"' for word in ("PV", "OP")]
-    assert group(tags) == (LoopTags("DB1.FIC101", *tags),)
-
-
-def test_a_bare_id_of_opc_ua_is_the_pv_beside_its_output() -> None:
-    assert group(["ns=2;s=FIC101", "ns=2;s=FIC101.OP"]) == (LoopTags("FIC101", "ns=2;s=FIC101", "ns=2;s=FIC101.OP"),)

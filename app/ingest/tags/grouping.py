@@ -88,11 +88,8 @@ _UNIT_UNBRACKETED = re.compile(r"^(?P<name>.*[^, ])[, ]+(?P<unit>[^, ]+)$")  # F
 _DESCRIBED = re.compile(r"^(?P<name>[^ ]+[._/][A-Za-z]+) +[-–] +[^ ].*$")  # FIC101.PV - Feed flow
 _BRACKET = re.compile(r"[\[(].*$")
 _NO_LETTER = re.compile(r"[\W\d_]+")
-_SERVER = re.compile(r"(?i)^(?:(?:\\\\[^\\]+|\w*Archive\w*)\\|(?:opc\.tcp://[^;]*/)?(?:svr=\d+;)?(?:nsu?=[^;]+;)?s=)")
-"""Where a tag is kept: \\\\PISRV\\FIC101.PV, SystemArchive\\FIC101/PV_Out#Value of WinCC, and ns=2;s=FIC101.PV of OPC
-UA, whose ids that are numbers name nothing."""
-_SYMBOL = re.compile(r'"[^"]+"(?:\."[^"]+")*')
-"""As S7 controllers write names: "DB1"."FIC101"."PV"."""
+SERVER = re.compile(r"(?i)^(?:\\\\[^\\]+|\w*Archive\w*)\\")
+"""Where a tag is kept: \\\\PISRV\\FIC101.PV, and SystemArchive\\FIC101/PV_Out#Value of WinCC."""
 _LIKE_TAG = re.compile(r"\S*\d\S*")
 _NUMBERED = re.compile(r"\D*(\d+)\D*")
 
@@ -278,7 +275,7 @@ def place(tag: str, stem: str) -> Place:
 
 @remembered(1 << 16)
 def _place(tag: str, stem: str) -> Place:
-    name = without_server(tag)
+    name = SERVER.sub("", tag.strip())
     name = _name_and_unit(name)[0] or name
     signal = _bare(_BRACKET.sub("", name))
     if signal is not None:
@@ -298,12 +295,6 @@ def _place(tag: str, stem: str) -> Place:
     if spelled:
         return Place(tag, name[: spelled.start()].rstrip(SEPARATORS), _WORDS[_plain(spelled.group(1))])
     return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
-
-
-def without_server(tag: str) -> str:
-    """A tag's name without where it is kept."""
-    name = _SERVER.sub("", tag.strip())
-    return name.replace('"', "") if _SYMBOL.fullmatch(name) else name
 
 
 def loop_of(tag: str, stem: str) -> str:
@@ -398,7 +389,7 @@ def number_of(tag: str) -> str:
     """The number of a name without a loop: `2` of Mode2, nothing of Mode and of FIC101.MODE."""
     if names_its_loop(tag):
         return ""
-    found = _NUMBERED.fullmatch(_BRACKET.sub("", without_server(tag)))
+    found = _NUMBERED.fullmatch(_BRACKET.sub("", SERVER.sub("", tag.strip())))
     return found[1] if found else ""
 
 
