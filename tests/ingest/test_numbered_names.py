@@ -114,3 +114,15 @@ def test_whole_numbers_below_fewer_names_may_be_parted_decimals(read: Read) -> N
     rows = "".join(f"{stamp},50,{10 + k},40\n" for k, stamp in enumerate(STAMPS))
     with pytest.raises(DataError, match="decimal commas"):
         read(f"Time,FIC101.PV,FIC101.OP,\n{rows}")
+
+
+SETTINGS = ("Scale,PV,0,100,OP,0,100", "Range,PV,0,OP", "Tag,FIC101.PV,FIC101.OP,2", "Time range,1,FIC101.PV,FIC101.OP")
+
+
+@pytest.mark.parametrize("above", [*SETTINGS, "Range,PV,OP,100", "Time,FIC101.PV,FIC101.OP,5"])
+@pytest.mark.parametrize("times", ["Time", "Timestamp", ""])
+def test_settings_above_the_names_are_no_names(read: Read, above: str, times: str) -> None:
+    more = above.count(",") == 3 and above not in SETTINGS  # as many cells as the rows
+    content = read(f"{above}\n" + wide(f"{times},FIC101.PV,FIC101.OP" + ",TIC2.PV" * more, *["7.5"] * more))
+    assert content.loops["FIC101"].pv.tolist() == PV
+    assert content.loops["FIC101"].op.tolist() == OP

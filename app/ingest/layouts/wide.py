@@ -64,9 +64,23 @@ def _may_be_names(head: Head, at: int) -> bool:
     named = [name for name in row if name]
     if len(named) < _FEWEST_NAMES:
         return False
-    if any(is_number(name, head.decimal_mark) for name in named) and not _may_have_numbers(row):
+    if _has_number(head, row) and (_is_title(head, at) or not _may_have_numbers(row)):
         return False
     return not (_are_starts(named) or _say_time_of_each(named))
+
+
+def _has_number(head: Head, row: tuple[str, ...]) -> bool:
+    return any(is_number(name, head.decimal_mark) for name in row if name)
+
+
+def _is_title(head: Head, at: int) -> bool:
+    """Whether a row with numbers may be one of settings, as `Range,PV,0,OP,100`: it has not as many cells as the rows,
+    or a row without numbers below it names as many signals."""
+    row = head.row(at)
+    if len(row) != usual_width(head, at + 1):
+        return True
+    below = (other for other in head.rows[at + 1 : PREAMBLE_ROWS] if any(other) and not _has_number(head, other))
+    return any(audited_signals(other) >= audited_signals(row) > 0 for other in below)
 
 
 def _may_have_numbers(row: tuple[str, ...]) -> bool:
@@ -86,8 +100,9 @@ def _are_numbers_beside_times(head: Head, at: int) -> bool:
     others = [name for index, name in enumerate(row) if index not in time_columns(row)]
     if not 0 < len(others) < len(row) or len(set(others)) < len(others) or not all(others):
         return False
-    numbered = any(is_number(name, head.decimal_mark) for name in others)
-    return numbered and len(row) == usual_width(head, at + 1) and not any(map(_names_times_and_signals, head.rows))
+    if not _has_number(head, tuple(others)) or len(row) != usual_width(head, at + 1):
+        return False
+    return not any(map(_names_times_and_signals, head.rows))
 
 
 def _names_times_and_signals(row: tuple[str, ...]) -> bool:
