@@ -333,3 +333,17 @@ def test_a_bare_point_of_ovation_is_the_pv_beside_its_output() -> None:
     tags = ["FIC101.UNIT1@NET1", "FIC101-OUT.UNIT1@NET1", "FIC101.UNIT2@NET1"]
     loops = {loop.loop: (loop.pv, loop.op) for loop in group(tags)}
     assert loops == {"FIC101.UNIT1@NET1": (tags[0], tags[1]), tags[2]: (None, None)}
+
+
+def test_two_namespaces_of_opc_ua_have_loops_of_their_own() -> None:
+    """One name in two of them may be two valves; an index that a plant's loops are known by stays."""
+    tags = [f"ns={space};s=FIC101.{word}" for space in (2, 3) for word in ("PV", "OP")]
+    assert group(tags) == (LoopTags("ns=2;s=FIC101", *tags[:2]), LoopTags("ns=3;s=FIC101", *tags[2:]))
+
+
+@pytest.mark.parametrize("prefix", ["", "ns=3;s=", "nsu=http://example.org/UA/;s="])
+def test_names_in_the_quotes_of_s7(prefix: str) -> None:
+    tags = [f'{prefix}"DB1"."FIC101"."{word}"' for word in ("PV", "OP")]
+    assert group(tags) == (LoopTags(f"{prefix}DB1.FIC101", *tags),)
+    bare = [f'{prefix}"DB1"."FIC101"', tags[1]]
+    assert group(bare) == (LoopTags(f"{prefix}DB1.FIC101", *bare),)

@@ -88,8 +88,10 @@ _UNIT_UNBRACKETED = re.compile(r"^(?P<name>.*[^, ])[, ]+(?P<unit>[^, ]+)$")  # F
 _DESCRIBED = re.compile(r"^(?P<name>[^ ]+[._/][A-Za-z]+) +[-–] +[^ ].*$")  # FIC101.PV - Feed flow
 _BRACKET = re.compile(r"[\[(].*$")
 _NO_LETTER = re.compile(r"[\W\d_]+")
-SERVER = re.compile(r"(?i)^(?:\\\\[^\\]+|\w*Archive\w*)\\")
+_SERVER = re.compile(r"(?i)^(?:\\\\[^\\]+|\w*Archive\w*)\\")
 """Where a tag is kept: \\\\PISRV\\FIC101.PV, and SystemArchive\\FIC101/PV_Out#Value of WinCC."""
+_QUOTED = re.compile(r'(?i)(?:(?:nsu?=[^;"]+;)?s=)?"[^"]+"(?:\."[^"]+")+')
+"""As S7 controllers write names, over OPC UA too: ns=3;s="DB1"."FIC101"."PV"."""
 _LIKE_TAG = re.compile(r"\S*\d\S*")
 _NUMBERED = re.compile(r"\D*(\d+)\D*")
 
@@ -275,7 +277,7 @@ def place(tag: str, stem: str) -> Place:
 
 @remembered(1 << 16)
 def _place(tag: str, stem: str) -> Place:
-    name = SERVER.sub("", tag.strip())
+    name = without_server(tag)
     name = _name_and_unit(name)[0] or name
     signal = _bare(_BRACKET.sub("", name))
     if signal is not None:
@@ -295,6 +297,13 @@ def _place(tag: str, stem: str) -> Place:
     if spelled:
         return Place(tag, name[: spelled.start()].rstrip(SEPARATORS), _WORDS[_plain(spelled.group(1))])
     return _by_ending(tag, name) or _by_letters(tag, name) or _by_start(tag, name) or Place(tag, tag, "OTHER")
+
+
+def without_server(tag: str) -> str:
+    """A tag's name without the server that keeps it and the quotes of S7. The namespace of OPC UA stays: two of them
+    may have loops of one name."""
+    name = _SERVER.sub("", tag.strip())
+    return name.replace('"', "") if _QUOTED.fullmatch(name) else name
 
 
 def loop_of(tag: str, stem: str) -> str:
@@ -389,7 +398,7 @@ def number_of(tag: str) -> str:
     """The number of a name without a loop: `2` of Mode2, nothing of Mode and of FIC101.MODE."""
     if names_its_loop(tag):
         return ""
-    found = _NUMBERED.fullmatch(_BRACKET.sub("", SERVER.sub("", tag.strip())))
+    found = _NUMBERED.fullmatch(_BRACKET.sub("", without_server(tag)))
     return found[1] if found else ""
 
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping
 
 from app.ingest.model import Signal
-from app.ingest.tags.grouping import AUDITED, SERVER, Place, without_unit
+from app.ingest.tags.grouping import AUDITED, Place, without_server, without_unit
 from app.ingest.telling import first_of
 
 Taken = Mapping[tuple[str, Signal], str]
@@ -23,7 +23,7 @@ _OF_CONTROLLER = re.compile(
 
 def bare_name(tag: str) -> str:
     """Without its server and its unit."""
-    return without_unit(SERVER.sub("", tag.strip()))
+    return without_unit(without_server(tag))
 
 
 def family(loop: str) -> str:
