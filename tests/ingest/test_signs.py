@@ -77,3 +77,15 @@ def test_shares_beside_per_cent_are_told(read: Read, per_cent: str, bare: str, t
 def test_a_valve_that_is_nearly_closed_has_no_shares(read: Read) -> None:
     values = [f"{abs(value) / 2:.1f}" + "%" * (k % 2) for k, value in enumerate(VALUES)]
     assert not any("shares such as" in note for note in read(wide(values)).summary.notes)
+
+
+@pytest.mark.parametrize(
+    "form", ["{:.2f} -", "1.2.{:.0f}-", "{:.0f}-7", "555-{:.0f}", "{:.0f}-03-01", "-{:.2f}-", "A{:.0f}-"]
+)
+@pytest.mark.parametrize("table", [wide, long])
+def test_what_else_has_a_dash_is_refused_and_not_told_as_read(read: Read, table: object, form: str) -> None:
+    """Behind a blank, "-" is the unit of shares; others are ranges, dates and numbers of parts."""
+    values = [form.format(abs(value) + 1) if k % 3 == 0 else f"{value:.2f}" for k, value in enumerate(VALUES)]
+    content = read((wide if table is wide else long)(values))
+    assert dict(content.rejects.counts) == {"not_a_number": 40}
+    assert not any(note.startswith(READ) for note in content.summary.notes)

@@ -4,11 +4,13 @@ for negative ones and laboratories for doubted ones."""
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 import polars as pl
 
+from app.ingest.model import FloatArray
 from app.ingest.telling import tags_by
 
-_MINUS_BEHIND = '^([ "]*)(\\d[\\d.,]*) ?[-\N{MINUS SIGN}\N{EN DASH}]([ "]*)$'
+_MINUS_BEHIND = '^([ "]*)(\\d[\\d.,]*)[-\N{MINUS SIGN}\N{EN DASH}]([ "]*)$'  # behind a blank it is the unit of shares
 _IN_BRACKETS = r"^[ \"]*\([ ]*\d[\d.,]*[ ]*\)[ \"]*$"
 
 
@@ -19,10 +21,12 @@ class Signs:
     behind: dict[str, str] = field(default_factory=dict)
     bracketed: dict[str, str] = field(default_factory=dict)
 
-    def see(self, texts: pl.Series, tags: pl.Series) -> None:
-        """Text and tag of what the fast reader left."""
-        for form, found in ((_MINUS_BEHIND, self.behind), (_IN_BRACKETS, self.bracketed)):
-            such = texts.str.contains(form).fill_null(False)
+    def see(self, texts: pl.Series, tags: pl.Series, numbers: FloatArray) -> None:
+        """Text and tag of what the fast reader left, and which numbers (n,) these were read as, NaN where as none."""
+        were_read = pl.Series(np.isfinite(numbers))
+        forms = ((_MINUS_BEHIND, were_read, self.behind), (_IN_BRACKETS, ~were_read, self.bracketed))
+        for form, of_form, found in forms:
+            such = texts.str.contains(form).fill_null(False) & of_form
             if such.any():
                 at = int(such.arg_true()[0])
                 shown = texts[at].strip(' "')

@@ -34,13 +34,14 @@ def refused_as(code: str, text: str) -> str:
 
 def odd_numbers(texts: pl.Series, tags: pl.Series, writing: Writing) -> OddNumbers:
     """The numbers among texts that the fast reader could not read."""
-    writing.signs.see(texts, tags)
+    written = texts
     texts = with_minus_before(texts.str.replace_all(_ROUND, "").str.replace(_MINUS, "-"))
     whole = writing.whole(texts, tags)
     numbers = to_numbers(whole).copy()
     odd = np.flatnonzero(~np.isfinite(numbers) & says_something(whole))
     if len(odd):
         numbers[odd] = writing.units.read(whole[odd], tags[odd])
+    writing.signs.see(written, tags, numbers)
     unclear = np.flatnonzero((whole.is_null() & texts.is_not_null()).to_numpy())
     return OddNumbers(numbers, {"not_a_number": odd[np.isnan(numbers[odd])], "unclear_mark": unclear})
 
