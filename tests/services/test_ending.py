@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from sqlalchemy import update
 
+from app.engine.plant_wide.excerpts import Excerpts
 from app.engine.simulate import SimulatedLoop
 from app.lab.testbench import neighbours
 from app.lab.testbench.neighbours import SOURCE
+from app.services.audit_json.excerpts import by_tag
 from app.services.auditing import ending
 from app.services.auditing.audits import cancel_audit, get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -22,11 +24,12 @@ from app.services.backend import Backend
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.reliability import RowFilter, in_parts
 from app.services.upkeep.sweep import sweep
-from app.storage import audits, items, loops, series
+from app.storage import audits, items, loops, series, verdicts
 from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audit_items, newest_rows
+from app.storage.verdicts import ExcerptsRow
 from tests.table_rows import table_page
 
 START_NS = 1_750_000_000_000_000_000
@@ -108,6 +111,25 @@ def test_loops_of_which_some_are_read_at_a_time_all_say_it(
         assert plant.row(tag)["reliability"] == "not_reliable"
         assert detail["reasons"][0]["code"] == SHAKEN_BY_NEIGHBOUR
         assert detail["findings"]
+
+
+def test_who_writes_does_not_wait_while_what_is_kept_of_loops_is_unpacked(
+    backend: Backend, warm_kernels: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reader keeps writers waiting on SQLite."""
+    parts: list[int] = []
+
+    def writing_beside(rows: list[ExcerptsRow]) -> dict[str, Excerpts]:
+        parts.append(len(rows))
+        with backend.database.write() as connection:
+            loops.ensure(connection, [f"new {len(parts)}"])
+        return by_tag(rows)
+
+    monkeypatch.setattr(verdicts, "EXCERPTS_AT_ONCE", 2)
+    monkeypatch.setattr(ending, "by_tag", writing_beside)
+    stored(backend, SOURCE, *SHAKEN_LOOPS[:2])
+    audited(backend)
+    assert parts == [2, 1]
 
 
 def test_the_source_and_a_valve_with_a_swing_of_its_own_keep_their_verdicts(plant: Plant) -> None:

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,9 +35,8 @@ def from_json(text: str) -> Excerpts:
     return Excerpts(told["interval_s"], np.array(told["numbers"], np.int64), op, sp)
 
 
-def by_tag(rows: Iterable["ExcerptsRow"]) -> dict[str, Excerpts]:
-    """Of rows as they come: the texts of a plant take more than what they tell. Those of records without a date have no
-    clock that others share."""
+def by_tag(rows: Sequence["ExcerptsRow"]) -> dict[str, Excerpts]:
+    """Those of records without a date have no clock that others share."""
     found = {}
     for row in rows:
         kept = from_json(row.excerpts_json)

@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.engine.plant_wide.excerpts import Excerpts
 from app.json_texts import stored_json
 from app.services.audit_json.excerpts import by_tag
 from app.services.audit_json.line import flat_health, flat_reasons
@@ -22,6 +23,7 @@ from app.storage import audits, verdicts
 from app.storage.details import details_of, pack_detail
 from app.storage.unanswered import unanswered, unanswered_before
 from app.storage.verdict_writing import Reworded, reword
+from app.storage.verdicts import ExcerptsRow
 
 AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
 
@@ -83,8 +85,9 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     """The verdicts of the run of which other loops tell something."""
     with backend.database.read() as connection:
         newest, swinging = verdicts.said(connection), verdicts.swings(connection)
-        moving, unmoved = by_tag(verdicts.excerpts(connection)), unanswered(connection)
+        unmoved = unanswered(connection)
         stood_before = unanswered_before(connection, unknown_since(unmoved))
+    moving = _moving(backend)
     # Worked out between two looks: who reads keeps writers waiting on SQLite.
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
     ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
@@ -96,6 +99,22 @@ def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))
     with backend.database.read() as connection:
         return [one for some in parts for one in _all_reworded(connection, audit_id, some, found, backend.clock)]
+
+
+def _moving(backend: Backend) -> dict[str, Excerpts]:
+    """What is kept of OP and SP, read by the part: the texts of a plant take more than what they tell, and between two
+    parts nobody who writes waits."""
+    found: dict[str, Excerpts] = {}
+    last = 0
+    while rows := _excerpts(backend, last):
+        found |= by_tag(rows)
+        last = rows[-1].loop_id
+    return found
+
+
+def _excerpts(backend: Backend, after: int) -> list[ExcerptsRow]:
+    with backend.database.read() as connection:
+        return verdicts.excerpts(connection, after)
 
 
 def _all_reworded(
