@@ -8,6 +8,7 @@ import pytest
 
 from app.errors import DataError
 from app.ingest import TagMapping
+from app.ingest.columns.plans import WidePlan
 
 from .conftest import Read
 from .test_tables import parquet, workbook
@@ -126,3 +127,16 @@ def test_settings_above_the_names_are_no_names(read: Read, above: str, times: st
     content = read(f"{above}\n" + wide(f"{times},FIC101.PV,FIC101.OP" + ",TIC2.PV" * more, *["7.5"] * more))
     assert content.loops["FIC101"].pv.tolist() == PV
     assert content.loops["FIC101"].op.tolist() == OP
+
+
+def test_columns_without_a_name_are_looked_for_once_however_many_there_are(
+    read: Read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is read of a plan is worked out from all columns: of 10,000, to ask for each took ten times the file."""
+    asked: list[None] = []
+    worked_out = WidePlan.read.fget
+    monkeypatch.setattr(WidePlan, "read", property(lambda plan: asked.append(None) or worked_out(plan)))
+    spare = [f"TIC{number}.PV" for number in range(200)]
+    content = read(wide(",".join(("Time,FIC101.PV,FIC101.OP", *spare, "")), *["7.5"] * 201))
+    assert "columns without a name were not read: column 204" in content.summary.notes
+    assert len(asked) < 20

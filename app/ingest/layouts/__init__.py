@@ -94,8 +94,10 @@ def _notes_of_further_times(plan: Plan) -> tuple[str, ...]:
 
 def _notes_of_nameless(plan: Plan, head: Head) -> tuple[str, ...]:
     """The columns of a wide table that hold something under an empty name."""
-    names = plan.names if isinstance(plan, WidePlan) else ()
-    unread = {index: name for index, name in enumerate(names) if index not in plan.read}
+    if not isinstance(plan, WidePlan) or all(plan.names):
+        return ()
+    read = plan.read  # worked out from all columns
+    unread = {index: name for index, name in enumerate(plan.names) if index not in read}
     shown = first_of(list(columns_without_name(head, unread, plan.first_row).values()), 5)
     return (f"columns without a name were not read: {shown}",) if shown else ()
 
