@@ -129,6 +129,11 @@ def test_settings_above_the_names_are_no_names(read: Read, above: str, times: st
     assert content.loops["FIC101"].op.tolist() == OP
 
 
+def test_settings_above_names_that_tell_no_signal(read: Read) -> None:
+    content = read("Time,FIC101.PV,5\n" + wide("Time,Flow,Valve"))
+    assert content.loops["Flow"].others["Flow"].tolist() == PV
+
+
 def test_columns_without_a_name_are_looked_for_once_however_many_there_are(
     read: Read, monkeypatch: pytest.MonkeyPatch
 ) -> None:

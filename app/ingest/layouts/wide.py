@@ -75,12 +75,12 @@ def _has_number(head: Head, row: tuple[str, ...]) -> bool:
 
 def _is_title(head: Head, at: int) -> bool:
     """Whether a row with numbers may be one of settings, as `Range,PV,0,OP,100`: it has not as many cells as the rows,
-    or a row without numbers below it names as many signals."""
+    or a row without numbers below it names as many signals, or the times."""
     row = head.row(at)
     if len(row) != usual_width(head, at + 1):
         return True
     below = (other for other in head.rows[at + 1 : PREAMBLE_ROWS] if any(other) and not _has_number(head, other))
-    return any(audited_signals(other) >= audited_signals(row) > 0 for other in below)
+    return any(audited_signals(other) >= audited_signals(row) > 0 or time_columns(other) for other in below)
 
 
 def _may_have_numbers(row: tuple[str, ...]) -> bool:
