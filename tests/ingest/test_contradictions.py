@@ -145,14 +145,14 @@ def test_the_hour_that_clocks_have_twice_is_no_other_plant(read: Read, words: tu
     assert read(text("P,Time,FIC101.PV,FIC101.OP", iter(rows))).loops["FIC101"].samples == 600
 
 
-@pytest.mark.parametrize("at", [0, 29])
+@pytest.mark.parametrize("at", [0, 59])
 def test_a_plant_in_one_of_many_passes(read: Read, monkeypatch: pytest.MonkeyPatch, at: int) -> None:
     """Rows are of the file, however many passes over its columns there are."""
     monkeypatch.setattr(tables_in, "MOST_COLUMNS", 2)
     monkeypatch.setattr(tables_in, "FEWEST_COLUMNS", 2)
     rows = [row.split(",") for row in wide(PLACES["words"])]
     rows = [*rows[:N], *rows[N : N + N // 2]]
-    columns = {f"TIC{n}.{signal}": [float(n)] * len(rows) for n in range(30) for signal in ("PV", "OP")}
+    columns = {f"TIC{n}.{signal}": [float(n)] * len(rows) for n in range(60) for signal in ("PV", "OP")}
     columns[f"TIC{at}.PV"] = [float(row[2]) for row in rows]
     columns[f"TIC{at}.OP"] = [float(row[3]) for row in rows]
     frame = pl.DataFrame({"Plant": [row[0] for row in rows], "Time": [row[1] for row in rows], **columns})
