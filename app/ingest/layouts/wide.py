@@ -97,7 +97,8 @@ def _are_numbers_beside_times(head: Head, at: int) -> bool:
     """Whether a row names the times, and other columns by numbers that differ: it has as many cells as the rows, and no
     other one names times and signals."""
     row = head.row(at)
-    others = [name for index, name in enumerate(row) if index not in time_columns(row)]
+    times = time_columns(row)
+    others = [name for index, name in enumerate(row) if index not in times]
     if not 0 < len(others) < len(row) or len(set(others)) < len(others) or not all(others):
         return False
     if not _has_number(head, tuple(others)) or len(row) != usual_width(head, at + 1):
