@@ -13,9 +13,12 @@ from app.engine.mismatch.fit.levels import decimals_of
 from app.engine.mismatch.loop.experiment import experiment
 from app.engine.mismatch.loop.plant import run_process
 from app.engine.recording import FloatArray
-from app.engine.simulate.compression import keep
+from app.engine.simulate.compression import keep, rebuild
 from tests.engine.plain_loop import GIVEN as SIMULATION
 from tests.engine.plain_loop import TRUE, TS, N, moves, recorded
+from tests.proof.cases import make_case
+
+DOOR = 1.47  # standard deviations of what PV moves from sample to sample
 
 
 def pattern_codes(pv: FloatArray) -> set[str]:
@@ -152,3 +155,25 @@ def test_a_limit_of_a_pv_that_was_not_rounded_is_where_it_stands() -> None:
     limited = np.minimum(recorded(moves()), 53.0042)
     (said,) = explain(Comparison("loop", TS, moves(), limited, simulation=SIMULATION)).effects
     assert (said.parameters[0].low, said.parameters[0].high) == pytest.approx((53.0042, 53.0042))
+
+
+def test_corners_of_a_historian_s_lines_are_no_drift() -> None:
+    """A sound loop beside its simulation, as a swinging door left it: a drift gained 138 nat of its corners, where 16
+    were asked.
+    """
+    case = make_case(820_100_001, (), foreign=True)
+    at = np.arange(len(case.pv)) * case.ts
+    kept = keep(at, case.pv, DOOR * float(np.std(np.diff(case.pv))), "swinging_door")
+    left = rebuild(at, case.pv, kept, "swinging_door")
+    found = explain(Comparison("doors", case.ts, case.op, left, case.sp, case.measured, trace=case.trace))
+    assert [effect.code for effect in found.effects] == ["sensor.compression"]
+
+
+def test_what_a_historian_stored_is_counted() -> None:
+    pv, at = recorded(moves()), np.arange(N) * TS
+    for kind in ("swinging_door", "exception"):
+        kept = keep(at, pv, 0.4, kind)
+        pattern = find_patterns(experiment(TS, moves(), rebuild(at, pv, kept, kind)))[0]
+        assert pattern.told_share == pytest.approx(np.mean(kept), rel=0.1)
+    lines = np.interp(np.arange(N), np.arange(0, N, 7), pv[::7])
+    assert find_patterns(experiment(TS, moves(), lines))[0].told_share == pytest.approx(1.0 / 7.0, rel=0.05)

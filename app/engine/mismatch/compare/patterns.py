@@ -32,6 +32,7 @@ LEAST_AT_LIMIT, LEAST_FREE = 12, 25
 STEP_OVER_NOISE = 1.0
 STEP_OVER_SPAN = 0.003
 STILL = 0.003
+STANDS_STILL = 1e-9  # of PV's span: what a value that is repeated moves
 NEAR_EXTREME = 0.02
 JUMP = 2.0
 MOST_STUCK = 5
@@ -52,7 +53,7 @@ class Pattern:
     """One effect found in PV itself: the part that models it, where it shows (N,), and why. within: how near to a
     simulation PV has to be there to be where it would be anyway, beside what it is rounded to. width: a historian's,
     with its interval. alternatives: names that PV shows as well. most: what its probability is at most, where noise may
-    make it.
+    make it. told_share: how many of the samples were stored, where the others were filled in between them.
     """
 
     part: Part
@@ -63,6 +64,7 @@ class Pattern:
     width: Width | None = None
     alternatives: tuple[str, ...] = ()
     most: float = 1.0
+    told_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -293,7 +295,15 @@ def compressed(record: Experiment) -> Pattern | None:
     part, width = how_compressed(record, kept)
     if width is not None and not record.stored_evenly:
         width = unbounded(width, record.pv)
-    return Pattern(part, everywhere, Reason("pv_straight", text), False, width=width)
+    told = stored_share(record, part, kept)
+    return Pattern(part, everywhere, Reason("pv_straight", text), False, width=width, told_share=told)
+
+
+def stored_share(record: Experiment, part: Part, kept: IntArray) -> float:
+    """How many of a historian's samples it stored: those at which PV leaves a line, or to which it moved."""
+    if part.block is HELD:
+        kept = np.flatnonzero(np.abs(np.diff(record.pv)) > STANDS_STILL * record.pv_span)
+    return min(max(len(kept), LEAST_RUN) / record.samples, 1.0)
 
 
 def how_compressed(record: Experiment, kept: IntArray) -> tuple[Part, Width | None]:
@@ -303,7 +313,7 @@ def how_compressed(record: Experiment, kept: IntArray) -> tuple[Part, Width | No
     if usual > 1.0 and np.mean(np.abs(spacing / usual - np.round(spacing / usual)) < 0.01) > REGULAR:
         return Part(INTERPOLATED, np.array([usual * record.sampling_interval_s])), None
     moves = np.abs(np.diff(record.pv))[record.usable[1:] & record.usable[:-1]]
-    still = moves <= 1e-9 * record.pv_span
+    still = moves <= STANDS_STILL * record.pv_span
     if not still.all() and still.mean() > HOLDS:
         band = band_of(moves[~still])
         return Part(HELD, np.array([band.value])), band

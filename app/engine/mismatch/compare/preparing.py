@@ -120,12 +120,13 @@ def beside_patterns(
 
 
 def without_hidden(record: Experiment, patterns: tuple[Pattern, ...]) -> Experiment:
-    """The record, compared where none of its patterns hides what PV was."""
+    """The record, compared where none of its patterns hides what PV was, as far as PV was stored at all."""
     usable = record.usable.copy()
     for pattern in patterns:
         if pattern.hides_pv:
             usable &= ~pattern.shows
-    return record.comparing(usable)
+    told = min((pattern.told_share for pattern in patterns), default=1.0)
+    return replace(record.comparing(usable), told_share=told)
 
 
 def scale_of(record: Experiment, given: Given) -> float:

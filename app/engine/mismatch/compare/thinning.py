@@ -68,6 +68,7 @@ def thinned_op_ahead_pv_centred(record: Experiment, factor: int) -> Experiment:
         measured=tuple((name, held_means(signal, factor)) for name, signal in record.measured),
         rest=centred_means(record.rest, factor),
         finer=None,
+        told_share=min(factor * record.told_share, 1.0),
     )
 
 

@@ -25,7 +25,7 @@ TIMED = ("after a time", "within a time")
 
 def worth(contender: Contender) -> float:
     """A contender's score: what it gains beyond its penalty, spikes aside, and what the quiet of its limited stretches
-    says; below 0 where richer noise would have taken as much.
+    says; below 0 where richer noise, or what a historian filled in, would have taken as much.
     """
     part = contender.fit.parts[-1]
     if not makes_sense(contender):
@@ -35,7 +35,19 @@ def worth(contender: Contender) -> float:
     else:
         own = min(contender.score, steady_gain(contender) - STEADY_SHARE * contender.block.penalty)
         own += limit_bonus(contender.fit, part) if own > 0.0 else 0.0
+    own = min(own, of_what_was_stored(contender)) if own > 0.0 else own
     return own if own <= 0.0 or own > (taken := taken_by_noise(contender)) else own - taken
+
+
+def of_what_was_stored(contender: Contender) -> float:
+    """A contender's score by the samples that a historian stored alone; no bound where it stored all, or where the
+    free run is much nearer. What lies on a line between two of them tells nothing more, and a line's corners are news
+    that any block may take. Measured: docs/PROOF.md.
+    """
+    share = contender.fit.record.told_share
+    if share >= 1.0 or nearer(contender.fit, contender.over):
+        return float(np.inf)
+    return share * contender.gain - contender.block.penalty
 
 
 def makes_sense(contender: Contender) -> bool:

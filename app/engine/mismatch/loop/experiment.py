@@ -44,6 +44,8 @@ class Experiment:
     feedback: whether OP is fed back from PV, where another record of the same loop tells; None: this one tells.
     reference_s: seconds of the record that sizes over its duration are of, as those of a drift; None: this one's.
     stored_evenly: whether all samples are as they were stored; False: some lie between two, as beside a gap.
+    told_share: of its samples, how many a historian stored, where the others were filled in between them: what a fit
+    gains counts so much.
     reference_middles: of measured signals by name, where another record's count; None: this one's means.
     """
 
@@ -67,6 +69,7 @@ class Experiment:
     reference_s: float | None = None
     reference_middles: tuple[tuple[str, float], ...] | None = None
     stored_evenly: bool = True
+    told_share: float = 1.0
 
     @property
     def samples(self) -> int:
