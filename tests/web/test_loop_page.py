@@ -13,10 +13,11 @@ from app.services.intake.reading import read_upload
 from app.services.intake.uploads import receive
 from app.services.moments import UTC_CLOCK
 from app.services.plant import loop_verdicts
+from app.services.plant.arrivals import current_ns
+from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.periods import periods
 from app.services.plant.worst import worst as worst_rows
-from app.services.stating.shelving import shelf
 from app.services.telling.next_steps import behind_source, next_step
 from app.services.telling.wording import UNANSWERED
 from app.storage.tables import loops as stored_loops
@@ -39,10 +40,14 @@ def test_a_loop_s_page_leads_to_its_parts_and_to_the_loops_beside_it(client):
         assert re.findall(r'rel="next" href="([^"]+)"', text) == worst[at + 1 : at + 2]
 
 
+def listed_now(backend):
+    return listing(backend, current_ns(backend))
+
+
 def test_the_loops_beside_a_loop_are_those_of_the_list_that_the_plant_s_page_shows(client, web_backend):
     """Neither what is to be looked at today is among them nor a loop whose record is old."""
-    worst = [row["loop"] for row in worst_rows(web_backend)]
-    assert loop_page._beside(web_backend, worst[1], shelf(web_backend)) == (worst[0], worst[2])
+    worst = [row["loop"] for row in worst_rows(web_backend, listed_now(web_backend))]
+    assert loop_page._beside(web_backend, worst[1], listed_now(web_backend)) == (worst[0], worst[2])
     with web_backend.database.read() as connection:
         newest_ns = connection.scalar(select(func.max(stored_loops.c.newest_ns)))
     of_loop = {tag: stored_loops.c.tag == tag for tag in worst}
@@ -57,7 +62,7 @@ def test_the_loops_beside_a_loop_are_those_of_the_list_that_the_plant_s_page_sho
 
     store(newest_ns - 40 * 86_400 * 10**9, verdict="inconclusive", likely_cause=UNANSWERED)
     try:
-        assert [loop_page._beside(web_backend, tag, shelf(web_backend)) for tag in worst] == [(None, None)] * 3
+        assert [loop_page._beside(web_backend, tag, listed_now(web_backend)) for tag in worst] == [(None, None)] * 3
     finally:
         store(newest_ns, **was._mapping)
 
@@ -70,7 +75,9 @@ def test_a_loop_says_what_to_do_next_and_which_end_of_a_figure_is_good(client):
     row = client.get("/v1/loops/FIC101/health").json()
     text = " ".join(" ".join(seen(client, "/loops/FIC101").texts).split())
     then = behind_source(next_step(row, UTC_CLOCK))
-    assert f"What to do: First look at LIC7 , with which it oscillates in step. Then: {then}" in text
+    (group,) = client.get("/v1/groups").json()["rows"]
+    assert group["source"] != "FIC101"
+    assert f"What to do: First look at {group['source']} , with which it oscillates in step. Then: {then}" in text
     assert "(regular above 1; at most 100)" in text
     assert "(1 is best, 0 worst)" in text
 
