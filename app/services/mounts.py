@@ -12,6 +12,11 @@ MOUNTED = Path("/proc/self/mounts")
 """What is mounted, in the same form."""
 
 
+def place_away(file: Path) -> Path | None:
+    """The `unmounted_place` in which a file that is not there may be; None of one that is there."""
+    return None if file.is_file() else unmounted_place(file.parent)
+
+
 def unmounted_place(folder: Path) -> Path | None:
     """The place in which the folder is, or that it is, where the system is to mount something there and has not; None
     where it has, or where nothing tells. Links are followed, as a mount follows them."""

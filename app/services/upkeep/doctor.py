@@ -22,7 +22,7 @@ from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_
 from app.services.data_folder import if_lost
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
-from app.services.mounts import FSTAB, unmounted_place
+from app.services.mounts import FSTAB, place_away
 from app.services.plant.arrivals import arrivals, sentences
 from app.services.telling.naming import one_line
 from app.services.upkeep.readiness import LEAST_FREE_BYTES
@@ -91,7 +91,7 @@ def _is_begun(file: Path) -> bool:
 
 
 def not_set_up(file: Path) -> Check:
-    if not file.is_file() and (place := unmounted_place(file.parent)):
+    if place := place_away(file):
         found = f"there is no {file}, and {place}, which {FSTAB} names, is not mounted"
         return Check("database", "problem", found, "mount it: `serve` begins no database there meanwhile")
     return Check("database", "warning", f"not set up yet: there is no {file}", "`loopaudit serve` or `migrate` does it")

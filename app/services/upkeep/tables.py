@@ -11,7 +11,7 @@ from sqlalchemy.exc import OperationalError
 from app.errors import RequestError
 from app.services.backend import DATABASE_AWAY, away_in_words
 from app.services.data_folder import NewFolder
-from app.services.mounts import FSTAB, unmounted_place
+from app.services.mounts import FSTAB, place_away
 from app.settings import Settings
 from app.sqlite_files import file_of
 from app.storage import Database, schema
@@ -114,7 +114,7 @@ def refuse_unmounted(settings: Settings) -> None:
     """Raises RequestError("not_mounted") where an SQLite database would be made below a mount that is away: it would be
     gone from sight with the return of that one, on which the plant's own database is."""
     for file in database_files(settings):
-        if not file.is_file() and (place := unmounted_place(file.parent)):
+        if place := place_away(file):
             text = f"there is no database in {file.parent.absolute()}, and {place}, which {FSTAB} names, is not mounted"
             raise RequestError("not_mounted", f"{text}: mount it first")
 
