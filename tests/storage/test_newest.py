@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import insert, select, update
 
-from app.storage import Database, digests, judged, loops, plant, shelvings, verdict_writing, verdicts
+from app.storage import Database, changes, judged, loops, plant, shelvings, verdict_writing, verdicts
 from app.storage.asked_rows import RowFilter
 from app.storage.details import pack_detail
 from app.storage.tables import audits as audits_table
@@ -189,22 +189,22 @@ def _with_text(one: NewVerdict, text: str) -> NewVerdict:
 
 
 def test_the_fields_of_a_changed_row_are_named_in_the_order_in_which_they_are_asked_for() -> None:
-    told = plant.told_of_both(verdicts_table, verdicts_table.alias())
-    assert tuple(column.key for column in told) == plant.ChangedRow._fields[5:]
+    told = changes.told_of_both(verdicts_table, verdicts_table.alias())
+    assert tuple(column.key for column in told) == changes.ChangedRow._fields[5:]
 
 
 def test_changes_lead_with_the_worst(database: Database, runs: tuple[int, int]) -> None:
     with database.read() as connection:
-        assert tags(plant.changes(connection, runs[0], 10)) == ["B1", "B2", "A3"]
-        assert tags(plant.changes(connection, runs[1], 10)) == ["A1"]
-        assert tags(digests.changed_of(connection, runs[0])) == ["B1", "A1", "B2", "A3"]
-        assert tags(digests.changed_of(connection, runs[1])) == ["A1"]
-        (whole,) = digests.changes_of(connection, runs[0], ["A1", "no loop"])
-        (short,) = (row for row in digests.changed_of(connection, runs[0]) if row.tag == "A1")
+        assert tags(changes.since_run(connection, runs[0], 10)) == ["B1", "B2", "A3"]
+        assert tags(changes.since_run(connection, runs[1], 10)) == ["A1"]
+        assert tags(changes.of_run(connection, runs[0])) == ["B1", "A1", "B2", "A3"]
+        assert tags(changes.of_run(connection, runs[1])) == ["A1"]
+        (whole,) = changes.of_run_in_full(connection, runs[0], ["A1", "no loop"])
+        (short,) = (row for row in changes.of_run(connection, runs[0]) if row.tag == "A1")
         unit, _, _, verdict, health = LOOPS["A1"]
         assert whole[:5] == ("A1", unit, None, verdict, health)
         assert whole.reasons_text == "why"
-        texts = {name: plant.ChangedRow._field_defaults[name] for name in digests.TEXTS}
+        texts = {name: changes.ChangedRow._field_defaults[name] for name in changes.TEXTS}
         assert whole._replace(**texts) == short
 
 

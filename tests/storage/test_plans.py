@@ -16,6 +16,7 @@ from app.storage import (
     Database,
     arrivals,
     audits,
+    changes,
     deliveries,
     explanations,
     figures,
@@ -30,7 +31,6 @@ from app.storage import (
     uploads,
     verdicts,
 )
-from app.storage import plant as plants
 from app.storage.asked_rows import RowFilter
 from app.storage.audits import LoopFilter
 from app.storage.details import detail_of
@@ -180,7 +180,7 @@ def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None
     if not database.is_sqlite:
         pytest.skip("plans of SQLite")
     with database.write() as connection:
-        told = _steps(connection, lambda c: plants.changes(c, 1, 10))
+        told = _steps(connection, lambda c: changes.since_run(c, 1, 10))
     assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
 
 

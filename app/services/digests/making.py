@@ -34,7 +34,7 @@ from app.services.stating.shelving import Shelf
 from app.services.telling.naming import one_line
 from app.services.telling.reasons import reasons_of
 from app.services.telling.wording import PRIOR_ONLY, VERDICT_WORDS, codes_of
-from app.storage import digests, plant, set_apart
+from app.storage import changes, digests, plant, set_apart
 from app.storage.digests import CountRow, RefusedRow, ToBeDone
 from app.storage.set_apart import SetApart
 
@@ -56,14 +56,14 @@ def run_to_tell(backend: Backend) -> str:
 def _changed(connection: Connection, number: int, clock: PlantClock, together: AsOne) -> Changed:
     """Those that are newly said to stick are told whatever else changed; what wavers comes last. Of loops that came to
     stand together and changed the change of the weightiest is told."""
-    found = digests.changed_of(connection, number)
-    again = {one.loop: one for one in second_night(plant.second_nights(connection, number, CHANGES), found, clock)}
+    found = changes.of_run(connection, number)
+    again = {one.loop: one for one in second_night(changes.second_nights(connection, number, CHANGES), found, clock)}
     kinds = {row.tag: kind_of(row) for row in found} | {tag: one.kind for tag, one in again.items()}
     changed = together.among(kinds)
     others = changed.others
     tags = sorted((tag for tag in kinds if tag not in others), key=lambda tag: TOLD_FIRST[kinds[tag]])
     listed, besides = tags[:CHANGES], tags[CHANGES:]
-    rows = digests.changes_of(connection, number, [tag for tag in listed if tag not in again])
+    rows = changes.of_run_in_full(connection, number, [tag for tag in listed if tag not in again])
     told = {row.tag: for_all(change_of(row, clock), changed) for row in rows} | again
     new_besides = [tag for tag in besides if kinds[tag] == "new"]
     shown = [told[tag] for tag in listed if tag in told]

@@ -15,8 +15,9 @@ from app.services.telling.reasons import extra_in
 from app.services.telling.repair_sides import BEFORE_REPAIR, SINCE_REPAIR
 from app.services.telling.stored_evidence import began_at
 from app.services.telling.wording import UNANSWERED, WHY_WORDS, cause_words, codes_in, weakly
+from app.storage import changes as changed_verdicts
 from app.storage import plant
-from app.storage.plant import ChangedRow, SecondNight
+from app.storage.changes import ChangedRow, SecondNight
 
 LISTED_CHANGES = 200
 FILLED_MORE = 0.05
@@ -59,9 +60,9 @@ def changes(backend: Backend, limit: int = LISTED_CHANGES, together: AsOne = ALO
         first = not plant.any_run_before(connection, run.id)
         since = run.id + 1 if first else run.id
         compared = not first or plant.any_run_since(connection, run.id)
-        changed = together.among(plant.changed_of(connection, since, list(together.ids.values())))
-        found = plant.changes(connection, since, limit + 1, changed.left_out) if compared else []
-        again = plant.second_nights(connection, run.id, limit) if compared and not first else []
+        changed = together.among(changed_verdicts.tags_since_run(connection, since, list(together.ids.values())))
+        found = changed_verdicts.since_run(connection, since, limit + 1, changed.left_out) if compared else []
+        again = changed_verdicts.second_nights(connection, run.id, limit) if compared and not first else []
     told = [for_all(change_of(row, backend.clock), changed) for row in found[:limit]]
     rows = news_first([*told, *second_night(again, found, backend.clock)])
     manual = to_manual(backend, since, and_since=True) if compared else []
@@ -92,7 +93,7 @@ def kind_of(row: ChangedRow) -> Kind:
 
 
 def second_night(again: Sequence[SecondNight], changed: Sequence[ChangedRow], clock: PlantClock) -> list[ChangeView]:
-    """Those of `plant.second_nights` that are news, and that have not changed since."""
+    """Those of `changed_verdicts.second_nights` that are news, and that have not changed since."""
     since = {row.tag for row in changed}
     return [told for one in again if one.changed.tag not in since and (told := of_second_night(one, clock)) is not None]
 

@@ -2,7 +2,7 @@
 
 from app.services.telling.stored_evidence import Shape, shapes
 from app.services.telling.wording import PRIOR_ONLY, codes_in, probability
-from app.storage.plant import ChangedRow
+from app.storage.changes import ChangedRow
 
 LEAST_MOVE = 0.1
 """Of the probability; where it moved less, the verdict's edge is what changed."""
