@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
@@ -18,10 +17,9 @@ from app.services.intake import uploads
 from app.services.outward import UploadOut
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests.forked import FORKED
 from tests.workers.run_process import run
 
-FORKED = get_context("forkserver")
-FORKED.set_forkserver_preload(["tests.workers.loaded"])
 QUICK = {
     "LOOPAUDIT_SWEEP_S": "0.5",
     "LOOPAUDIT_STALLED_S": "1",

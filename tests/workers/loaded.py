@@ -1,11 +1,11 @@
-"""Imported once, by the server that the tests' workers and schedules are forked from: engine and kernels were three of
-four seconds of each start. That a worker starts by itself is asked in e2e, chaos and cli.
-"""
+"""Imported once, by the server that workers, schedules and commands of the tests are forked from (`tests.forked`)."""
 
 from app.settings import use_one_thread
 
 use_one_thread()
 
-from workers.process import load_or_compile  # noqa: E402 - numba reads at its import how many threads it has
+import app.cli.main  # noqa: E402, F401 - numba reads at its import how many threads it has
+import workers.tasks  # noqa: E402, F401 - as above
+from workers.process import load_or_compile  # noqa: E402 - as above
 
 load_or_compile()

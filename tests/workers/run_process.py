@@ -4,17 +4,15 @@ some loops.
 SPOILED_SLOW_S: every audit and explanation takes this much longer. SPOILED_DEADLY: that of this loop kills its process.
 """
 
-import mmap
 import os
 import signal
 import time
 from collections.abc import Mapping
-from multiprocessing import parent_process
 from pathlib import Path
-from threading import Thread
 
 from app.queue.running import run_beat, run_worker
 from app.settings import Settings
+from tests.forked import be_apart
 
 
 def spoil() -> None:
@@ -44,24 +42,14 @@ def spoil() -> None:
 
 def run(what: str, environment: Mapping[str, str], log: Path) -> None:
     """As a program of its own would: with a session, streams and an environment of its own."""
-    os.setsid()
+    be_apart()
     file = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
     os.dup2(file, 1)
     os.dup2(file, 2)
     os.environ.clear()
     os.environ.update(environment)
-    Thread(target=end_with_the_tests, daemon=True).start()
-    from workers import process
-
-    process.ENDING = mmap.mmap(-1, 1)  # of this worker's processes, not of all that are forked from one server
     if what == "worker":
         spoil()
         run_worker(Settings(), log_level="INFO")
     else:
         run_beat(Settings(), log_level="INFO")
-
-
-def end_with_the_tests() -> None:
-    """Kills this session of processes once that of the tests was killed: nobody else would end it."""
-    parent_process().join()
-    os.killpg(0, signal.SIGKILL)

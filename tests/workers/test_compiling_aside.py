@@ -4,26 +4,27 @@ import gc
 import os
 import runpy
 import select
-import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
+from typing import BinaryIO
 
 import pytest
 from numba import config
 
 from app import kernel_cache
 from app.settings import Settings
+from tests import forked
 from workers import process
 
 PATIENCE_S = 120
 SCRIPT = """
 import os, sys, time
 from types import SimpleNamespace
+from typing import BinaryIO
 from app.settings import Settings
 from workers import process
 def say(word):  # at once: of two writes to one pipe, the second may come after what the other process says
@@ -155,31 +156,36 @@ def test_all_that_a_task_needs_is_loaded_before_the_first(monkeypatch: pytest.Mo
     assert "scipy.optimize" in sys.modules
 
 
-def started(cache: Path, then: str) -> subprocess.Popen[bytes]:
+def started(cache: Path, then: str) -> tuple[forked.Forked, BinaryIO]:
+    """A worker's process, and what it and its own write."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    return subprocess.Popen([sys.executable, "-c", SCRIPT.format(then=then)], stdout=subprocess.PIPE, env=environment)
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "wb") as told, Path(os.devnull).open("wb") as nothing:
+        worker = forked.script(SCRIPT.format(then=then), env=environment, stdout=told, stderr=nothing)
+    return worker, os.fdopen(reading, "rb")
 
 
-def said(worker: subprocess.Popen[bytes]) -> list[str]:
-    return worker.communicate(timeout=PATIENCE_S)[0].decode().split()
+def said(worker: forked.Forked, told: BinaryIO) -> list[str]:
+    with told:
+        words = told.read().decode().split()
+    assert worker.wait(PATIENCE_S) == 0
+    return words
 
 
 def test_what_compiles_for_a_killed_worker_ends(tmp_path: Path) -> None:
-    worker = started(tmp_path, "time.sleep(3600)")
-    assert worker.stdout is not None
-    assert {worker.stdout.readline(), worker.stdout.readline()} == {b"identifications\n", b"verdicts\n"}
-    os.kill(worker.pid, signal.SIGKILL)
-    worker.wait()
-    closed, _, _ = select.select([worker.stdout], [], [], PATIENCE_S)  # the other end is the compiling processes' own
-    assert closed
-    assert worker.stdout.read() == b""
-    worker.stdout.close()
+    worker, told = started(tmp_path, "time.sleep(3600)")
+    with told:
+        assert {told.readline(), told.readline()} == {b"identifications\n", b"verdicts\n"}
+        worker.kill()
+        closed, _, _ = select.select([told], [], [], PATIENCE_S)  # the other end is the compiling processes' own
+        assert closed
+        assert told.read() == b""
 
 
 def test_two_workers_of_one_cache_compile_one_after_the_other(tmp_path: Path) -> None:
     """And a half that fails keeps neither from going on."""
     fault = "assert name != 'verdicts'; say(time.monotonic()); time.sleep(1.0)"
-    first, second = (said(worker) for worker in [started(tmp_path, fault) for _ in range(2)])
+    first, second = (said(*worker) for worker in [started(tmp_path, fault) for _ in range(2)])
     assert sorted(word for word in first if word.isalpha()) == ["explanations", "identifications", "verdicts"]
     assert sorted(word for word in second if word.isalpha()) == ["explanations", "identifications", "verdicts"]
     began = [float(next(word for word in words if not word.isalpha())) for words in (first, second)]
