@@ -17,6 +17,7 @@ from app.cli.demo import running_service
 from app.cli.serve import listen
 from app.errors import RequestError
 from app.services.upkeep.presence import SERVING
+from tests import forked
 
 KEPT_UP = """
 import os, signal, sys, time
@@ -39,10 +40,12 @@ demo.demo(serve=True, port=0)
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_demo_whose_terminal_is_closed_takes_its_folder_away(tmp_path, number):
-    command = [sys.executable, "-c", KEPT_UP, str(int(number))]
-    done = subprocess.run(command, env=environ | {"TMPDIR": str(tmp_path)}, capture_output=True, timeout=60)
-    assert done.returncode == 128 + number, done.stderr
-    assert list(tmp_path.iterdir()) == []
+    log, folder = tmp_path / "log", tmp_path / "demo"
+    folder.mkdir()
+    with log.open("wb") as told:
+        demo = forked.script(KEPT_UP, int(number), env=environ | {"TMPDIR": str(folder)}, stdout=told, stderr=told)
+    assert demo.wait(60) == 128 + number, log.read_text()
+    assert list(folder.iterdir()) == []
 
 
 class AnsweringAnybody(BaseHTTPRequestHandler):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import BinaryIO
 
 import click
 import pytest
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from app.cli.main import cli
 from app.settings import Settings
+from tests import forked
 from tests.cli.calling import WIDE
 
 COMMANDS = (
@@ -122,7 +124,7 @@ def test_wrong_usage_is_2_and_says_so_on_stderr(arguments):
 
 
 def test_a_users_error_is_one_line_with_its_code_and_no_traceback():
-    done = run("audit", "/no/such/file.csv")
+    done = forked.run("audit", "/no/such/file.csv")
     assert done.returncode == 2
     assert done.stderr == "/no/such/file.csv: is not there [no_such_file]\n"
     assert done.stdout == ""
@@ -130,31 +132,31 @@ def test_a_users_error_is_one_line_with_its_code_and_no_traceback():
 
 @pytest.mark.parametrize("arguments", [("simulate", "--samples", "20000"), ("audit", "--help"), ("--help",)])
 def test_a_reader_that_has_enough_is_no_failure(arguments):
-    command = [sys.executable, "-m", "app", *arguments]
+    with closed_pipe() as nobody:
+        done = forked.run(*arguments, stdout=nobody, timeout=60)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+
+
+def closed_pipe() -> BinaryIO:
+    """What nobody reads any more."""
     reading, writing = os.pipe()
-    with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE) as program:
-        os.close(writing)
-        os.close(reading)
-        _, said = program.communicate(timeout=60)
-    assert program.returncode == 0
-    assert b"Traceback" not in said
+    os.close(reading)
+    return os.fdopen(writing, "wb", buffering=0)
 
 
 def test_results_are_made_though_nobody_reads_the_messages(tmp_path):
-    made = run("simulate", "--samples", "300", "--out", str(tmp_path / "L.csv"))
-    assert made.returncode == 0
-    command = [sys.executable, "-m", "app", "audit", str(tmp_path / "none.csv"), str(tmp_path / "L.csv")]
-    reading, writing = os.pipe()
-    with subprocess.Popen([*command, "--format", "jsonl"], stdout=subprocess.PIPE, stderr=writing) as program:
-        os.close(writing)
-        os.close(reading)
-        results, _ = program.communicate(timeout=120)
-    assert program.returncode == 1
-    assert results.count(b"\n") == 1
+    made = CliRunner().invoke(cli, ["simulate", "--samples", "300", "--out", str(tmp_path / "L.csv")])
+    assert made.exit_code == 0
+    files = (tmp_path / "none.csv", tmp_path / "L.csv")
+    with closed_pipe() as nobody:
+        done = forked.run("audit", *files, "--format", "jsonl", stderr=nobody)
+    assert done.returncode == 1
+    assert done.stdout.count("\n") == 1
 
 
 def test_an_empty_folder_is_nothing_usable(tmp_path):
-    done = run("audit", str(tmp_path))
+    done = forked.run("audit", tmp_path)
     assert done.returncode == 2
     assert "[nothing_to_read]" in done.stderr
 

@@ -13,17 +13,22 @@ import pytest
 
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests import forked
+
+
+def own(folder: Path, **settings: str) -> dict[str, str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("LOOPAUDIT_")}
+    return environment | {"LOOPAUDIT_DATA_DIR": str(folder / "data"), "LOOPAUDIT_LOG_FORMAT": "json", **settings}
 
 
 def started(folder: Path, *command: str, **settings: str) -> subprocess.Popen[str]:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("LOOPAUDIT_")}
-    environment |= {"LOOPAUDIT_DATA_DIR": str(folder / "data"), "LOOPAUDIT_LOG_FORMAT": "json", **settings}
     with (folder / "log").open("w") as log:
-        return subprocess.Popen(command, env=environment, stdout=log, stderr=log, text=True)
+        return subprocess.Popen(command, env=own(folder, **settings), stdout=log, stderr=log, text=True)
 
 
-def app(folder: Path, *command: str, **settings: str) -> subprocess.Popen[str]:
-    return started(folder, sys.executable, "-m", "app", *command, **settings)
+def app(folder: Path, *command: str, **settings: str) -> forked.Forked:
+    with (folder / "log").open("w") as log:
+        return forked.command(*command, env=own(folder, **settings), stdout=log, stderr=log)
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
@@ -33,7 +38,7 @@ def lines(folder: Path) -> list[dict[str, Any]]:
     return told
 
 
-def wait_for(folder: Path, text: str, running: subprocess.Popen[str], seconds: float = 240) -> None:
+def wait_for(folder: Path, text: str, running: subprocess.Popen[str] | forked.Forked, seconds: float = 240) -> None:
     until = time.monotonic() + seconds
     while text not in (folder / "log").read_text():
         assert running.poll() is None, (folder / "log").read_text()[-2000:]
@@ -41,7 +46,7 @@ def wait_for(folder: Path, text: str, running: subprocess.Popen[str], seconds: f
         time.sleep(0.005)
 
 
-def ended(running: subprocess.Popen[str]) -> None:
+def ended(running: subprocess.Popen[str] | forked.Forked) -> None:
     running.send_signal(signal.SIGTERM)
     assert running.wait(60) == 0
 
@@ -49,7 +54,7 @@ def ended(running: subprocess.Popen[str]) -> None:
 def test_what_serve_and_its_worker_and_schedule_write_is_json_from_start_to_end(
     tmp_path: Path, warm_kernels: None
 ) -> None:
-    running = app(tmp_path, "serve", "--port", "0", LOOPAUDIT_NO_SETTING="1")
+    running = started(tmp_path, sys.executable, "-m", "app", "serve", "--port", "0", LOOPAUDIT_NO_SETTING="1")
     try:
         wait_for(tmp_path, '"ready"', running)
         ended(running)

@@ -14,6 +14,7 @@ import pytest
 from app.cli.outputs import part_of, refuse_outputs, written
 from app.errors import RequestError
 from app.lab.bench import running
+from tests import forked
 from tests.cli.calling import run
 
 FULL = Path("/dev/full")
@@ -150,8 +151,8 @@ def test_stdout_by_its_name_is_stdout(recording):
 @pytest.mark.parametrize("arguments", [["audit", "{}"], ["simulate"], ["explain", "{}", "--quick"]], ids=" ".join)
 def test_a_full_disk_on_stdout_is_one_sentence_and_2(arguments, recording):
     with FULL.open("w") as full:
-        done = in_a_process(*(argument.format(recording) for argument in arguments), stdout=full)
-        told = done.communicate(timeout=240)[1].splitlines()
+        done = forked.run(*(argument.format(recording) for argument in arguments), stdout=full, timeout=240)
+    told = done.stderr.splitlines()
     assert done.returncode == 2
     assert told[-1] == "loopaudit: the results could not be written: No space left on device [output]"
     assert not any("Traceback" in line or "ignored" in line for line in told)
@@ -159,10 +160,9 @@ def test_a_full_disk_on_stdout_is_one_sentence_and_2(arguments, recording):
 
 @pytest.mark.parametrize("form", ["table", "csv", "jsonl"])
 def test_a_full_disk_under_out_is_one_sentence_and_2(form, recording):
-    done = in_a_process("audit", recording, "--format", form, "--out", FULL)
-    told = done.communicate(timeout=240)[1]
-    assert (done.returncode, told.count("\n")) == (2, 1)
-    assert "No space left on device [output]" in told
+    done = forked.run("audit", recording, "--format", form, "--out", FULL, timeout=240)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "No space left on device [output]" in done.stderr
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
@@ -195,11 +195,15 @@ def test_an_interrupt_leaves_a_file_as_it_was_and_keeps_what_was_found_beside_it
     for number in range(400):
         (folder / f"L{number:03}.csv").write_bytes(kept.read_bytes())
     (folder / "L005.csv").write_text("time,temp\n")  # of which it is told, so that it is known how far the audit came
-    done = in_a_process("audit", folder, "--jobs", "1", "--format", form, "--out", out, start_new_session=True)
-    told = done.stderr.readline()
-    os.killpg(done.pid, signal.SIGINT)
-    told += done.communicate(timeout=60)[1]
-    assert done.returncode == 130
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as said, Path(os.devnull).open("w") as nothing:
+        command = ("audit", folder, "--jobs", "1", "--format", form, "--out", out)
+        done = forked.command(*command, stdout=nothing, stderr=said)
+    with os.fdopen(reading) as saying:
+        told = saying.readline()
+        os.killpg(done.pid, signal.SIGINT)
+        told += saying.read()
+    assert done.wait(60) == 130
     assert told.endswith(f"what was found so far is in {part}; {out} is left as it was\n")
     assert out.read_text() == "yesterday\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", out.name, part.name]
@@ -277,8 +281,14 @@ def test_results_that_go_to_a_file_need_no_stdout(tmp_path):
     assert len((tmp_path / "new.csv").read_text().splitlines()) == 101
 
 
-@pytest.mark.parametrize("closing", ["2>&-", "2>/dev/full"])
-def test_results_are_made_though_no_message_can_be_written(recording, closing):
-    done = closed_before(f"audit {recording}.none {recording} --format jsonl", closing)
+def test_results_are_made_though_nobody_hears_a_message(recording):
+    done = closed_before(f"audit {recording}.none {recording} --format jsonl", "2>&-")
+    assert done.returncode == 1
+    assert [json.loads(line)["recording"] for line in done.stdout.splitlines()] == ["L1"]
+
+
+def test_results_are_made_though_there_is_no_room_for_a_message(recording):
+    with FULL.open("w") as full:
+        done = forked.run("audit", f"{recording}.none", recording, "--format", "jsonl", stderr=full)
     assert done.returncode == 1
     assert [json.loads(line)["recording"] for line in done.stdout.splitlines()] == ["L1"]

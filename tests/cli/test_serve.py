@@ -4,8 +4,6 @@ import asyncio
 import os
 import resource
 import socket
-import subprocess
-import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -21,6 +19,7 @@ from app.http.connections import HeadDeadline
 from app.services.upkeep.presence import LOCK, SERVING, alone, only_server
 from app.services.upkeep.tables import migrate
 from app.settings import Settings
+from tests import forked
 
 
 def test_short_answers_are_sent_at_once() -> None:
@@ -35,17 +34,18 @@ def test_nothing_is_restored_under_what_runs(tmp_path: Path, command: tuple[str,
     settings = Settings(data_dir=tmp_path / "data")
     migrate(settings)
     environment = {**os.environ, "LOOPAUDIT_DATA_DIR": str(settings.data_dir)}
-    with subprocess.Popen([sys.executable, "-m", "app", *command], env=environment, stderr=subprocess.PIPE) as running:
-        try:
-            until = time.monotonic() + 30.0
-            while not (settings.data_dir / LOCK).exists():
-                assert time.monotonic() < until
-                time.sleep(0.1)
-            time.sleep(0.5)  # between making the file and locking it
-            assert not is_free(settings)
-        finally:
-            running.terminate()
-            running.communicate(timeout=60)
+    with (tmp_path / "log").open("w") as log:
+        running = forked.command(*command, env=environment, stdout=log, stderr=log)
+    try:
+        until = time.monotonic() + 30.0
+        while not (settings.data_dir / LOCK).exists():
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        time.sleep(0.5)  # between making the file and locking it
+        assert not is_free(settings)
+    finally:
+        running.terminate()
+        running.wait(60)
     assert is_free(settings)
 
 
@@ -53,17 +53,16 @@ def test_a_second_server_on_a_data_folder_is_refused_until_the_first_one_ends_ho
     settings = Settings(data_dir=tmp_path / "data")
     migrate(settings)
     environment = {**os.environ, "LOOPAUDIT_DATA_DIR": str(settings.data_dir)}
-    command = [sys.executable, "-m", "app", "serve", "--port", "0"]
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE) as running:
-        try:
-            until = time.monotonic() + 60.0
-            while not ((settings.data_dir / SERVING).exists() and (settings.data_dir / SERVING).read_text()):
-                assert time.monotonic() < until
-                time.sleep(0.1)
-            second = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
-        finally:
-            running.kill()
-            running.communicate(timeout=60)
+    with (tmp_path / "log").open("w") as log:
+        running = forked.command("serve", "--port", "0", env=environment, stdout=log, stderr=log)
+    try:
+        until = time.monotonic() + 60.0
+        while not ((settings.data_dir / SERVING).exists() and (settings.data_dir / SERVING).read_text()):
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        second = forked.run("serve", "--port", "0", env=environment, timeout=60)
+    finally:
+        running.kill()
     assert second.returncode == 2
     assert "is running already on http://127.0.0.1:" in second.stderr
     assert f"(process {running.pid}), with the data folder {settings.data_dir}" in second.stderr
