@@ -3,7 +3,6 @@
 import fcntl
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -15,6 +14,7 @@ import pytest
 from app.services.upkeep import backup as backups
 from app.services.upkeep import draft_folder
 from app.settings import Settings
+from tests import forked
 
 AMID = """
 import sys, time
@@ -40,13 +40,16 @@ def settings(empty_sqlite: Path, tmp_path: Path) -> Settings:
 
 
 @pytest.fixture
-def amid(settings: Settings, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+def amid(settings: Settings, tmp_path: Path) -> Iterator[forked.Forked]:
     """A backup of a night, amid its exports."""
-    command = [sys.executable, "-c", AMID, str(settings.data_dir), str(tmp_path / "kept" / "monday")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "amid\n"
+    log = tmp_path / "log"
+    with log.open("wb") as told:
+        process = forked.script(AMID, settings.data_dir, tmp_path / "kept" / "monday", stdout=told, stderr=told)
+    try:
+        until(log.read_text)
+        assert log.read_text() == "amid\n"
         yield process
+    finally:
         process.kill()
 
 
@@ -56,8 +59,7 @@ def names(folder: Path) -> list[str]:
 
 def test_what_a_killed_backup_left_goes_with_the_next_one(settings, amid, tmp_path):
     (part,) = (tmp_path / "kept").iterdir()
-    amid.send_signal(signal.SIGKILL)
-    amid.wait()
+    amid.kill()
     assert (part / "loopaudit.db").stat().st_size
     done = backups.backup(settings, tmp_path / "kept" / "tuesday")
     assert done.removed == (part,)
@@ -112,7 +114,6 @@ def test_a_part_that_another_user_keeps_to_himself_does_not_hold_a_backup_up(set
 
 def test_a_link_in_a_part_goes_and_what_it_leads_to_stays(settings, amid, tmp_path):
     amid.kill()
-    amid.wait()
     (part,) = (tmp_path / "kept").iterdir()
     (part / "uploads").symlink_to(settings.data_dir)
     assert backups.backup(settings, tmp_path / "kept" / "tuesday").removed == (part,)
@@ -122,7 +123,6 @@ def test_a_link_in_a_part_goes_and_what_it_leads_to_stays(settings, amid, tmp_pa
 
 def test_a_removal_that_was_killed_goes_on(settings, amid, tmp_path, monkeypatch):
     amid.kill()
-    amid.wait()
     (part,) = (tmp_path / "kept").iterdir()
     with monkeypatch.context() as patch:
         patch.setattr(draft_folder.shutil, "rmtree", lambda _, **__: None)
@@ -137,7 +137,6 @@ def test_without_locks_a_part_is_left_when_it_is_a_day_old(settings, amid, tmp_p
         raise OSError(95, "Operation not supported")
 
     amid.kill()
-    amid.wait()
     monkeypatch.setattr(fcntl, "flock", refuse)
     (part,) = (tmp_path / "kept").iterdir()
     assert backups.backup(settings, tmp_path / "kept" / "tuesday").removed == ()
@@ -172,7 +171,6 @@ def test_the_command_says_what_it_removed(settings, amid, tmp_path, monkeypatch)
     from app.cli.main import cli
 
     amid.kill()
-    amid.wait()
     (part,) = (tmp_path / "kept").iterdir()
     monkeypatch.setenv("LOOPAUDIT_DATA_DIR", str(settings.data_dir))
     done = CliRunner().invoke(cli, ["backup", str(tmp_path / "kept" / "tuesday")])
