@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,11 @@ def test_the_warm_up_goes_the_longest_way_through_the_engine(
 
 
 WARMED = """
-import json, sys
+import json, os, sys
+import numpy as np
+from app.engine.audit import audit
+from app.engine.recording import Recording
+from app.lab.bench.loops import records
 from numba.core.dispatcher import Dispatcher
 from app.services.auditing import warming
 
@@ -35,31 +40,35 @@ def kernels():
     found = [one for module in own for one in vars(module).values() if isinstance(one, Dispatcher) and one.signatures]
     return {f"{one.py_func.__module__}.{one.py_func.__qualname__}": str(one.signatures) for one in found}
 
-getattr(warming, sys.argv[1])()
-"""
-LOADED = f"{WARMED}print(json.dumps(kernels()))"
-COMPILED_LATER = f"""{WARMED}
-import numpy as np
-from app.engine.audit import audit
-from app.engine.recording import Recording
-from app.lab.bench.loops import records
-loops, known = list(records(24, 900)), kernels()
-for loop in loops:
-    audit(Recording(loop.tag, 60.0 * np.arange(900.0), loop.pv, loop.op, loop.sp))
-print(json.dumps({{name: types for name, types in kernels().items() if known.get(name) != types}}))
+def warm(part):
+    getattr(warming, part)()
+    return kernels()
+
+def compiled_later():
+    loops, known = list(records(24, 900)), warm("audits")
+    for loop in loops:
+        audit(Recording(loop.tag, 60.0 * np.arange(900.0), loop.pv, loop.op, loop.sp))
+    return {name: types for name, types in kernels().items() if known.get(name) != types}
+
+assert kernels() == {}
+for part in sys.argv[1:]:  # each in a process of its own, which has loaded nothing yet
+    if not os.fork():
+        print(json.dumps(compiled_later() if part == "later" else warm(part)), flush=True)
+        os._exit(0)
+    assert os.wait()[1] == 0
 """
 
 
-def loaded(part: str, script: str = LOADED) -> dict[str, str]:
-    """The kernels of the project that are there after a part of the warm-up, or of which a script tells then, and the
-    types that they are for."""
-    run = subprocess.run([sys.executable, "-c", script, part], capture_output=True, text=True, check=True)
-    return dict(json.loads(run.stdout))
+def loaded(*parts: str) -> Iterator[dict[str, str]]:
+    """The kernels of the project that are there after a part of the warm-up, or that ordinary loops ask for `later`,
+    and the types that they are for."""
+    run = subprocess.run([sys.executable, "-c", WARMED, *parts], capture_output=True, text=True, check=True)
+    return map(json.loads, run.stdout.splitlines())
 
 
 def test_the_halves_that_are_compiled_side_by_side_are_the_whole(warm_kernels: None) -> None:
     """What both compile they compile for the same types: numba keeps what two processes save at once under one name."""
-    first, second, whole = map(loaded, ("identifications", "verdicts", "audits"))
+    first, second, whole = loaded("identifications", "verdicts", "audits")
     assert min(len(first), len(second)) > 5
     assert first | second == second | first == whole
     assert len(first.keys() & second.keys()) < 10  # small ones, of what prepares a record
@@ -67,7 +76,7 @@ def test_the_halves_that_are_compiled_side_by_side_are_the_whole(warm_kernels: N
 
 def test_ordinary_loops_find_every_kernel_compiled(warm_kernels: None) -> None:
     """Of loops with noise: the search for stems has kernels of its own, which what is made of sines never reaches."""
-    assert loaded("audits", COMPILED_LATER) == {}
+    assert list(loaded("later")) == [{}]
 
 
 def test_a_warm_up_waits_for_who_compiles_for_the_same_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
