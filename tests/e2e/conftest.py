@@ -209,7 +209,7 @@ class Service:
             lambda: self.client.get(location).json(), lambda told: told["state"] in ("done", "failed"), seconds
         )
         assert served["state"] == "done", (served, self.processes.logs())
-        alone = self.processes.run("explain", str(path), "--sim", "PV_sim", "--format", "json", timeout=seconds)
+        alone = run("explain", path, "--sim", "PV_sim", "--format", "json")
         expected = {name: told for name, told in json.loads(alone.stdout).items() if name != "elapsed_s"}
         assert {name: served[name] for name in expected} == expected
         assert self.client.get(f"{location}/trace").text.startswith("time,PV,PV_given")
