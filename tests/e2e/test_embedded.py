@@ -128,22 +128,26 @@ def test_sigterm_ends_everything(service, audited):
     wait_gone(family, seconds=5)
 
 
-def test_children_end_when_the_service_is_killed(make_processes, ready_service, free_port):
+@pytest.fixture(scope="module")
+def open_to_others(make_processes, ready_service, free_port):
+    """A service that listens beyond loopback."""
     processes = make_processes()
-    server = processes.start(["serve", "--port", str(free_port)])
-    with ready_service(processes, free_port):
-        family = descendants(server.pid)
-        assert len(family) >= 2
-        server.kill()
-        server.wait()
+    processes.start(["serve", "--host", "0.0.0.0", "--port", str(free_port)])  # noqa: S104 - that is the case
+    with ready_service(processes, free_port) as running:
+        yield running
+
+
+def test_beyond_loopback_nobody_is_answered_without_a_key(open_to_others):
+    refused = open_to_others.client.get("/v1/loops")
+    assert (refused.status_code, refused.json()["code"]) == (401, "key_needed")
+    assert open_to_others.client.post("/v1/uploads", content=b"time,PV,OP\n").status_code == 401
+
+
+def test_children_end_when_the_service_is_killed(open_to_others):
+    """Last: this service is gone afterwards."""
+    (server,) = open_to_others.processes.running
+    family = descendants(server.pid)
+    assert len(family) >= 2
+    server.kill()
+    server.wait()
     wait_gone(family)
-
-
-def test_beyond_loopback_nobody_is_answered_without_a_key(make_processes, ready_service, free_port):
-    processes = make_processes()
-    server = processes.start(["serve", "--host", "0.0.0.0", "--port", str(free_port)])  # noqa: S104 - that is the case
-    with ready_service(processes, free_port) as reached:
-        refused = reached.client.get("/v1/loops")
-        assert (refused.status_code, refused.json()["code"]) == (401, "key_needed")
-        assert reached.client.post("/v1/uploads", content=b"time,PV,OP\n").status_code == 401
-    assert processes.stop(server) == 0, processes.logs()
