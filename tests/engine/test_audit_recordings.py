@@ -7,8 +7,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.engine.audit import audit
 from app.engine.recording import Recording
+from tests.engine.audited import audited
 
 pytestmark = pytest.mark.shared
 
@@ -39,7 +39,7 @@ def recording(file: Path) -> Recording:
 
 def test_only_dead_recordings_are_refused(shared_dir):
     files = sorted((shared_dir / "recordings").glob("*.csv"))
-    audits = [audit(recording(file)) for file in files if file.stem != "labels"]
+    audits = [audited(recording(file)) for file in files if file.stem != "labels"]
     assert len(audits) == 78
     refused = {a.recording: [r.code for r in a.judgement.reasons] for a in audits if a.reference is None}
     assert refused == {name: ["pv_does_not_answer", "pv_flat"] for name in DEAD}
@@ -50,19 +50,19 @@ def test_only_dead_recordings_are_refused(shared_dir):
 def test_units_change_no_verdict_of_a_real_recording(shared_dir, name, pv_unit, op_unit):
     original = recording(shared_dir / "recordings" / f"{name}.csv")
     changed = replace(original, pv=original.pv * pv_unit[0] + pv_unit[1], op=original.op * op_unit[0] + op_unit[1])
-    first, second = audit(original).judgement, audit(changed).judgement
+    first, second = audited(original).judgement, audited(changed).judgement
     assert (first.verdict, first.reliability) == (second.verdict, second.reliability)
     assert first.stiction_probability == pytest.approx(second.stiction_probability, abs=1e-6)
 
 
 def test_a_record_of_three_nights_is_audited_within_one(shared_dir):
     """BAS1 holds four stretches a day apart, its scans up to a tenth of a second late."""
-    fitness = audit(recording(shared_dir / "recordings" / "BAS1.csv")).fitness
+    fitness = audited(recording(shared_dir / "recordings" / "BAS1.csv")).fitness
     assert (fitness.gaps, fitness.record.samples, fitness.filled_share) == (3, 10000, 0.0)
     assert fitness.record.sampling_interval_s == pytest.approx(1.0, abs=0.01)
 
 
 def test_irregular_scans_are_put_on_a_grid_and_said(shared_dir):
-    fitness = audit(recording(shared_dir / "recordings" / "CHEM28.csv")).fitness
+    fitness = audited(recording(shared_dir / "recordings" / "CHEM28.csv")).fitness
     assert 0.0 < fitness.filled_share < 0.1
     assert "irregular_sampling" in [f.code for f in fitness.findings if f.outcome == "fail"]

@@ -1,14 +1,15 @@
 """Whether corners come from outside: a load that turns by its own time, against a valve that lets go by OP's travel."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from app.engine.audit import audit
 from app.engine.causality.outside_corners import LEAST_RATIO, OutsideCorners, outside_corners
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from tests.engine.audited import audited
 
 INTERVAL_S, SAMPLES = 10.0, 1600
 
@@ -36,11 +37,13 @@ def loop(load: Signal, seed: int, valve: TwoParameterValve | None = None) -> Rec
     return simulate_loop(spec, INTERVAL_S * SAMPLES, INTERVAL_S, seed).recording("corners")
 
 
+@cache
 def shaken(seed: int) -> Recording:
     """A healthy flow under such teeth."""
     return loop(teeth(seed), seed)
 
 
+@cache
 def cycling(seed: int, S: float = 6.0, J: float = 4.0) -> Recording:
     """The same flow in the limit cycle of its own valve."""
     return loop(Signal(value=2.0, noise_sd=0.1, noise_tau_s=300.0), seed, TwoParameterValve(S, J))
@@ -57,7 +60,7 @@ def asked(made: Recording) -> OutsideCorners:
 
 
 def period_s_of(made: Recording) -> float:
-    oscillation = audit(made).oscillation
+    oscillation = audited(made).oscillation
     assert oscillation is not None
     assert oscillation.period_s is not None
     return oscillation.period_s
@@ -72,7 +75,7 @@ def test_saw_teeth_from_outside_are_told_from_a_limit_cycle() -> None:
 
 
 def test_a_healthy_valve_under_saw_teeth_is_accused_and_not_relied_on() -> None:
-    judged = [audit(shaken(seed)).judgement for seed in range(4)]
+    judged = [audited(shaken(seed)).judgement for seed in range(4)]
     assert {(one.verdict, one.reliability) for one in judged} == {("stiction", "not_reliable")}
     for one in judged:
         (reason,) = (reason for reason in one.reasons if reason.code == "outside_corners")
@@ -81,7 +84,7 @@ def test_a_healthy_valve_under_saw_teeth_is_accused_and_not_relied_on() -> None:
 
 
 def test_a_limit_cycle_is_relied_on_as_before() -> None:
-    judged = [audit(cycling(seed)).judgement for seed in range(4)]
+    judged = [audited(cycling(seed)).judgement for seed in range(4)]
     assert {(one.verdict, one.reliability) for one in judged} == {("stiction", "reliable")}
 
 

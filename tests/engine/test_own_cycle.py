@@ -1,16 +1,18 @@
 """Whether a cycle is the valve's own: what comes from outside in corners and ramps has the shapes, not the stem."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from app.engine.audit import audit
 from app.engine.causality.own_cycle import CLEAR_NATS, TELLING, OwnCycle, own_cycle
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
+from tests.engine.audited import audited
 
 
+@cache
 def shaken(seed: int, samples: int = 4000) -> Recording:
     """A healthy flow whose load goes up and down as what a neighbour's valve makes: corners, no two legs as long."""
     rng = np.random.default_rng(seed)
@@ -25,6 +27,7 @@ def shaken(seed: int, samples: int = 4000) -> Recording:
     return simulate_loop(spec, 10.0 * samples, 10.0, seed).recording("shaken")
 
 
+@cache
 def cycling(seed: int, S: float = 6.0, J: float = 5.0, samples: int = 4000) -> Recording:
     """The same flow in the limit cycle of its own valve."""
     spec = LoopSpec(
@@ -40,7 +43,7 @@ def uniform(made: Recording) -> UniformRecord:
 
 
 def asked(made: Recording) -> OwnCycle:
-    found = audit(made)
+    found = audited(made)
     assert found.oscillation is not None
     return own_cycle(uniform(made), found.oscillation.period_s)
 
@@ -74,7 +77,7 @@ def test_valves_that_slip_and_valves_that_jump_are_not_missed(J: float) -> None:
 
 def test_units_and_signs_are_free() -> None:
     for made in (shaken(0), cycling(0)):
-        found = audit(made)
+        found = audited(made)
         assert found.oscillation is not None
         record, period_s = uniform(made), found.oscillation.period_s
         other = replace(record, pv=-40.0 * record.pv, sp=-40.0 * made.sp, op=-0.01 * record.op - 3.0)
@@ -84,7 +87,7 @@ def test_units_and_signs_are_free() -> None:
 
 
 def test_a_healthy_valve_under_triangles_is_not_accused_reliably() -> None:
-    judged = [audit(shaken(seed)).judgement for seed in range(4)]
+    judged = [audited(shaken(seed)).judgement for seed in range(4)]
     assert {one.verdict for one in judged} == {"stiction"}
     assert min(one.stiction_probability or 0.0 for one in judged) > 0.9
     assert all("foreign_cycle" in [reason.code for reason in one.reasons] for one in judged)
@@ -98,13 +101,13 @@ def test_a_long_record_does_not_make_the_cycle_the_valves() -> None:
 
 
 def test_a_limit_cycle_is_accused_as_before() -> None:
-    judged = [audit(cycling(seed)).judgement for seed in range(4)]
+    judged = [audited(cycling(seed)).judgement for seed in range(4)]
     assert {(one.verdict, one.reliability) for one in judged} == {("stiction", "reliable")}
     assert not any(reason.code == "foreign_cycle" for one in judged for reason in one.reasons)
 
 
 def test_a_short_record_or_few_cycles_are_not_held_against_a_loop() -> None:
-    found = audit(shaken(0))
+    found = audited(shaken(0))
     assert found.oscillation is not None
     record, period_s = uniform(shaken(0)), found.oscillation.period_s
     short = own_cycle(record.part(slice(0, 1900)), period_s)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine.audit import audit
 from app.engine.fitness import assess
 from app.engine.recording import Recording
+from tests.engine.audited import audited
 
 N, TS = 3000, 10.0
 SINCE, SEAM = 2000, 2600
@@ -46,7 +46,7 @@ def test_a_loop_at_work_does_not_stand():
 
 @pytest.mark.parametrize("loop", [wound_up(), restarted(), restarted(2990)], ids=["frozen", "restarted", "just now"])
 def test_a_frozen_transmitter_is_looked_at_today_restarted_or_not(loop):
-    judgement = audit(loop).judgement
+    judgement = audited(loop).judgement
     assert (judgement.verdict, judgement.reliability, judgement.likely_cause) == ("inconclusive", "not_reliable", CAUSE)
     assert [reason.code for reason in judgement.reasons] == ["pv_stands", "prior_only", "pv_flat"]
     assert judgement.unanswered_s == (N - 1 - SINCE) * TS
@@ -73,18 +73,18 @@ def test_how_much_was_recorded_before_is_nothing_to_it(before):
     first = alive()
     pv, op = (np.concatenate((np.resize(x, before), y)) for x, y in ((first.pv, loop.pv), (first.op, loop.op)))
     longer = Recording("loop", TS * k, pv, op, np.full(len(k), 50.0), np.ones(len(k), bool))
-    assert audit(longer).judgement.unanswered_s == audit(loop).judgement.unanswered_s
+    assert audited(longer).judgement.unanswered_s == audited(loop).judgement.unanswered_s
 
 
 def test_the_check_does_not_pass_and_says_since_when():
-    (finding,) = (one for one in audit(restarted()).fitness.findings if one.code == "pv_flat")
+    (finding,) = (one for one in audited(restarted()).fitness.findings if one.code == "pv_flat")
     assert (finding.outcome, finding.unit) == ("fail", "h")
     assert finding.statistic == pytest.approx(2.775)
     assert finding.text.startswith("PV has held 2 values, one after another, for the last 2.77 h")
 
 
 def test_health_is_capped_while_it_stands_by_parts_that_say_so():
-    health = audit(restarted()).health
+    health = audited(restarted()).health
     lost = {part.code: part.lost for part in health.parts}
     assert (lost["stiction"], lost["service"]) == (40.0, 15.0)
     assert health.value <= 45.0
@@ -99,7 +99,7 @@ def test_it_is_said_from_when_on_it_stands(since):
 
 def test_without_set_point_and_mode_it_is_seen_too():
     loop = replace(restarted(), sp=None, automatic=None)
-    assert audit(loop).judgement.likely_cause == CAUSE
+    assert audited(loop).judgement.likely_cause == CAUSE
 
 
 @pytest.mark.parametrize("known", [0, SINCE])
@@ -117,7 +117,7 @@ def test_a_set_point_that_is_not_known_claims_no_more_than_none(known):
 def test_units_and_signs_are_free():
     given = restarted()
     other = replace(given, pv=7.0 - 0.1 * given.pv, op=-3.0 * given.op, sp=7.0 - 0.1 * given.sp)
-    assert audit(other).judgement == audit(given).judgement
+    assert audited(other).judgement == audited(given).judgement
 
 
 def test_dead_before_and_dead_again():
@@ -129,11 +129,11 @@ def test_dead_before_and_dead_again():
 
 def test_where_nothing_moved_in_the_whole_record_though_the_mode_says_automatic():
     loop = replace(alive(), pv=np.full(N, 43.0), op=np.zeros(N), op_range=(0.0, 100.0), pv_range=(0.0, 100.0))
-    judgement = audit(loop).judgement
+    judgement = audited(loop).judgement
     assert (judgement.verdict, judgement.likely_cause) == ("inconclusive", CAUSE)
     assert judgement.unanswered_since_s is None
     shut = replace(loop, pv=np.zeros(N))
-    assert audit(shut).judgement.likely_cause == "controller_not_acting"
+    assert audited(shut).judgement.likely_cause == "controller_not_acting"
 
 
 def _changed(**signals: object) -> Recording:

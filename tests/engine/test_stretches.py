@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine.audit import Audit, audit
+from app.engine.audit import Audit
 from app.engine.judged import identified_part
 from app.engine.long_records.stretches import LONG_SAMPLES, newest, newest_moving, scale_of, speaking_stretch
 from app.engine.oscillation import detect
 from app.engine.preparation import prepare
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import Pid, Signal, TwoParameterValve
+from tests.engine.audited import audited
 from tests.engine.wandering import FREE, STICKY, TS, recorded
 
 N = 12_000
@@ -36,18 +37,18 @@ def test_a_valve_that_sticks_under_a_load_that_wanders_for_a_day_is_found(sticky
     assert not scale.quiet
     assert 200.0 < scale.per_cycle * TS < 800.0
     assert whole.samples_per_cycle > 2.0 * scale.per_cycle  # not the valve's
-    found = audit(sticky)
+    found = audited(sticky)
     assert said(found) == ("stiction", "reliable")
     assert "stretches" in {reason.code for reason in found.judgement.reasons}
     assert found.oscillation.period_s < 800.0
 
 
 def test_a_healthy_valve_under_the_same_load_is_cleared():
-    assert audit(recorded(FREE, N)).judgement.verdict == "no_stiction"
+    assert audited(recorded(FREE, N)).judgement.verdict == "no_stiction"
 
 
 def test_all_that_was_looked_at_is_the_window(sticky):
-    found = audit(sticky)
+    found = audited(sticky)
     assert found.window.samples == N
     assert found.identified.samples == found.fitness.audited.samples < N
     whole = found.fitness.speaks_for
@@ -60,7 +61,7 @@ def test_hours_of_a_shutdown_say_nothing(sticky, stands):
     op, pv = sticky.op.copy(), sticky.pv.copy()
     op[stands], pv[stands] = 0.0, 0.1
     shut = replace(sticky, op=op, pv=pv)
-    assert said(audit(shut)) == ("stiction", "reliable")
+    assert said(audited(shut)) == ("stiction", "reliable")
     whole = prepare(shut).fitness.speaks_for
     assert whole.judged > 4
     assert whole.standing > 0
@@ -71,7 +72,7 @@ def test_a_valve_that_sticks_for_a_third_of_the_record_is_neither_cleared_nor_ac
     part = slice(3000, 7000)
     op, pv = free.op.copy(), free.pv.copy()
     op[part], pv[part] = sticky.op[part], sticky.pv[part]
-    found = audit(replace(free, op=op, pv=pv))
+    found = audited(replace(free, op=op, pv=pv))
     assert found.judgement.reliability == "not_reliable"
     assert "short_lived_stiction" in {reason.code for reason in found.judgement.reasons}
 
@@ -81,7 +82,7 @@ def test_a_valve_that_sticks_up_to_the_end_is_not_cleared(sticky, share):
     free, since = recorded(FREE, N), round((1.0 - share) * N)
     op, pv = free.op.copy(), free.pv.copy()
     op[since:], pv[since:] = sticky.op[since:], sticky.pv[since:]
-    found = audit(replace(free, op=op, pv=pv))
+    found = audited(replace(free, op=op, pv=pv))
     assert said(found) == ("stiction", "not_reliable")
     codes = [reason.code for reason in found.judgement.reasons]
     assert codes[0] == "stiction_began"
@@ -92,7 +93,7 @@ def test_a_valve_that_sticks_up_to_the_end_is_not_cleared(sticky, share):
 def test_a_pv_that_died_lately_comes_before_what_the_valve_did(sticky):
     pv = sticky.pv.copy()
     pv[-5100:] = pv[-5100]
-    dead = audit(replace(sticky, pv=pv))
+    dead = audited(replace(sticky, pv=pv))
     assert dead.judgement.verdict == "inconclusive"
     assert dead.judgement.likely_cause == "stuck_valve_or_dead_transmitter"
     assert [reason.code for reason in dead.judgement.reasons] == ["pv_stands", "prior_only", "pv_flat"]
@@ -104,7 +105,7 @@ def test_a_healthy_loop_whose_pv_died_lately_is_not_cleared(hours):
     since = N - round(3600.0 * hours / TS)
     pv = free.pv.copy()
     pv[since:] = pv[since - 1]
-    found = audit(replace(free, pv=pv))
+    found = audited(replace(free, pv=pv))
     judgement = found.judgement
     assert (judgement.verdict, judgement.reliability) == ("inconclusive", "not_reliable")
     assert judgement.likely_cause == "stuck_valve_or_dead_transmitter"
@@ -118,7 +119,7 @@ def test_of_a_pv_that_died_at_its_set_point_it_is_known_since_when():
     since, pv = N - round(8 * 3600.0 / TS), free.pv.copy()
     pv[since:] = pv[since - 1]
     sp = np.where(np.arange(N) < since, np.median(pv), pv[since])
-    found = audit(replace(free, pv=pv, sp=sp))
+    found = audited(replace(free, pv=pv, sp=sp))
     assert found.fitness.standstill is None
     assert found.judgement.likely_cause == "stuck_valve_or_dead_transmitter"
     assert found.judgement.unanswered_since_s == pytest.approx((since - 1) * TS, abs=TS)
@@ -127,7 +128,7 @@ def test_of_a_pv_that_died_at_its_set_point_it_is_known_since_when():
 def test_a_sticking_valve_whose_pv_died_lately_is_not_accused(sticky):
     pv = sticky.pv.copy()
     pv[-1500:] = pv[-1500]
-    judgement = audit(replace(sticky, pv=pv)).judgement
+    judgement = audited(replace(sticky, pv=pv)).judgement
     assert (judgement.verdict, judgement.likely_cause) == ("inconclusive", "stuck_valve_or_dead_transmitter")
     assert judgement.reasons[0].code == "pv_stands"
 
@@ -166,7 +167,7 @@ def test_a_pv_that_stands_at_the_end_may_have_its_reason(moves):
 def test_a_unit_that_stands_still_at_the_end_is_judged_by_what_was_before(sticky):
     op, pv = sticky.op.copy(), sticky.pv.copy()
     op[-3000:], pv[-3000:] = 0.0, 0.1
-    found = audit(replace(sticky, op=op, pv=pv))
+    found = audited(replace(sticky, op=op, pv=pv))
     assert said(found) == ("stiction", "reliable")
     (text,) = [reason.text for reason in found.judgement.reasons if reason.code == "stretches"]
     assert text.endswith("more were left out, because PV or OP stood still")
@@ -194,7 +195,7 @@ def test_units_change_nothing(sticky, change):
         "sign of OP": lambda: replace(sticky, op=-sticky.op),
         "time": lambda: replace(sticky, time_s=sticky.time_s / 60.0),
     }[change]()
-    one, two = audit(sticky).judgement, audit(other).judgement
+    one, two = audited(sticky).judgement, audited(other).judgement
     assert (one.verdict, one.reliability) == (two.verdict, two.reliability)
     assert one.stiction_probability == pytest.approx(two.stiction_probability, abs=1e-6)
 
@@ -233,7 +234,7 @@ def test_a_model_is_identified_where_the_loop_was_last_at_work(moves, taken):
 
 
 def test_of_a_long_record_the_stretch_that_speaks_is_identified(sticky):
-    part, found = identified_part(sticky), audit(sticky)
+    part, found = identified_part(sticky), audited(sticky)
     assert (part.start_s, part.samples) == (found.identified.start_s, found.identified.samples)
     assert part.samples < LONG_SAMPLES
     assert identified_part(replace(sticky, pv=np.full(sticky.samples, np.nan))) is None
@@ -249,7 +250,7 @@ def test_a_healthy_loop_that_hardly_swings_is_cleared_on_the_scale_of_what_swing
     whole = detect(uniform(quiet))
     assert scale_of(uniform(quiet), whole).quiet
     assert whole.cycles < 5.0
-    found = audit(quiet)
+    found = audited(quiet)
     assert said(found) == ("no_stiction", "reliable")
     assert found.fitness.speaks_for.oscillation == whole
     assert found.oscillation.cycles >= 5.0
@@ -258,12 +259,12 @@ def test_a_healthy_loop_that_hardly_swings_is_cleared_on_the_scale_of_what_swing
 def test_without_a_set_point_a_loop_that_hardly_swings_is_judged_on_the_same_scale(quiet):
     bare = replace(quiet, sp=None)
     assert prepare(bare).fitness.speaks_for is not None
-    assert said(audit(bare)) == ("no_stiction", "reliable")
+    assert said(audited(bare)) == ("no_stiction", "reliable")
 
 
 def test_units_change_nothing_where_it_hardly_swings(quiet):
     other = replace(quiet, pv=-1e3 * quiet.pv + 7.0, op=0.01 * quiet.op, sp=5.0 * quiet.sp, time_s=quiet.time_s / 60.0)
-    probabilities = [audit(one).judgement.stiction_probability for one in (quiet, other)]
+    probabilities = [audited(one).judgement.stiction_probability for one in (quiet, other)]
     assert probabilities[0] == pytest.approx(probabilities[1], abs=1e-6)
 
 

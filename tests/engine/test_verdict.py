@@ -1,6 +1,7 @@
 """The verdict: right on textbook loops, the same in any unit, never surer than its data."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ from app.engine.verdict.weighing import weigh
 from app.engine.verdict.wording import WORDED, is_spoken, sentence_without_value
 
 
+@cache
 def simulated(seed: int = 1, length_s: float = 1200.0, **changes) -> Recording:
     spec = LoopSpec(
         plant=first_order(1.0, 3.0, 1.0),
@@ -44,14 +46,17 @@ def simulated(seed: int = 1, length_s: float = 1200.0, **changes) -> Recording:
     return simulate_loop(spec, length_s, 1.0, seed=seed).recording("loop")
 
 
+@cache
 def sticky(length_s: float = 1200.0) -> Recording:
     return simulated(length_s=length_s, valve=TwoParameterValve(2.0, 2.0), upset=Signal(value=3.0))
 
 
+@cache
 def shaken() -> Recording:
     return simulated(upset=Signal(noise_sd=1.0, noise_tau_s=20.0))
 
 
+@cache
 def verdict(recording: Recording, config: VerdictConfig | None = None) -> Judgement:
     fitness = assess(recording)
     oscillation = detect(fitness.record)

@@ -1,6 +1,7 @@
 """A loop under a load that wanders for hours, as records of days are, with a healthy valve and with one that sticks."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,6 +23,7 @@ FREE = LoopSpec(
 STICKY = replace(FREE, valve=TwoParameterValve(8.0, 2.0))
 
 
+@lru_cache(maxsize=12)
 def recorded(spec: LoopSpec, samples: int, seed: int = 7) -> Recording:
     made = simulate_loop(spec, samples * TS, TS, seed).recording("loop")
     return replace(made, pv=np.round(made.pv, 2), op=np.round(made.op, 2), op_range=None)
