@@ -5,6 +5,7 @@ A case pins what we get. `python tests/golden/test_published.py` prints the rows
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -89,10 +90,11 @@ CASES = [
 ]
 
 
-def load(case: Case, shared: Path) -> UniformRecord:
-    if case.source in SIMULATED:
-        return SIMULATED[case.source].simulate().uniform()
-    return recording(shared, case.source, case.samples)
+@cache
+def load(source: str, shared: Path, samples: int | None = None) -> UniformRecord:
+    if source in SIMULATED:
+        return SIMULATED[source].simulate().uniform()
+    return recording(shared, source, samples)
 
 
 def recording(shared: Path, name: str, samples: int | None = None) -> UniformRecord:
@@ -102,14 +104,20 @@ def recording(shared: Path, name: str, samples: int | None = None) -> UniformRec
     return UniformRecord(interval_s, table["PV"].copy(), table["OP"].copy(), None, filled)
 
 
-def identify(case: Case, record: UniformRecord) -> tuple[OneParameterResult, TwoParameterResult]:
+@cache
+def identify(case: Case, shared: Path) -> tuple[OneParameterResult, TwoParameterResult]:
+    """Both answers, which more than one test asks for."""
     space = SearchSpace(*case.space)
-    identification = Identification(record, case.config)
+    identification = Identification(load(case.source, shared, case.samples), case.config)
     return identification.one_parameter(space), identification.two_parameter(space)
 
 
-def measured(case: Case, record: UniformRecord) -> Case:
-    one, two = identify(case, record)
+def of(title: str) -> Case:
+    return next(case for case in CASES if case.title == title)
+
+
+def measured(case: Case, shared: Path) -> Case:
+    record, (one, two) = load(case.source, shared, case.samples), identify(case, shared)
     raw, std, span = (
         yper.compute(record.pv, record.op, record.sampling_interval_s, scaling).yper_pct
         for scaling in ("raw", "std", "range")
@@ -132,9 +140,8 @@ def measured(case: Case, record: UniformRecord) -> Case:
 @pytest.mark.shared
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
 def test_case_gives_what_the_page_says(case: Case, shared_dir: Path) -> None:
-    record = load(case, shared_dir)
-    got = measured(case, record)
-    step = 0.02 * float(np.ptp(record.op))
+    got = measured(case, shared_dir)
+    step = 0.02 * float(np.ptp(load(case.source, shared_dir, case.samples).op))
     assert got.d == pytest.approx(case.d, abs=0.5 * step)
     assert pytest.approx(case.S, abs=step) == got.S
     assert pytest.approx(case.J, abs=step) == got.J
@@ -153,8 +160,7 @@ def test_page_holds_the_case(case: Case) -> None:
 
 @pytest.mark.shared
 def test_fc145_is_misread_at_first_and_right_in_the_wider_space(shared_dir: Path) -> None:
-    record = recording(shared_dir, "CHEM1")
-    small, nominal, wide = (identify_one_parameter(record, SearchSpace(*space), SHORT) for space in LADDER_OF_FC145)
+    small, nominal, wide = (identify(of(f"FC145, up to {space}"), shared_dir)[0] for space in LADDER_OF_FC145)
     assert not small.stiction
     assert not nominal.stiction
     assert wide.stiction
@@ -189,18 +195,18 @@ def test_eq_7_as_printed_cannot_have_given_the_published_orders(shared_dir: Path
 
 @pytest.mark.shared
 def test_lc011_reads_low_and_no_stiction_where_the_paper_saw_it(shared_dir: Path) -> None:
-    record = recording(shared_dir, "PAP3", 500)
+    record = load("PAP3", shared_dir, 500)
     assert yper.compute(record.pv, record.op, 1.0, "range").yper_pct == pytest.approx(0.29, abs=0.005)
-    assert not identify_one_parameter(record, SearchSpace(5, 5, 25), WIDE).stiction
+    assert not identify(of("LC011, first 500 samples"), shared_dir)[0].stiction
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", ["CHEM2", "PAP2"])
+@pytest.mark.parametrize("name", ["FC445", "FC525"])
 def test_fc445_and_fc525_have_significant_yper_and_a_sticky_two_parameter_model(name: str, shared_dir: Path) -> None:
-    record = recording(shared_dir, name)
+    record = load(of(name).source, shared_dir)
     for scaling in ("raw", "std", "range"):
         assert yper.compute(record.pv, record.op, 1.0, scaling).yper_pct > yper.SIGNIFICANT_PCT
-    assert Identification(record, WIDE).two_parameter(SearchSpace(5, 5, 10)).stiction
+    assert identify(of(name), shared_dir)[1].stiction
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -229,8 +235,7 @@ def significant(scenario: Scenario) -> bool:
 
 def main() -> None:
     for case in CASES:
-        got = measured(case, load(case, PROJECT.parent / "shared"))
-        one, _ = identify(case, load(case, PROJECT.parent / "shared"))
+        got, (one, _) = measured(case, PROJECT.parent / "shared"), identify(case, PROJECT.parent / "shared")
         print(f"| {case.title} | {got.ours()} | order {one.model.order}")
         print(f"    d={got.d:.5g}, S={got.S:.4g}, J={got.J:.4g}, yper_raw_pct={got.yper_raw_pct:.2f}, ", end="")
         print(f"yper_std_pct={got.yper_std_pct:.2f}, yper_range_pct={got.yper_range_pct:.2f}")
