@@ -1,5 +1,7 @@
 """The band of a historian is told with an interval that holds it as often as it says."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -31,14 +33,22 @@ def loop(rng: np.random.Generator, sigma: float) -> FloatArray:
     return pv
 
 
+@cache
+def drawn(seed: int) -> tuple[float, int, float, FloatArray]:
+    """The noise, each how many samples PV is scanned, where in its range a band lies, and PV."""
+    rng = np.random.default_rng(seed)
+    sigma, scan = float(np.exp(rng.uniform(np.log(0.03), np.log(0.3)))), int(rng.choice([1, 1, 2, 4]))
+    place = rng.uniform()
+    return sigma, scan, place, loop(rng, sigma)[::scan]
+
+
 def told(seed: int, kind: Compression, times: tuple[float, float]) -> tuple[float, Width | None]:
     """What is told of a band that is so many times the noise, of PV scanned each to each fourth sample; nothing where
     the band is a third of PV's range and leaves hardly any sample of it.
     """
-    rng = np.random.default_rng(seed)
-    sigma, scan = float(np.exp(rng.uniform(np.log(0.03), np.log(0.3)))), int(rng.choice([1, 1, 2, 4]))
-    band = sigma * float(np.exp(rng.uniform(*np.log(times))))
-    pv = loop(rng, sigma)[::scan]
+    sigma, scan, place, pv = drawn(seed)
+    low, high = np.log(times)
+    band = sigma * float(np.exp(low + (high - low) * place))
     at = np.arange(0.0, N, scan)
     stored = rebuild(at, pv, keep(at, pv, band, kind), kind)
     every = np.arange(int(at[-1]) + 1.0)
