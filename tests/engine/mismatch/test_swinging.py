@@ -145,7 +145,7 @@ def test_a_swing_that_was_there_when_the_record_began_is_no_load(damping: float)
     np.testing.assert_allclose(simulate_again(said.model, 40.0 + moves()), said.traces.explained, atol=1e-9)
 
 
-@pytest.mark.parametrize("factor", [0.5, 0.65, 1.6, 2.2])
+@pytest.mark.parametrize("factor", [0.5, 2.2])
 def test_a_damping_further_off_is_no_missing_physics(factor: float) -> None:
     said = asked(run_process(moves(), SWINGING, TS) + open_loop.noise(N), GIVEN.changed(damping=0.3 * factor))
     assert said.effects == ()

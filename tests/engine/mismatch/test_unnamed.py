@@ -76,11 +76,9 @@ def told(process: Step, sensor: Step, seed: int) -> Explanation:
     return ask(loop(process, sensor, seed))
 
 
-@pytest.mark.parametrize(
-    ("process", "sensor", "seed"), [(quicker_up, as_it_is, 4), (quicker_below, as_it_is, 3), (linear, warms_slowly, 3)]
-)
-def test_what_fits_nothing_in_the_library_is_unnamed(process: Step, sensor: Step, seed: int) -> None:
-    said = told(process, sensor, seed)
+@pytest.mark.parametrize(("process", "sensor"), [(quicker_below, as_it_is), (linear, warms_slowly)])
+def test_what_fits_nothing_in_the_library_is_unnamed(process: Step, sensor: Step) -> None:
+    said = told(process, sensor, 3)
     first = said.effects[0]
     assert first.code == "unnamed"
     assert first.condition.startswith("while OP moves: dynamic")
@@ -109,9 +107,9 @@ def test_terms_that_run_astray_where_they_have_not_seen_take_no_name_s_place(mon
 
 
 def test_the_generic_term_can_be_simulated_again() -> None:
-    said = told(quicker_up, as_it_is, 4)
+    said = told(quicker_below, as_it_is, 3)
     assert said.effects[0].code == "unnamed"
-    again = simulate_again(said.model, loop(quicker_up, seed=4)[1])
+    again = simulate_again(said.model, loop(quicker_below, seed=3)[1])
     assert said.traces.explained == pytest.approx(again)
 
 
