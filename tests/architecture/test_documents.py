@@ -84,9 +84,9 @@ def test_pages_write_database_as_one_word(page):
 
 def _texts(module: Path) -> Iterator[str]:
     """The strings of a module that are not its docstrings."""
-    tree = ast.parse(module.read_text(encoding="utf-8"))
-    alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    nodes = list(ast.walk(ast.parse(module.read_text(encoding="utf-8"))))
+    alone = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
             yield node.value
 
