@@ -1,7 +1,8 @@
 """Writing a small file and reading it whole."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,24 @@ class Content:
 
 
 Read = Callable[..., Content]
+
+
+def in_pairs(**choices: Sequence[object]) -> pytest.MarkDecorator:
+    """Cases in which each choice of one argument meets each of another, as few as it takes: most faults need no three
+    of them, and all products are many times as many files to be read.
+    """
+
+    def pairs_of(case: tuple[int, ...]) -> set[tuple[tuple[int, int], ...]]:
+        return set(combinations(enumerate(case), 2))
+
+    every = list(product(*(range(len(values)) for values in choices.values())))
+    missing, cases = set().union(*map(pairs_of, every)), []
+    while missing:
+        best = max(every, key=lambda case: len(pairs_of(case) & missing))
+        missing -= pairs_of(best)
+        cases.append(best)
+    chosen = [tuple(values[at] for values, at in zip(choices.values(), case, strict=True)) for case in sorted(cases)]
+    return pytest.mark.parametrize(tuple(choices), chosen)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from app.errors import DataError
 from app.ingest import IngestOptions, read_export
 from app.ingest.files.opening import Lines
 from app.ingest.tables.blank_lines import LONG_RUN, parts_between, with_empty_lines
-from tests.ingest.conftest import Read
+from tests.ingest.conftest import Read, in_pairs
 
 HEADER = "Time,FIC1.PV,FIC1.OP\n"
 
@@ -70,9 +70,11 @@ def test_those_of_a_table_of_a_tag_a_row_are_not_refused(
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(55, "bad_time")]
 
 
-@pytest.mark.parametrize("blank", ["\n", "  \n", ",,\n", '"","",""\n', " , ,\r\n"])
-@pytest.mark.parametrize("many", [41, 100, 399, 400, 10_000])
-@pytest.mark.parametrize("titles", ["", "Export of unit 3,,\n"])
+@in_pairs(
+    blank=["\n", "  \n", ",,\n", '"","",""\n', " , ,\r\n"],
+    many=[41, 100, 399, 400, 10_000],
+    titles=["", "Export of unit 3,,\n"],
+)
 def test_hundreds_of_them_below_the_names_or_above_are_passed_over(
     read: Read, blank: str, many: int, titles: str
 ) -> None:

@@ -11,7 +11,7 @@ from app.errors import DataError
 from app.ingest import IngestOptions
 from app.ingest.exports import tables_in
 
-from .conftest import Read
+from .conftest import Read, in_pairs
 from .test_tables import parquet
 
 N = 720
@@ -56,14 +56,14 @@ def of_loops_in_turn(places: tuple[str, str]) -> Rows:
     return iter(sorted(of_loops(places), key=lambda row: row.split(",")[2]))
 
 
-SHAPES = [
-    ("Tag,Time,Value", long),
-    ("Tag,Time,Value", by_tag),
-    ("Tag,Time,Value", in_turn),
-    ("Time,FIC101.PV,FIC101.OP", wide),
-    ("Loop,Time,PV,OP", of_loops),
-    ("Loop,Time,PV,OP", of_loops_in_turn),
-]
+SHAPES = {
+    long: "Tag,Time,Value",
+    by_tag: "Tag,Time,Value",
+    in_turn: "Tag,Time,Value",
+    wide: "Time,FIC101.PV,FIC101.OP",
+    of_loops: "Loop,Time,PV,OP",
+    of_loops_in_turn: "Loop,Time,PV,OP",
+}
 
 
 def text(names: str, rows: Rows) -> str:
@@ -76,13 +76,15 @@ def refused(read: Read, data: str | bytes, options: IngestOptions | None = None)
     assert error.value.code == "unknown_layout"
 
 
-@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=5000, buffered_values=600)])
-@pytest.mark.parametrize("places", PLACES.values(), ids=PLACES)
-@pytest.mark.parametrize(("names", "shape"), SHAPES, ids=[shape.__name__ for _, shape in SHAPES])
+@in_pairs(
+    shape=list(SHAPES),
+    place=list(PLACES),
+    options=[IngestOptions(), IngestOptions(chunk_bytes=5000, buffered_values=600)],
+)
 def test_two_plants_are_refused_whatever_the_order_of_rows(
-    read: Read, names: str, shape: Callable[[tuple[str, str]], Rows], places: tuple[str, str], options: IngestOptions
+    read: Read, shape: Callable[[tuple[str, str]], Rows], place: str, options: IngestOptions
 ) -> None:
-    refused(read, text(f"Plant,{names}", shape(places)), options)
+    refused(read, text(f"Plant,{SHAPES[shape]}", shape(PLACES[place])), options)
 
 
 @pytest.mark.parametrize("kind", [pl.String(), pl.Int64(), pl.Float64()])

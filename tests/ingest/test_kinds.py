@@ -13,9 +13,9 @@ from app.ingest.numbers.marks import DOUBTFUL, before_decimals
 from app.ingest.numbers.marks import WHOLE as WHOLE_NUMBER
 from app.ingest.tables import frames
 from app.ingest.tables.frames import FrameReader
-from tests.ingest.conftest import Content, Read
+from tests.ingest.conftest import Content, Read, in_pairs
 from tests.ingest.test_blocks import same
-from tests.ingest.test_writing import CHUNKS, DOUBT, LAYOUTS, MIRRORED, Table, long, marked, wide
+from tests.ingest.test_writing import CHUNKS, DOUBT, LAYOUTS, MARKS, MIRRORED, TABLES, Table, long, marked, wide
 
 LARGE_CHUNKS = IngestOptions(chunk_bytes=30_000)
 NUMBERS = [
@@ -72,7 +72,7 @@ def test_rows_that_are_no_plain_ones_are_not_looked_at_so(seen: None, line: str)
     assert kinds_in(line) is None
 
 
-TABLES = {
+FIELDS = {
     "all in doubt": (["50.123", "51.871"], ["40.100"]),
     "words between": (["50.123", "Bad", "", "nan", "51.871"], ["40.100", "", "inf"]),
     "both marks": (["50.123", "51,871"], ["40,100"]),
@@ -89,14 +89,11 @@ TABLES = {
 }
 
 
-@LAYOUTS
-@MIRRORED
-@pytest.mark.parametrize("chunk_bytes", [CHUNKS.chunk_bytes, 1 << 20])
-@pytest.mark.parametrize("name", TABLES)
+@in_pairs(name=list(FIELDS), table=TABLES, marks=MARKS, chunk_bytes=[CHUNKS.chunk_bytes, 1 << 20])
 def test_kinds_give_what_texts_give(
     read: Read, table: Table, marks: str, chunk_bytes: int, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pv, op = (marked(texts, marks) for texts in TABLES[name])
+    pv, op = (marked(texts, marks) for texts in FIELDS[name])
     content, options = table(pv, op, count=600), IngestOptions(chunk_bytes=chunk_bytes)
     by_texts = read(content, options=options)
     monkeypatch.setattr(frames, "LEAST_BYTES", 8)

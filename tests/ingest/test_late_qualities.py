@@ -16,7 +16,7 @@ from app.ingest.tables.pieces import Grid
 from app.ingest.tables.wide_chunk import Chunk
 from app.ingest.tables.wide_table import WideTable
 
-from .conftest import Content, Read
+from .conftest import Content, Read, in_pairs
 
 ROWS, FIRST = 1200, 500
 STAMPS = [f"2026-03-01 {i // 60:02d}:{i % 60:02d}:00" for i in range(ROWS)]
@@ -34,11 +34,8 @@ def refused(content: Content) -> list[int]:
     return np.flatnonzero(np.isnan(content.loops["FIC1"].pv)).tolist()
 
 
-@pytest.mark.parametrize("chunk_bytes", [16 << 20, 4000])
-@pytest.mark.parametrize("ending", ["_ST", ".Q", " Stat"])
-@pytest.mark.parametrize(
-    ("first", "good", "bad"),
-    [
+@in_pairs(
+    words=[
         ("", "Good", "Bad"),
         ("", "", "I/O Timeout"),
         ("", "Good", "No Data"),
@@ -46,11 +43,14 @@ def refused(content: Content) -> list[int]:
         ("0", "Good", "Bad"),
         ("", "G", "B"),
     ],
+    ending=["_ST", ".Q", " Stat"],
+    chunk_bytes=[16 << 20, 4000],
 )
 def test_qualities_that_come_late_judge_all_values(
-    read: Read, ending: str, first: str, good: str, bad: str, chunk_bytes: int
+    read: Read, words: tuple[str, str, str], ending: str, chunk_bytes: int
 ) -> None:
-    content = read(wide(first, good, bad, ending), options=IngestOptions(chunk_bytes=chunk_bytes))
+    """words: of the first rows, of good values and of bad ones."""
+    content = read(wide(*words, ending), options=IngestOptions(chunk_bytes=chunk_bytes))
     assert refused(content) == BAD
     assert dict(content.rejects.counts) == {"bad_quality": len(BAD)}
     assert set(content.loops) == {"FIC1"}

@@ -5,7 +5,7 @@ import pytest
 
 from app.errors import DataError
 
-from .conftest import Read
+from .conftest import Read, in_pairs
 
 STAMPS = [f"2026-03-01 00:{i:02d}:00" for i in range(40)]
 BAD_ROWS = [7, 20]
@@ -74,19 +74,18 @@ def test_a_value_may_rise_or_rest_beside_a_code(read: Read, code: str) -> None:
     assert read(resting).loops["A"].pv.tolist() == [5.5] * 40
 
 
-@pytest.mark.parametrize("beside", ["{ms}", "{batch}", "{falling}", "0", "0.5"])
-@pytest.mark.parametrize(
-    ("pv", "op"),
-    [("50", "60"), ("{rising}", "60"), ("{rising}", "{rising}"), ("0", "0"), ("{digital}", "1"), ("192", "60")],
+@in_pairs(
+    beside=["{ms}", "{batch}", "{falling}", "0", "0.5"],
+    signals=[("50", "60"), ("{rising}", "60"), ("{rising}", "{rising}"), ("0", "0"), ("{digital}", "1"), ("192", "60")],
+    samples=[60, 500],
 )
-@pytest.mark.parametrize("samples", [60, 500])
 def test_whole_values_that_rest_or_rise_go_before_what_stands_behind_them(
-    read: Read, beside: str, pv: str, op: str, samples: int
+    read: Read, beside: str, signals: tuple[str, str], samples: int
 ) -> None:
     """Tag by tag, so that the first rows may be those of a tag alone."""
     table = ""
     values: dict[str, list[float]] = {"PV": [], "OP": []}
-    for signal, form in (("PV", pv), ("OP", op)):
+    for signal, form in zip(values, signals, strict=True):
         for k in range(samples):
             minute = f"2026-03-01 {k // 60:02d}:{k % 60:02d}:00"
             numbers = {"ms": k * 37 % 997, "batch": 4711 + k // 20, "falling": 9000 - k}

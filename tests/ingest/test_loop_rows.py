@@ -10,7 +10,7 @@ import pytest
 from app.errors import DataError
 from app.ingest import IngestOptions
 
-from .conftest import Content, Read
+from .conftest import Content, Read, in_pairs
 from .test_tables import parquet, workbook
 
 pytest.importorskip("fastexcel", reason="the extra 'excel' is not installed")
@@ -43,9 +43,14 @@ def check(content: Content) -> None:
     assert content.rejects.total == 0
 
 
-@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=500, buffered_values=600)])
-@pytest.mark.parametrize("by_loop", [False, True])
-@pytest.mark.parametrize("name", ["Loop", "Tag", "LoopName", "loop_name", "Controller", "Block"])
+IN_CHUNKS = IngestOptions(chunk_bytes=2000, buffered_values=600)
+
+
+@in_pairs(
+    name=["Loop", "Tag", "LoopName", "loop_name", "Controller", "Block"],
+    by_loop=[False, True],
+    options=[IngestOptions(), IN_CHUNKS],
+)
 def test_each_loop_has_its_rows(read: Read, name: str, by_loop: bool, options: IngestOptions) -> None:
     check(read(text(f"{name},Time,PV,OP,SP", rows(by_loop)), options=options))
 
@@ -115,9 +120,7 @@ def in_batches(each: int, words: int) -> list[list[str]]:
     return [[f"B24-{k // each:03d}", f"{FIRST + timedelta(seconds=k)}", f"{k}", "1.5"] for k in range(each * words)]
 
 
-@pytest.mark.parametrize("each", [50, 3000])
-@pytest.mark.parametrize("name", ["Series", "Item", "Name", "Variable"])
-@pytest.mark.parametrize("way", [1, -1])
+@in_pairs(name=["Series", "Item", "Name", "Variable"], each=[50, 3000], way=[1, -1])
 def test_batches_are_no_loops(read: Read, name: str, each: int, way: int) -> None:
     content = read(text(f"{name},Time,PV,OP", in_batches(each, 4)[::way]), name="FIC7.csv")
     assert content.loops["FIC7"].pv.tolist() == list(range(4 * each))
@@ -132,7 +135,7 @@ def test_loops_that_were_recorded_one_after_the_other(read: Read, name: str) -> 
     assert set(read(text("Name,Time,PV,OP", one_after_the_other)).loops) == {"FIC0", "FIC1", "FIC2", "FIC3"}
 
 
-@pytest.mark.parametrize("options", [IngestOptions(), IngestOptions(chunk_bytes=500, buffered_values=600)])
+@pytest.mark.parametrize("options", [IngestOptions(), IN_CHUNKS])
 def test_further_columns_of_numbers_are_kept_beside_their_loops(read: Read, options: IngestOptions) -> None:
     table = [[*row, f"{k}", f"{k % 3}.5", "x"] for k, row in enumerate(rows())]
     content = read(text("Loop,Time,PV,OP,SP,FT7,TIC9.PV,Remark", table), options=options)
@@ -312,10 +315,12 @@ def machines(order: str, late_ms: int, words: tuple[str, str], count: int) -> li
     ]
 
 
-@pytest.mark.parametrize("count", [100, 2000])
-@pytest.mark.parametrize("words", [("north", "south"), ("M1", "M2")])
-@pytest.mark.parametrize("late_ms", [0, 400])
-@pytest.mark.parametrize("order", ["taking turns", "sorted", "in parts"])
+@in_pairs(
+    order=["taking turns", "sorted", "in parts"],
+    late_ms=[0, 400],
+    words=[("north", "south"), ("M1", "M2")],
+    count=[100, 2000],
+)
 def test_machines_are_not_mixed(read: Read, order: str, late_ms: int, words: tuple[str, str], count: int) -> None:
     table = machines(order, late_ms, words, count)
     with pytest.raises(DataError, match="the column 'Machine' tells the rows of one time apart"):
@@ -333,11 +338,7 @@ def test_a_few_rows_of_something_else_behind_all_others_are_not_mixed(read: Read
 LATE = [lambda k: k % 30 == 7, lambda k: k % 3 == 1, lambda k: k % 200 > 150, lambda k: 99 < k < 160]
 
 
-@pytest.mark.parametrize("way", [1, -1])
-@pytest.mark.parametrize("count", [300, 600, 3000])
-@pytest.mark.parametrize(
-    "late", [lambda k: k % 30 == 7, lambda k: k % 3 == 1, lambda k: k % 200 > 150, lambda k: 99 < k < 160]
-)
+@in_pairs(late=LATE, count=[300, 600, 3000], way=[1, -1])
 def test_what_was_appended_to_fill_holes(read: Read, late: Callable[[int], bool], count: int, way: int) -> None:
     order = sorted(range(count), key=lambda k: (late(k), way * k))
     table = [[f"{FIRST + timedelta(seconds=k)}", f"{k}", "1", "late" if late(k) else "live"] for k in order]

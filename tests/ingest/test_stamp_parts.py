@@ -55,9 +55,8 @@ def times_of(samples: LoopSamples) -> list[int]:
         ("Jahr,Monat,Tag,Stunde,Minute,Sekunde", "{0:%Y},{0.month},{0.day},{0.hour},{0.minute},{0.second}", 1),
     ],
 )
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_parts_of_a_stamp_are_joined(read: Read, names: str, form: str, step_s: int, delimiter: str) -> None:
-    content = read(wide(names, form.format, step_s, delimiter=delimiter))
+def test_parts_of_a_stamp_are_joined(read: Read, names: str, form: str, step_s: int) -> None:
+    content = read(wide(names, form.format, step_s, delimiter=",;\t"[len(names) % 3]))
     assert list(content.loops) == ["FIC1"]
     assert not content.loops["FIC1"].others
     assert times_of(content.loops["FIC1"]) == expected_ns(step_s)
