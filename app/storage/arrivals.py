@@ -10,6 +10,8 @@ from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, series, uploads, verdicts
 
+earlier_verdict = verdicts.alias("earlier")
+
 
 class EndRow(NamedTuple):
     """A loop and the time of its newest sample."""
@@ -79,14 +81,13 @@ def earlier(
 
 def anything_new(connection: Connection, audit_id: int) -> bool:
     """Whether a loop of this run was given samples that its verdict before was not, or has none before."""
-    earlier = verdicts.alias("earlier")
     given = (
-        earlier.c.loop_id == verdicts.c.loop_id,
-        earlier.c.audit_id < audit_id,
-        earlier.c.input_end_ns.is_not(None),
+        earlier_verdict.c.loop_id == verdicts.c.loop_id,
+        earlier_verdict.c.audit_id < audit_id,
+        earlier_verdict.c.input_end_ns.is_not(None),
     )
-    last = select(earlier.c.input_end_ns).where(*given).order_by(earlier.c.audit_id.desc()).limit(1)
-    ever = select(func.max(earlier.c.input_end_ns)).where(*given)
+    last = select(earlier_verdict.c.input_end_ns).where(*given).order_by(earlier_verdict.c.audit_id.desc()).limit(1)
+    ever = select(func.max(earlier_verdict.c.input_end_ns)).where(*given)
     # The last one leaves few to ask for all before, which is a row a night.
     newer = and_(_beyond(last), _beyond(ever))
     query = select(verdicts.c.loop_id).where(verdicts.c.audit_id == audit_id, newer)

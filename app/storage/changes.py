@@ -32,6 +32,9 @@ rows = newest_rows
 newest = verdicts.alias("newest")
 this = verdicts.alias("of_the_run")
 before = verdicts.alias("earlier")
+between, third = verdicts.alias("between"), verdicts.alias("third")
+before_newest, before_between = verdicts.alias(), verdicts.alias()
+under_the_tag, its_newest = loops.alias("under_the_tag_before"), newest_rows.alias("its_newest")
 _OF_RUN = loops.join(this, and_(this.c.loop_id == loops.c.id, IN_SERVICE))
 
 
@@ -158,11 +161,10 @@ def _changed_in(audit_id: int, told: Iterable[ColumnElement[Any]]) -> Select[Any
 def second_nights(connection: Connection, audit_id: int, limit: int) -> list[SecondNight]:
     """Loops that a run and the one before said to stick, both not to be relied on, after they were said to do
     otherwise: as `since_run`, against the verdict before both."""
-    between, third = verdicts.alias("between"), verdicts.alias("third")
     sticks = (newest.c.verdict == "stiction", newest.c.reliability == "not_reliable")
-    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == _before(newest))
+    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == _before(newest, before_newest))
     so = (between.c.verdict == "stiction", between.c.reliability == "not_reliable")
-    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == _before(between))
+    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == _before(between, before_between))
     joined = loops.join(newest, newest.c.loop_id == loops.c.id).join(between, first).join(third, ground)
     told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
     query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
@@ -171,9 +173,9 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Sec
     return [SecondNight(ChangedRow(*row[:-1]), row[-1]) for row in found]
 
 
-def _before(row: Any) -> ScalarSelect[Any]:
-    """The run of the loop's verdict before this one: of the same samples, one is no other night's."""
-    mine = verdicts.alias()
+def _before(row: Any, mine: FromClause) -> ScalarSelect[Any]:
+    """The run of the loop's verdict before this one: of the same samples, one is no other night's. mine: an alias of
+    `verdicts` of its own."""
     earlier = (mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
     other = mine.c.input_end_ns.is_distinct_from(row.c.input_end_ns)
     # The last one ends the search: the greatest of all would have a year of nights looked at.
@@ -183,10 +185,10 @@ def _before(row: Any) -> ScalarSelect[Any]:
 
 def first_news(verdict_before: Any, verdict: ColumnElement[Any]) -> ColumnElement[bool]:
     """Of a loop's first verdict: it is news only where something is wrong that was not said under the tag before."""
-    earlier, its, tags = loops.alias("under_the_tag_before"), newest_rows.alias("its_newest"), before_first_verdict()
-    known = select(its.c.loop_id).join(earlier, earlier.c.id == its.c.loop_id)
-    known = known.join(tags, tags.c.earlier == earlier.c.tag)
-    known = known.where(tags.c.tag == loops.c.tag, its.c.verdict == "stiction").correlate(loops)
+    tags = before_first_verdict()
+    known = select(its_newest.c.loop_id).join(under_the_tag, under_the_tag.c.id == its_newest.c.loop_id)
+    known = known.join(tags, tags.c.earlier == under_the_tag.c.tag)
+    known = known.where(tags.c.tag == loops.c.tag, its_newest.c.verdict == "stiction").correlate(loops)
     return and_(verdict_before.is_(None), verdict == "stiction", ~known.exists())
 
 

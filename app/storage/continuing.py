@@ -14,6 +14,9 @@ LONGEST_CHAIN = 20
 
 FIRST = literal(1).label("names")
 
+under_the_tag_after, its = loops.alias("under_the_tag_after"), verdicts.alias("said_under_the_tag_after")
+that_continues, unjudged = loops.alias("that_continues"), loops.alias("never_judged")
+
 
 def earlier_of(connection: Connection, tags: Collection[str]) -> dict[str, list[str]]:
     """By tag of the loops that continue another one, the tags of those before it, the newest first."""
@@ -39,7 +42,7 @@ def later_of(connection: Connection, tag: str) -> str | None:
 def counts_in(audit_id: int) -> ColumnElement[bool]:
     """Whether a loop counts in what a run said of the plant: one in service, or one that goes on, in service, under a
     tag, maybe after others, of none of which the run said anything."""
-    later, its = loops.alias("under_the_tag_after"), verdicts.alias("said_under_the_tag_after")
+    later = under_the_tag_after
     said = select(its.c.loop_id).where(its.c.loop_id == later.c.id, its.c.audit_id == audit_id).correlate(later)
     unsaid = (later.c.continues.is_not(None), ~said.exists())
     gone_on = select(later.c.continues, later.c.tag.label("as_tag"), later.c.retired, FIRST).where(*unsaid)
@@ -53,7 +56,7 @@ def counts_in(audit_id: int) -> ColumnElement[bool]:
 def before_first_verdict() -> CTE:
     """By `tag` of each loop that continues another one, the tags before it (`earlier`) up to the first that was ever
     judged: under one that was not nothing was said."""
-    later, unjudged = loops.alias("that_continues"), loops.alias("never_judged")
+    later = that_continues
     one_before = select(later.c.tag, later.c.continues.label("earlier"), FIRST).where(later.c.continues.is_not(None))
     tags = one_before.cte("tags_before", recursive=True)
     further = select(tags.c.tag, unjudged.c.continues, tags.c.names + 1)

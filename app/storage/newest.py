@@ -45,6 +45,8 @@ def worst_first(said: FromClause) -> tuple[ColumnElement[Any], ...]:
     return priority(said).desc().nulls_last(), loops.c.tag
 
 
+counted = verdicts.alias("counted")  # here, as to list its columns anew takes longer than many a query
+
 Which = Callable[[FromClause, FromClause], tuple[ColumnElement[bool], ...]]
 """Conditions on verdicts (the first) of loops (the second, which has their newest_audit_id)."""
 
@@ -55,7 +57,6 @@ def last_of(each: int, asked: ColumnElement[bool], which: Which) -> tuple[CTE, C
 
     To number a loop's verdicts takes all of them, of which there is one a night, for years.
     """
-    counted = verdicts.alias("counted")
     mine = (counted.c.loop_id == loops.c.id, *which(counted, loops))
     oldest = select(counted.c.audit_id).where(*mine).order_by(counted.c.audit_id.desc()).offset(each - 1).limit(1)
     since = func.coalesce(oldest.correlate(loops).scalar_subquery(), 0).label("since")

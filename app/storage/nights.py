@@ -9,6 +9,8 @@ from sqlalchemy import Connection, and_, func, select
 from app.storage.newest import last_of
 from app.storage.tables import audits, loops, verdicts
 
+other, same = verdicts.alias("otherwise"), verdicts.alias("sticking")
+
 
 class NightRow(NamedTuple):
     """A verdict of a loop; input_end_ns: the last sample that it was made of; window_end: of what was judged;
@@ -50,7 +52,6 @@ def recent(connection: Connection, tags: Sequence[str], each: int, until: int | 
 
 def first_sticking(connection: Connection, tags: Sequence[str], until: int | None = None) -> list[StickingRow]:
     """Of loops that stick, the first verdict that said so and was followed by no other. until: as above."""
-    other, same = verdicts.alias("otherwise"), verdicts.alias("sticking")
     last = () if until is None else (other.c.audit_id <= until,)
     otherwise = select(func.max(other.c.audit_id)).where(
         other.c.loop_id == loops.c.id, other.c.verdict != "stiction", *last

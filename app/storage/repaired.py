@@ -13,6 +13,8 @@ from app.storage.notes import stands
 from app.storage.tables import loops, notes, verdicts
 from app.storage.types import UtcDateTime, whole_ms, whole_ms_ns
 
+earlier, before = verdicts.alias("earlier"), verdicts.alias("before")
+
 
 @dataclass(frozen=True)
 class Sides:
@@ -85,7 +87,6 @@ def between(
     run = loops.c.newest_audit_id if audit_id is None else literal(audit_id)
     standing = and_(notes.c.repaired_at.is_not(None), stands(notes, until))
     last = select(func.max(notes.c.id).label("id")).where(standing).group_by(notes.c.loop_id).subquery()
-    earlier = verdicts.alias("earlier")
     last_before = (
         select(earlier.c.audit_id)
         .where(earlier.c.loop_id == notes.c.loop_id, earlier.c.audit_id <= run)
@@ -95,7 +96,6 @@ def between(
         .correlate(notes, loops)
         .scalar_subquery()
     )
-    before = verdicts.alias("before")
     mine = and_(before.c.loop_id == notes.c.loop_id, before.c.audit_id == last_before)
     sides = [(of_side(verdicts, notes.c.repaired_at), name) for name, of_side in SIDES.items()]
     said = and_(verdicts.c.loop_id == notes.c.loop_id, verdicts.c.audit_id == run)
