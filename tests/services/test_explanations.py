@@ -12,7 +12,6 @@ from sqlalchemy import Connection, update
 from sqlalchemy.exc import OperationalError
 
 from app.engine.mismatch import Comparison
-from app.engine.mismatch import explain as engine_explain
 from app.engine.signals.turning import since_reversal
 from app.errors import DataError, LoopauditError, NotFoundError, RequestError
 from app.services.auditing import audits, chunks
@@ -238,11 +237,11 @@ def test_a_first_answer_comes_before_the_whole(backend: Backend, monkeypatch: py
     keep(backend, "TIC1", signals)
     asked = explanations.ask(backend, "TIC1", trace(linear(signals["op"])))
     assert asked["located"] is None
-    seen = []
+    seen, explain = [], explaining.explain
 
     def watched(comparison: Any) -> Any:
         seen.append(explanations.get_explanation(backend, "TIC1", asked["id"]))
-        return engine_explain(comparison)
+        return explain(comparison)
 
     monkeypatch.setattr(explaining, "explain", watched)
     explaining.explain_next(backend, "w")
@@ -278,12 +277,12 @@ def test_an_explanation_that_is_asked_for_stands_with_its_answer(
 
 def test_who_lost_the_claim_writes_nothing(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     keep(backend, "TIC1", record())
-    asked = explanations.ask(backend, "TIC1")
+    asked, explain = explanations.ask(backend, "TIC1"), explaining.explain
 
     def overtaken(comparison: Any) -> Any:
         with backend.database.write() as connection:
             connection.execute(update(explanations_table).values(owner="other", attempts=2))
-        return engine_explain(comparison)
+        return explain(comparison)
 
     monkeypatch.setattr(explaining, "explain", overtaken)
     explaining.explain_next(backend, "w")

@@ -24,6 +24,9 @@ from app.services.telling.next_steps import Step
 from app.storage.tables import audits, newest_rows, notes, verdicts
 from tests.services.digests.conftest import HOSTILE, AddLoops
 
+# Of words: every question that a digest asks is asked on both by the other tests.
+on_one_database = pytest.mark.parametrize("settings", ["sqlite"], indirect=True)
+
 
 def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, night: str) -> None:
     found = digest_of(backend, night)
@@ -38,6 +41,7 @@ def test_it_tells_the_worst_of_each_unit_and_what_changed(backend: Backend, nigh
     assert subject(found).startswith("North: 2 valves stick (2 can be relied on), ")
 
 
+@on_one_database
 def test_a_night_that_was_caught_up_keeps_its_date(backend: Backend, night: str) -> None:
     found = digest_of(backend, night)
     caught_up = replace(found, run=replace(found.run, night="2026-01-30", created_at="2026-01-31T07:00:00Z"))
@@ -45,6 +49,7 @@ def test_a_night_that_was_caught_up_keeps_its_date(backend: Backend, night: str)
     assert subject(replace(caught_up, run=replace(caught_up.run, night=None))).endswith(" (2026-01-31)")
 
 
+@on_one_database
 def test_it_names_the_loops_that_were_not_auditable(backend: Backend, night: str, add_loops: AddLoops) -> None:
     refused = {
         "verdict": "not_auditable",
@@ -97,6 +102,7 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     assert "What to do first" in plant_report(backend)
 
 
+@on_one_database
 def test_a_repair_that_was_written_after_the_run_is_told_in_all_its_lists(backend: Backend, night: str) -> None:
     with backend.database.write() as connection:
         connection.execute(update(newest_rows).values(verdict="stiction", reliability="reliable"))
@@ -139,6 +145,7 @@ def test_its_counts_add_up_once_a_loop_is_retired(backend: Backend, night: str, 
     assert "3 of 3 loops have a verdict; 1 more has been retired since" in as_html(found)
 
 
+@on_one_database
 def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddLoops) -> None:
     ids = add_loops("A2", n=0)
     frozen = {"verdict": "inconclusive", "stiction_probability": 0.6, "likely_cause": "stuck_valve_or_dead_transmitter"}
@@ -150,6 +157,7 @@ def test_a_prior_is_no_probability(backend: Backend, night: str, add_loops: AddL
     assert "0.60" not in plant_report(backend)
 
 
+@on_one_database
 def test_what_changed_to_a_pv_that_does_not_answer_is_looked_at_today(backend: Backend, night: str) -> None:
     frozen = {
         "verdict": "inconclusive",
@@ -167,6 +175,7 @@ def test_what_changed_to_a_pv_that_does_not_answer_is_looked_at_today(backend: B
     assert "(look today)" in as_html(found).partition("What changed")[2].partition("<h2")[0]
 
 
+@on_one_database
 def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None:
     with backend.database.write() as connection:
         connection.execute(
@@ -178,6 +187,7 @@ def test_no_probability_is_told_as_certain(backend: Backend, night: str) -> None
     assert "1.00" not in as_text(found) + as_html(found)
 
 
+@on_one_database
 def test_what_is_newly_said_to_stick_never_falls_off_the_lists(
     backend: Backend, night: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -226,6 +236,7 @@ def test_a_large_plant_is_told_how_many_are_not_listed_and_of_all_that_is_new(
     assert found.more_of(Doing("inconclusive", "", "", [], 3)) == "and 3 more"
 
 
+@on_one_database
 def test_of_one_it_speaks_of_one(backend: Backend, add_loops: AddLoops) -> None:
     ids = add_loops("A1", n=600)
     run = start_audit(backend)
@@ -287,6 +298,7 @@ def test_it_leaves_out_what_is_shelved_and_names_it(backend: Backend, night: str
     assert "shelf" not in told
 
 
+@on_one_database
 def test_what_got_worse_since_it_was_shelved_is_listed_all_the_same(backend: Backend, night: str) -> None:
     shelved_before(backend, night, "A1", shelved_as="")
     found = digest_of(backend, night)
@@ -299,6 +311,7 @@ def test_what_got_worse_since_it_was_shelved_is_listed_all_the_same(backend: Bac
     assert "1 SHELVED, 1 OF THEM LISTED ALL THE SAME" in as_text(found)
 
 
+@on_one_database
 def test_without_any_other_loop_that_sticks_it_says_other(backend: Backend, night: str, add_loops: AddLoops) -> None:
     refused = {"verdict": "not_auditable", "likely_cause": "data"}
     others = list(add_loops("A2", "B1").values())
@@ -315,6 +328,7 @@ def test_without_any_other_loop_that_sticks_it_says_other(backend: Backend, nigh
     assert "2 not auditable: too little usable data (shelved)" in as_text(digest_of(backend, night))
 
 
+@on_one_database
 def test_a_later_run_changes_nothing_of_it(backend: Backend, night: str) -> None:
     before = digest_of(backend, night)
     audit_chunk(backend, int(start_audit(backend).id), "test")
@@ -322,6 +336,7 @@ def test_a_later_run_changes_nothing_of_it(backend: Backend, night: str) -> None
     assert run_to_tell(backend) == night
 
 
+@on_one_database
 def test_what_a_plant_is_called_stays_text(backend: Backend, night: str) -> None:
     found = digest_of(backend, night)
     assert "<script>" not in as_html(found)
@@ -334,6 +349,7 @@ def test_what_a_plant_is_called_stays_text(backend: Backend, night: str) -> None
     assert not [line for line in as_text(hostile).splitlines() if line.startswith("Bcc")]
 
 
+@on_one_database
 def test_numbers_are_written_as_the_pages_write_them(backend: Backend, night: str) -> None:
     found = digest_of(backend, night)
     run = replace(found.run, total=14_003, done=14_001, failed=1_002)
