@@ -102,7 +102,6 @@ def test_it_says_what_to_do_first_in_the_whole_plant(backend: Backend, night: st
     assert "What to do first" in plant_report(backend)
 
 
-@on_one_database
 def test_a_repair_that_was_written_after_the_run_is_told_in_all_its_lists(backend: Backend, night: str) -> None:
     with backend.database.write() as connection:
         connection.execute(update(newest_rows).values(verdict="stiction", reliability="reliable"))
