@@ -7,8 +7,10 @@ from app.services.auditing.audits import start_audit
 from app.services.backend import Backend
 from app.services.plant import glossary, reliability, worst
 from app.services.plant import overview as plant
+from app.services.plant.course import course
 from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health, newest_failure
+from app.services.stating import properties
 from app.storage import items, loops
 from app.storage.asked_rows import RowFilter
 from app.storage.items import Failure
@@ -41,6 +43,26 @@ def test_the_overview_adds_up(backend: Backend, two_runs: tuple[dict[str, int], 
     assert [unit.unit for unit in seen.units] == ["U1"]
     healths = [loop_health(backend, tag)["health"] for tag in "ABCD"]
     assert seen.health == pytest.approx(sum(healths) / 4)
+
+
+def test_means_and_sums_go_out_without_what_adding_leaves_behind(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    """61.79999999999999 and 0.6000000000000001 are nobody's figures."""
+    ids, first = two_runs
+    for tag, importance, health in (("A", 0.1, 61.8), ("B", 0.2, 61.8), ("C", 0.3, 61.8), ("D", 0.1, 61.8)):
+        properties.patch_loop(backend, tag, {"importance": importance})
+        rewrite(backend, first + 1, ids[tag], health=health)
+        rewrite_newest(backend, ids[tag], health=health)
+    [unit] = plant.overview(backend).units
+    assert (unit.health, unit.importance) == (61.8, 0.7)
+    [tile] = plant.tiles(backend)["units"]
+    assert tile[2:4] == [0.7, 61.8]
+    assert [4, 61.8] in tile[4]
+    assert course(backend)[-1].health == 61.8
+    rewrite(backend, first + 1, ids["D"], health=61.9)
+    rewrite_newest(backend, ids["D"], health=61.9)
+    assert plant.overview(backend).health == course(backend)[-1].health == 61.814
 
 
 def test_a_loop_without_a_health_moves_no_mean_and_is_sorted_last(

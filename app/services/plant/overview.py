@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from app.services.audit_json.numbers import or_none
 from app.services.backend import Backend
 from app.services.recency import OLD_FROM
 from app.services.results import UnitView
@@ -20,6 +21,8 @@ from app.storage.set_apart import SetApart
 
 MOST_TILES = 400  # what a browser lays out and paints at once
 LEAST_TILES = 3
+MEAN_DECIMALS, SUM_DIGITS = 3, 12
+"""Of means and sums over loops that go out: what sums leave behind, as in 75.71000000000001, nobody has measured."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,9 @@ def tiles(backend: Backend) -> dict[str, list[Any]]:
     `unit_tiles` has the others."""
     with backend.database.read() as connection:
         units = _units(plant.counts(connection))
-        classes = {(row.unit, row.place): [row.loops, row.health] for row in plant.healths(connection, HEALTH_LIMITS)}
+        classes = {
+            (row.unit, row.place): [row.loops, _mean(row.health)] for row in plant.healths(connection, HEALTH_LIMITS)
+        }
         each = max(LEAST_TILES, MOST_TILES // max(len(units), 1))
         loops = plant.worst_of_units(connection, each)
     return {
@@ -144,11 +149,16 @@ def _unit(unit: str | None, rows: Sequence[UnitCount]) -> UnitView:
     counted: Counter[str] = Counter()
     for row in rows:
         counted[row.verdict] += row.loops
-    return UnitView(unit, counted.total(), dict(counted), mean_health(rows), sum(row.importance for row in rows))
+    importance = or_none(sum(row.importance for row in rows), SUM_DIGITS) or 0.0
+    return UnitView(unit, counted.total(), dict(counted), mean_health(rows), importance)
 
 
 def mean_health(rows: Sequence[UnitCount]) -> float | None:
     """Weighted by importance; loops whose verdict has no health are left out."""
     told = [(row.weight, row.weighted_health) for row in rows if row.weighted_health is not None]
     weight = sum(of_unit for of_unit, _ in told)
-    return sum(health for _, health in told) / weight if weight else None
+    return _mean(sum(health for _, health in told) / weight if weight else None)
+
+
+def _mean(value: float | None) -> float | None:
+    return None if value is None else round(value, MEAN_DECIMALS)
