@@ -42,7 +42,7 @@ READY_KEPT_S = 1.0
 DESCRIPTION = """Verdicts on valve stiction for every control loop of a plant, and which of them can be trusted.
 
 Errors are `application/problem+json` (RFC 9457) with a stable `code`. Times are ISO 8601 in UTC. Pages have
-`next_cursor`, which is null on the last one."""
+`next_cursor`, which is null on the last one: stop there, as an empty `cursor` asks for the first page again."""
 
 
 def create_app(settings: Settings, *, keys_required: bool | None = None) -> FastAPI:

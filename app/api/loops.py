@@ -25,6 +25,10 @@ from app.services.stating.loop_list import written
 
 router = APIRouter(tags=["loops"])
 
+LISTED = 100
+ListLimit = Annotated[
+    int | None, Query(ge=1, le=1000, description=f"Rows a page; without it {LISTED} as JSON, and as CSV all of them.")
+]
 Search = Annotated[str | None, Query(max_length=200, description="Part of a tag, of a description or of an owner.")]
 Unit = Annotated[str | None, Query(max_length=200, description="Plant unit.")]
 Owner = Annotated[str | None, Query(max_length=200, description="Who looks after the loops.")]
@@ -43,7 +47,7 @@ To = Annotated[IsoTime | None, Query(alias="to", description="Another name of en
 @router.get("/loops", response_model=LoopPage, responses={**responses(400, 422), **CSV}, summary="The plant's loops")
 def loops(
     backend: Services,
-    limit: Limit = 100,
+    limit: ListLimit = None,
     cursor: Cursor = None,
     unit: Unit = None,
     owner: Owner = None,
@@ -51,15 +55,16 @@ def loops(
     retired: Retired = "any",
     format_: Form = "json",
 ) -> Any:
-    """As CSV all of them at once, whatever `limit` and `cursor` say, to be changed in a spreadsheet and sent back
-    (`PATCH /v1/loops`); it begins with the byte order mark by which spreadsheets know UTF-8.
+    """As CSV all of them at once, unless `limit` asks for a page, to be changed in a spreadsheet and sent back
+    (`PATCH /v1/loops`); it begins with the byte order mark by which spreadsheets know UTF-8, and the cursor is in
+    X-Next-Cursor, empty on the last page.
     """
     wanted = ListFilter(unit, owner, search, RETIRED[retired])
     if format_ == "json":
-        return list_loops(backend, limit, cursor, wanted)
-    headers = {"Content-Disposition": 'attachment; filename="loops.csv"'}
-    # Whole before its first byte goes out: a data base that goes away meanwhile is then told, and no list is cut short.
-    body = "".join(written(backend, wanted))
+        return list_loops(backend, LISTED if limit is None else limit, cursor, wanted)
+    # Whole before its first byte goes out: a database that goes away meanwhile is then told, and no list is cut short.
+    body, next_cursor = written(backend, wanted, limit, cursor)
+    headers = {"Content-Disposition": 'attachment; filename="loops.csv"', "X-Next-Cursor": next_cursor or ""}
     return InParts(body, media_type="text/csv; charset=utf-8", headers=headers)
 
 

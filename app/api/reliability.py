@@ -14,7 +14,7 @@ from app.api.etags import NOT_MODIFIED, InParts, in_turn, known, tag_of
 from app.api.loops import WhichRetired
 from app.api.models import CSV, ReliabilityPage
 from app.errors import RequestError
-from app.http.backend import Services
+from app.http.backend import CURSOR, Services
 from app.http.problems import responses
 from app.services.audit_json.models import ReadingName, ReliabilityName, TableRow, VerdictName
 from app.services.auditing.audits import get_audit
@@ -106,7 +106,7 @@ class TableQuery(RowFilters):
     """Which rows, in which order."""
 
     limit: int = Field(1000, ge=1, le=service.MOST_ROWS, description="Rows a page.")
-    cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")
+    cursor: str | None = Field(None, max_length=LONGEST_CURSOR, description=CURSOR)
     sort: str = Field("loop", max_length=60, description=SORTING)
     format: Format = Field(Format.json, description="json or csv.")
     columns: str | None = Field(
@@ -167,7 +167,7 @@ async def reliability(
     is given, none of loops that are retired. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe, unless `raw` asks for them as they are;
-    the cursor is in X-Next-Cursor. It has no byte order mark, which programs would take for a part of the first
+    the cursor is in X-Next-Cursor, empty on the last page. It has no byte order mark, which programs would take for a part of the first
     column's name, unless `byte_order_mark` asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """

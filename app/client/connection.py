@@ -251,7 +251,7 @@ class Client:
             page = self._get(path, {**params, "limit": PAGE, "cursor": cursor})
             yield from (kind.of(row) for row in page["rows"])
             cursor = page["next_cursor"]
-            if cursor is None:
+            if not cursor:  # an empty one would ask for the first page again
                 return
 
     def _get(self, path: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:

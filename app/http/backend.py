@@ -33,6 +33,7 @@ IsoTime = Annotated[datetime, BeforeValidator(no_bare_number)]
 Services = Annotated[Backend, Depends(opened)]
 Caller = Annotated[Identity, Depends(caller)]
 
+CURSOR = "`next_cursor` of the page before; empty: the first page, so stop where it was null."
 Limit = Annotated[int, Query(ge=1, le=1000, description="Rows a page.")]
 Identifier = Annotated[str, Path(max_length=100, description="As it was answered by the request that made it.")]
-Cursor = Annotated[str | None, Query(max_length=LONGEST_CURSOR, description="`next_cursor` of the page before.")]
+Cursor = Annotated[str | None, Query(max_length=LONGEST_CURSOR, description=CURSOR)]

@@ -200,6 +200,14 @@ def answering(*answers: httpx.Response, asked: list[httpx.Request] | None = None
     return Client("http://server", key="la_read_x", tries=3, transport=httpx.MockTransport(answer))
 
 
+@pytest.mark.parametrize("last", [None, ""])
+def test_pages_end_where_no_cursor_is_told(last):
+    """An empty one, as a proxy or a mock may make of null, would ask for the first page for ever."""
+    pages = [{"rows": [{"loop": "A"}], "next_cursor": "c"}, {"rows": [{"loop": "B"}], "next_cursor": last}]
+    with answering(*[httpx.Response(200, json=page) for page in pages]) as client:
+        assert [row.loop for row in client.reliability()] == ["A", "B"]
+
+
 def test_pages_are_followed_and_the_key_is_in_the_header():
     asked: list[httpx.Request] = []
     pages = [{"rows": [{"loop": "A"}], "next_cursor": "c"}, {"rows": [{"loop": "B", "new": 1}], "next_cursor": None}]

@@ -1,7 +1,7 @@
 """The plant's loops as a list that a spreadsheet can change: out as CSV, and read again."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,21 +42,18 @@ class LoopList:
     by_cell: bool = False
 
 
-def written(backend: Backend, wanted: ListFilter | None = None) -> Iterator[str]:
-    """The list of these loops, line by line, from the mark on by which spreadsheets know UTF-8."""
-    yield BYTE_ORDER_MARK
-    yield from csv_lines(_rows(backend, wanted), COLUMNS)
-
-
-def _rows(backend: Backend, wanted: ListFilter | None) -> Iterator[dict[str, Any]]:
-    cursor = None
-    while True:
-        page = list_loops(backend, PAGE, cursor, wanted)
-        for view in page.rows:
-            yield {name: _told(value) for name, value in vars(view).items()}
-        cursor = page.next_cursor
-        if cursor is None:
-            return
+def written(
+    backend: Backend, wanted: ListFilter | None = None, limit: int | None = None, cursor: str | None = None
+) -> tuple[str, str | None]:
+    """The list of these loops, from the mark on by which spreadsheets know UTF-8, and the cursor of those that come
+    after `limit` of them; limit None: all."""
+    page = list_loops(backend, PAGE if limit is None else limit, cursor, wanted)
+    rows = [*page.rows]
+    while limit is None and page.next_cursor is not None:
+        page = list_loops(backend, PAGE, page.next_cursor, wanted)
+        rows += page.rows
+    told = ({name: _told(value) for name, value in vars(view).items()} for view in rows)
+    return BYTE_ORDER_MARK + "".join(csv_lines(told, COLUMNS)), page.next_cursor
 
 
 def _told(value: Any) -> Any:

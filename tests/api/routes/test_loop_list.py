@@ -37,6 +37,22 @@ def loop(client, tag: str) -> dict:
     return next(row for row in client.get("/v1/loops").json()["rows"] if row["tag"] == tag)
 
 
+def test_limit_and_cursor_hold_for_the_list_as_csv_too(client, plant):
+    """Without a limit it is whole, as it is to be changed and sent back."""
+    whole = client.get("/v1/loops", params={"format": "csv"})
+    tags = [*listed(client)]
+    assert (len(tags), whole.headers["x-next-cursor"]) == (3, "")
+    pages, cursor = [], None
+    while cursor != "":
+        page = client.get("/v1/loops", params={"format": "csv", "limit": 2} | ({"cursor": cursor} if cursor else {}))
+        pages.append([row[0] for row in csv.reader(io.StringIO(page.text, newline=""))][1:])
+        cursor = page.headers["x-next-cursor"]
+    assert pages == [tags[:2], tags[2:]]
+    first = client.get("/v1/loops", params={"limit": 2}).json()
+    rest = client.get("/v1/loops", params={"format": "csv", "cursor": first["next_cursor"]})
+    assert (len(rest.text.splitlines()), rest.headers["x-next-cursor"]) == (2, "")
+
+
 def test_a_list_as_a_spreadsheet_writes_it_is_set(client):
     text = "Tag;P&ID;Unit;Importance;PV low;PV high;Moves valve\r\nFIC101;12-3;CRUDE;2,5;0;150;no\r\nLIC7;;;4;;;\r\n"
     answer = sent(client, text.encode("utf-16"))
