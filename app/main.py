@@ -24,7 +24,7 @@ from app.http.guard import Guard
 from app.http.headers import SecurityHeaders, WholeFiles
 from app.http.heads import AnswerHead
 from app.http.parameters import no_zero_bytes
-from app.http.paths import KeepTagsEncoded
+from app.http.paths import KeepTagsEncoded, OneSlashLess
 from app.http.probing import Probe
 from app.http.receiving import MAPPINGS_AT_ONCE
 from app.http.request_ids import RequestIds
@@ -82,6 +82,7 @@ def create_app(settings: Settings, *, keys_required: bool | None = None) -> Fast
     app.add_middleware(WholeFiles)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(KeepTagsEncoded)
+    app.add_middleware(OneSlashLess)
     app.add_middleware(AnswerHead)
     app.add_middleware(RequestIds)
     app.include_router(api())

@@ -16,6 +16,29 @@ TAGGED = ("/v1/loops/", "/loops/")
 LONGEST_TAG = 500
 
 
+class OneSlashLess:
+    """Answers an address with a slash at its end as the one without, instead of saying that there is none.
+
+    No redirect: what is sent with a request would be lost on the way, and clients that follow none, as curl and that of
+    the project, would take the redirect for the answer. An encoded slash at the end is a tag's own.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and scope["path"] != f"{scope.get('root_path', '')}/":
+            scope = {**scope, **_without_slash(scope)}
+        await self.app(scope, receive, send)
+
+
+def _without_slash(scope: Scope) -> dict[str, str | bytes]:
+    path, raw = scope["path"], scope.get("raw_path")
+    if not path.endswith("/") or (raw and not raw.endswith(b"/")):
+        return {}
+    return {"path": path[:-1], **({"raw_path": raw[:-1]} if raw else {})}
+
+
 class KeepTagsEncoded:
     """Routes paths with a tag by their raw form, so that an encoded slash of a tag is told from one of the route."""
 

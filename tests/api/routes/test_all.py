@@ -28,6 +28,33 @@ def test_head_of_a_stream_ends_and_of_what_is_not_there_is_not_found(client, pla
 
 @pytest.mark.parametrize(
     "path",
+    ["/v1/loops", "/v1/reliability", "/v1/loops/FIC101", "/v1/loops/FIC101/health", "/v1/audits/1", "/v1/uploads",
+     "/v1/nights", "/readyz", "/metrics", "/table", "/runs", "/uploads", "/loops/FIC101", "/loops/FIC101/charts"],
+)  # fmt: skip
+def test_a_slash_at_the_end_changes_nothing(client, plant, path):
+    """A redirect would lose what is sent, or be taken for the answer by those who follow none."""
+    plain, with_slash = client.get(path), client.get(f"{path}/")
+    assert (plain.status_code, with_slash.status_code) == (200, 200)
+    assert with_slash.headers["content-type"] == plain.headers["content-type"]
+    assert client.head(f"{path}/").status_code == 200
+
+
+def test_a_slash_at_the_end_changes_nothing_of_what_is_sent(client, plant):
+    changed = client.patch("/v1/loops/FIC101/", json={"unit": "U9"})
+    assert (changed.status_code, changed.json()["unit"]) == (200, "U9")
+    assert client.patch("/v1/loops/", json={"loops": [{"tag": "FIC101", "unit": None}]}).json()["changed"] == 1
+    refused = client.post("/v1/audits/", json={"tags": ["NOWHERE"]})
+    assert (refused.status_code, refused.json()["code"]) == (400, "unknown_loops"), refused.text
+    assert client.post("/table/").status_code == 405
+
+
+def test_an_encoded_slash_at_the_end_is_the_tags_own_and_two_are_no_address(client, plant):
+    for path in ("/v1/loops/FIC101%2F", "/v1/loops/FIC101%2F/health", "/v1/loops//", "/v1/nights//", "/nowhere/"):
+        assert client.get(path).status_code == 404, path
+
+
+@pytest.mark.parametrize(
+    "path",
     ["/v1/uploads/7777", "/v1/uploads/x", "/v1/loops/NOWHERE", "/v1/loops/NOWHERE/health", "/v1/loops/NOWHERE/trend",
      "/v1/loops/NOWHERE/verdicts", "/v1/audits/7777", "/v1/audits/-1", "/v1/audits/7777/events", "/loops/NOWHERE"],
 )  # fmt: skip
