@@ -167,8 +167,8 @@ async def reliability(
     is given, none of loops that are retired. `next_cursor` is always there and null on the last page.
 
     As CSV, texts that a spreadsheet would calculate begin with an apostrophe, unless `raw` asks for them as they are;
-    the cursor is in X-Next-Cursor, empty on the last page. It has no byte order mark, which programs would take for a part of the first
-    column's name, unless `byte_order_mark` asks for it.
+    the cursor is in X-Next-Cursor, empty on the last page. It has no byte order mark, which programs would take for a
+    part of the first column's name, unless `byte_order_mark` asks for it.
     Both have an ETag, which stays the same until a verdict, a loop or what is written of one changes.
     """
     found = await run_in_threadpool(looked_up, backend, query)

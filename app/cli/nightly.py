@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from app.services.outward import AuditOut
 
 LOOK_S = 0.5
+OTHER = "another process of this account"
 
 
 def nightly(
@@ -106,9 +107,9 @@ def _warm_up(run: "AuditOut", deadline: float, timeout_s: float) -> None:
     from app.services.auditing.warming import warm_up
 
     try:
-        warm_up(deadline, lambda: say("loopaudit: waiting for another process, which is compiling the engine"))
+        warm_up(deadline, lambda: say(f"loopaudit: waiting for {OTHER}, which compiles or loads the engine"))
     except StillCompiling as still:
-        raise _timeout(run, timeout_s, "another process is still compiling the engine") from still
+        raise _timeout(run, timeout_s, f"{OTHER} still compiles or loads the engine") from still
 
 
 def _timeout(run: "AuditOut", timeout_s: float, why: str) -> RequestError:

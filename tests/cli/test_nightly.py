@@ -1,12 +1,15 @@
 """How a night's end is told."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from sqlalchemy.exc import OperationalError
 
+from app import kernel_cache
 from app.cli import nightly
 from app.cli.nightly import watched
+from app.errors import RequestError
 from app.services.auditing import audits
 
 
@@ -37,3 +40,16 @@ def test_a_data_base_that_is_away_meanwhile_is_waited_for(monkeypatch: pytest.Mo
     found = iter([away] * 9)
     with pytest.raises(OperationalError):
         watched(backend, begun, 0.5)
+
+
+def test_who_waits_for_the_engine_says_for_whom_and_no_more_than_is_known(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Who holds the cache may compile or load, and be another plant's."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    backend = SimpleNamespace(settings=SimpleNamespace(embedded=True))
+    begun = SimpleNamespace(id="1", total=1, done=0, failed=0, ended=False)
+    told = "another process of this account, which compiles or loads the engine"
+    with kernel_cache.one_at_a_time(), pytest.raises(RequestError, match="still compiles or loads the engine"):
+        watched(backend, begun, 0.3)
+    assert f"waiting for {told}" in capsys.readouterr().err
