@@ -15,7 +15,7 @@ from app.cli.compiling import compiling_told
 from app.cli.messages import say
 from app.cli.outputs import refuse_outputs, written
 from app.cli.stamps import DateOrder, DateOrderOption, TimeZoneOption, read_in
-from app.errors import RequestError
+from app.errors import DataError, RequestError
 from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
 
 if TYPE_CHECKING:
@@ -112,11 +112,11 @@ def explain(
     if found.long:
         say(f"all {len(comparison.pv):,} samples are explained by one loop; --judged takes those that an audit judges")
     if quick:
-        with compiling_told():
+        with compiling_told(), answering_unusable(asked, format_, started):
             located = located_line(locate(comparison), comparison.name, perf_counter() - started)
         sys.stdout.write(as_json(located) if format_ is Form.json else located_in_words(located))
         return
-    with compiling_told():
+    with compiling_told(), answering_unusable(asked, format_, started):
         explanation = explain_comparison(comparison, found.second)
     line = explanation_line(explanation, perf_counter() - started, found.kind, found.told_second)
     for path, text in files_to_write(explanation, comparison, line, (trace, plot, model)):
@@ -128,17 +128,17 @@ def explain(
 
 @contextmanager
 def answering_unusable(asked: "Asked", form: Form, started: float) -> Iterator[None]:
-    """Machines get their object for a recording too that nothing can be compared with, before the command ends."""
+    """Machines get their object too where recording or simulation hold nothing to compare, before the command ends."""
     from time import perf_counter
 
     from app.services.explaining.comparisons import name_of
-    from app.services.explaining.files import UnusableError, asked_kind
+    from app.services.explaining.files import asked_kind, is_unusable
     from app.services.explaining.line import unusable_line
 
     try:
         yield
-    except UnusableError as error:
-        if form is Form.json:
+    except DataError as error:
+        if form is Form.json and is_unusable(error):
             line = unusable_line(error, name_of(asked.file), asked_kind(asked), perf_counter() - started)
             sys.stdout.write(as_json(line))
         raise

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from app.cli.explain import as_text
 from app.cli.main import cli
-from app.errors import LoopauditError
+from app.errors import DataError, LoopauditError
 from app.services.explaining.line import LINE_FIELDS
 from app.services.explaining.wording import HELD, NO_SIZE, RANGES
 from tests.engine.wandering import STICKY, TS, recorded
@@ -86,6 +86,59 @@ def test_a_recording_that_cannot_be_compared_is_answered_in_json_too(
     assert line["simulation"] == ("model" if "--sim-model" in options else "identified")
     assert not trace.exists()
     assert runner.invoke(cli, ["explain", str(poor), *options]).stdout == ""
+
+
+def simulated(t: int) -> float:
+    return 50 + t % 7 + t % 13 / 5
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("", "empty_file"),
+        ("hello\n", "no_pv_op"),
+        ("time,SP,PV,OP\n", "not_numeric"),
+        *(
+            ("time,PV,OP,PV_sim\n" + "".join(f"{t},{pv(t)},{40 + t % 9},{sim(t)}\n" for t in range(400)), code)
+            for pv, sim, code in [
+                (simulated, lambda t: 50, "simulation_constant"),
+                (simulated, simulated, "simulation_is_pv"),
+                (simulated, lambda t: "", "simulation_not_finite"),
+            ]
+        ),
+    ],
+)
+@pytest.mark.parametrize("options", [[], ["--quick"]])
+def test_whatever_of_the_data_cannot_be_compared_is_answered_in_json(
+    tmp_path: Path, text: str, code: str, options: list[str]
+) -> None:
+    """A recording, its simulation or the file as a whole; how the command was called is told on stderr alone."""
+    poor = tmp_path / "FIC7.csv"
+    poor.write_text(text)
+    result = runner.invoke(cli, ["explain", str(poor), "--format", "json", *options])
+    assert isinstance(result.exception, LoopauditError)
+    line = json.loads(result.stdout)
+    assert (set(line), line["recording"], line["verdict"]) == (set(LINE_FIELDS), "FIC7", "inconclusive")
+    assert [reason["code"] for reason in line["evidence"]] == [code] == [result.exception.code]
+
+
+@pytest.mark.parametrize(
+    ("where", "options"),
+    [
+        ("app.services.explaining.files.check", []),
+        ("app.engine.mismatch.explain", []),
+        ("app.engine.mismatch.locate", ["--quick"]),
+    ],
+)
+def test_whatever_step_finds_it_is_answered_in_json_too(
+    recording: Path, monkeypatch: pytest.MonkeyPatch, where: str, options: list[str]
+) -> None:
+    def refuse(*_: object) -> None:
+        raise DataError("signal_too_large", "SP has a value of 1e+101")
+
+    monkeypatch.setattr(where, refuse)
+    line = json.loads(runner.invoke(cli, ["explain", str(recording), "--format", "json", *options]).stdout)
+    assert line["evidence"] == [{"code": "signal_too_large", "text": "SP has a value of 1e+101"}]
 
 
 @pytest.mark.parametrize("n", [20, 400])

@@ -18,12 +18,16 @@ from app.engine.recording import FloatArray
 from app.errors import DataError
 
 
+class SecondRecordingError(DataError):
+    """The second recording cannot be used; nothing is wrong with the first."""
+
+
 def mended_second(validation: Comparison) -> Comparison:
     """As `mended`; what it raises says that it is of the second recording."""
     try:
         return mended(validation)
     except DataError as error:
-        raise DataError(error.code, f"in the second recording: {error.message}") from error
+        raise SecondRecordingError(error.code, f"in the second recording: {error.message}") from error
 
 
 def validated(

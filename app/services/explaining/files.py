@@ -9,18 +9,20 @@ from app.engine.long_records.stretches import LONG_SAMPLES
 from app.engine.mismatch import Comparison
 from app.engine.mismatch.compare.comparison import check
 from app.engine.mismatch.compare.narrowing import narrowed
+from app.engine.mismatch.second_recording import SecondRecordingError
 from app.errors import DataError, LoopauditError, RequestError
 from app.ingest import IngestOptions
 from app.services.explaining.comparisons import Columns, has_simulation, is_file, read_with_recording
 from app.services.explaining.line import Kind, Second
 from app.services.explaining.models import with_model
 
-OF_RECORDING = frozenset({"too_short", "not_numeric", "signal_constant", "nothing_known"})
-"""Codes of what a recording lacks, whatever it is compared with."""
+OF_THE_CALL = frozenset({"no_such_file", "several_loops", "no_such_loop", "model_invalid"})
+"""Codes of how the command was called. All others are of what the recording or its simulation holds."""
 
 
-class UnusableError(DataError):
-    """The recording that is to be explained has nothing to compare a simulation with."""
+def is_unusable(error: DataError) -> bool:
+    """Whether the recording that is to be explained, or its simulation, holds nothing that can be compared."""
+    return not isinstance(error, SecondRecordingError) and error.code not in OF_THE_CALL
 
 
 @dataclass(frozen=True)
@@ -54,11 +56,10 @@ class Compared:
 
 def explained_files(asked: Asked) -> Compared:
     """The files read, the second one's faults told as such. Raises DataError and RequestError where they cannot be
-    compared, UnusableError where the first one cannot be with anything, RequestError("judged_alone") where part of a
-    record has a simulation of the whole.
+    compared, SecondRecordingError where it is the second one, RequestError("judged_alone") where part of a record has a
+    simulation of the whole.
     """
-    with _of_the_first():
-        found = _first(asked)
+    found = _first(asked)
     if asked.second is None:
         return found
     with _of_the_second(asked.second):
@@ -91,22 +92,13 @@ def asked_kind(asked: Asked) -> Kind:
 
 
 @contextmanager
-def _of_the_first() -> Iterator[None]:
-    try:
-        yield
-    except DataError as error:
-        if error.code not in OF_RECORDING:
-            raise
-        raise UnusableError(error.code, error.message) from error
-
-
-@contextmanager
 def _of_the_second(path: Path) -> Iterator[None]:
     """What is wrong with the second recording is not taken for the first one's."""
     try:
         yield
     except LoopauditError as error:
-        raise type(error)(error.code, f"in the second recording, {path}: {error.message}") from error
+        kind = SecondRecordingError if isinstance(error, DataError) else type(error)
+        raise kind(error.code, f"in the second recording, {path}: {error.message}") from error
 
 
 def _kind(comparison: Comparison, simulated: str | None, model: str | None) -> Kind:
