@@ -145,3 +145,14 @@ def test_columns_without_a_name_are_looked_for_once_however_many_there_are(
     content = read(wide(",".join(("Time,FIC101.PV,FIC101.OP", *spare, "")), *["7.5"] * 201))
     assert "columns without a name were not read: column 204" in content.summary.notes
     assert len(asked) < 20
+
+
+@pytest.mark.parametrize("names", ["Time,4711", "Zeit;12.5", "Time,4711\n,t/h"])
+def test_the_only_tag_of_a_file_is_a_number(read: Read, names: str) -> None:
+    """Its row of names was refused as one of data, and the tag called after the file."""
+    separator = ";" if ";" in names else ","
+    rows = "\n".join(f"{stamp}{separator}{pv}" for stamp, pv in zip(STAMPS, PV, strict=True))
+    content = read(f"{names}\n{rows}\n", name="export.csv")
+    tag = names.splitlines()[0].split(separator)[1]
+    assert (content.rejects.total, content.summary.tags) == (0, 1)
+    assert content.summary.loops[0].others == (tag,)

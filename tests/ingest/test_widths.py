@@ -27,6 +27,24 @@ def test_decimal_commas_between_fields_that_commas_part(read: Read, more_names: 
     )
 
 
+@pytest.mark.parametrize("decimals", ["{0}", "0{0}"])
+def test_decimal_commas_of_one_signal_below_an_empty_name(read: Read, decimals: str) -> None:
+    """PV has points, and OP commas: its decimals were read as SP, and SP stood below no name."""
+    rows = "".join(f"2024-03-01 00:0{i}:00,5{i}.5,4{i},{decimals.format(i)},50\n" for i in range(10))
+    error = refusal(read, f"time,PV,OP,SP,\n{rows}")
+    assert error.code == "more_fields_than_names"
+    assert "5 fields ('2024-03-01 00:00:00,50.5,40," in str(error)
+    assert "it looks like decimal commas" in str(error)
+
+
+def test_whole_numbers_before_a_column_without_a_name_are_no_decimals(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:0{i}:00,5{i}.5,4{i},5{i % 3},7\n" for i in range(10))
+    content = read(f"time,PV,OP,SP,\n{rows}")
+    (loop,) = content.loops.values()
+    assert loop.sp.tolist() == [50 + i % 3 for i in range(10)]
+    assert "columns without a name were not read: column 5" in content.summary.notes
+
+
 def test_long_rows_with_parted_decimals(read: Read) -> None:
     rows = "".join(f"A.PV,{stamp},50,0{i},Good\nA.OP,{stamp},40,1{i},Good\n" for i, stamp in enumerate(MINUTES))
     assert refusal(read, "Tagname,TimeStamp,Value,Quality\n" + rows).code == "more_fields_than_names"

@@ -5,9 +5,12 @@ from collections import Counter
 
 from app.errors import DataError
 from app.ingest.files.head import Head, is_number
+from app.ingest.tags.grouping import place
 
 _DIGITS = re.compile(r"-?\d+")
 _DECIMALS = re.compile(r"0\d+")
+_UNSIGNED, _MOST_DIGITS = re.compile(r"\d+"), 9
+PARTED = ("PV", "OP", "SP")
 
 
 def usual_width(head: Head, first_row: int) -> int:
@@ -31,9 +34,10 @@ def named_width(head: Head, names: tuple[str, ...], first_row: int, time: tuple[
     named = max(named, *(index + 1 for index in time if index < len(names)), 0)
     over = [] if head.typed else [row for row in rows if any(row[named:])]
     if 2 * len(over) > len(rows):
-        if _have_cells_in_names(head, names, over):
+        parted = _parts_decimals(head, names, over)
+        if _have_cells_in_names(head, names, over) and not parted:
             return len(names)
-        raise _more_fields(head, named, over)
+        raise _more_fields(head, named, over, parted=parted)
     return named if over else width
 
 
@@ -41,6 +45,23 @@ def _have_cells_in_names(head: Head, names: tuple[str, ...], over: list[tuple[st
     """Whether each field has a name, be it an empty one, and none is the decimals of another."""
     whole = head.delimiter != "," or 2 * sum(any(map(_has_point, row)) for row in over) > len(over)
     return whole and all(len(row) == len(names) for row in over)
+
+
+def _parts_decimals(head: Head, names: tuple[str, ...], over: list[tuple[str, ...]]) -> bool:
+    """Whether decimals of a signal stand in the field behind it, though those of others have points: whole numbers, and
+    behind them digits as of decimals alone."""
+    if head.delimiter != ",":
+        return False
+    signals = [at for at, name in enumerate(names[:-1]) if name and place(name, "").signal in PARTED]
+    return any(_are_decimals_of([row[at] for row in over], [row[at + 1] for row in over]) for at in signals)
+
+
+def _are_decimals_of(whole: list[str], behind: list[str]) -> bool:
+    """With a nought before them, or of one digit, of which nearly all are there."""
+    if not all(map(_DIGITS.fullmatch, whole)) or not all(map(_UNSIGNED.fullmatch, behind)):
+        return False
+    each = set(behind)
+    return any(map(_DECIMALS.fullmatch, each)) or (max(map(len, each)) == 1 and len(each) >= _MOST_DIGITS)
 
 
 def _has_point(text: str) -> bool:
@@ -62,9 +83,9 @@ _REMEDY = (
 )
 
 
-def _more_fields(head: Head, named: int, over: list[tuple[str, ...]]) -> DataError:
-    """The row of which it is told is the first one."""
-    digits = all(_DIGITS.fullmatch(text) or not is_number(text) for row in over for text in row)
+def _more_fields(head: Head, named: int, over: list[tuple[str, ...]], *, parted: bool) -> DataError:
+    """The row of which it is told is the first one. parted: whether decimals are known to stand in their own fields."""
+    digits = parted or all(_DIGITS.fullmatch(text) or not is_number(text) for row in over for text in row)
     why = f"; {_REMEDY}" if head.delimiter == "," and digits else "; which field belongs to which name is not told"
     found = f"{len(over[0])} fields ({head.delimiter.join(over[0])[:80]!r}) below {named} names"
     return DataError("more_fields_than_names", f"most rows have more fields than there are names: {found}{why}")
