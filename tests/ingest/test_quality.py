@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from app.ingest import IngestOptions
+from app.ingest import IngestOptions, TagMapping
 from app.ingest.tags.quality import Quality
 
 from .conftest import Content, Read
@@ -464,3 +464,30 @@ def test_a_column_called_as_a_quality_that_is_0_in_all_rows_is_told_beside_other
     assert refused(content) == [6, 7]
     (note,) = content.summary.notes
     assert note.endswith("no value was refused by them: A.OP_Q")
+
+
+@pytest.mark.parametrize("name", ["Q", "ST"])
+@pytest.mark.parametrize(("numbers", "told"), [(("0", "128"), True), (("192", "300"), False), (("0", "1"), False)])
+def test_a_short_name_over_what_may_be_qualities_is_told(
+    read: Read, name: str, numbers: tuple[str, str], told: bool
+) -> None:
+    """PROFIBUS has 128 for good, and a flow may be that, too: it is a signal, and judges nothing."""
+    rows = "".join(f"{stamp},{i},{i % 7},{numbers[i % 2]}\n" for i, stamp in enumerate(STAMPS))
+    content = read(f"time,A.PV,A.OP,{name}\n{rows}")
+    assert (content.summary.tags, refused(content)) == (3, [])
+    note = f"the column {name} was read as a signal, though what it holds (0, 128) may be qualities"
+    assert any(one.startswith(note) for one in content.summary.notes) == told
+    assert told or content.summary.notes == ()
+
+
+@pytest.mark.parametrize(("words", "told"), [(("Good", "Bad"), True), (("192", "0"), False)])
+def test_a_mapping_that_takes_what_judges_for_a_signal_is_told(read: Read, words: tuple[str, str], told: bool) -> None:
+    """The bad values come in with the good ones, and of words nothing comes of the signal either."""
+    rows = "".join(f"{stamp},{i},{i % 7},{words[i % 5 == 0]}\n" for i, stamp in enumerate(STAMPS))
+    text = f"time,A.PV,A.OP,Quality\n{rows}"
+    assert refused(read(text)) == BAD_ROWS
+    mapped = TagMapping.from_bytes(b"tag,loop,signal\nA.PV,A,PV\nA.OP,A,OP\nQuality,A,SP\n")
+    content = read(text, mapping=mapped)
+    assert refused(content) == []
+    note = "the mapping has Quality as a signal: what it says of the values is not heeded"
+    assert (note in content.summary.notes) == told

@@ -7,7 +7,8 @@ from functools import partial
 
 from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import Plan, TimedColumns, ValueColumn, WidePlan
-from app.ingest.files.head import Head
+from app.ingest.files.head import Head, is_number
+from app.ingest.numbers.units import as_number
 from app.ingest.tags.grouping import spelled_out
 from app.ingest.tags.quality import (
     are_mostly_good,
@@ -25,6 +26,7 @@ _SHORT_NAME = re.compile(_SHORT, re.IGNORECASE)
 """Of what may be anything else, too: what stands in the columns tells."""
 _PERCENT = re.compile(r"\d{1,3}(\.0*)?")
 MOST_QUALITIES = 8
+_UNCERTAIN_AND_BETTER = 64.0  # of OPC, and PROFIBUS's good; what stands below may be steps or states of anything
 _CONFIDENCE = re.compile(r"(.+?)[_. \-#:/](conf)", re.IGNORECASE)
 """Of PHD, in percent."""
 _CALLED_CONFIDENCE = re.compile(r"conf(idence)?$", re.IGNORECASE)
@@ -70,9 +72,9 @@ def _is_general(name: str, fields: Callable[[], list[str]], is_general: Callable
     return _SHORT_NAME.fullmatch(name) is not None and _are_qualities(fields())
 
 
-def as_mapped(plan: Plan, is_signal: Callable[[str], bool]) -> Plan:
+def as_mapped(plan: Plan, is_signal: Callable[[str], bool], head: Head) -> Plan:
     """The plan in which columns are values though they hold qualities by their names, where a mapping has them as
-    signals."""
+    signals. Of those that hold words it is told that they judge nothing any more: bad values are read with the good."""
     if not isinstance(plan, WidePlan) or not plan.names:
         return plan
     signals = {at for group in plan.groups for at in _judging(group) if is_signal(name_at(plan.names, at))}
@@ -88,7 +90,13 @@ def as_mapped(plan: Plan, is_signal: Callable[[str], bool]) -> Plan:
         new = sorted(signals & _judging(group) - {value.index for value in group.values})
         added = (ValueColumn(at, name_at(plan.names, at)) for at in new)
         groups.append(replace(group, values=(*map(freed, group.values), *added)))
-    return replace(plan, groups=tuple(groups))
+    freed_names = [name_at(plan.names, at) for at in sorted(signals) if _holds_words(head.column(at, plan.first_row))]
+    told = [f"the mapping has {name} as a signal: what it says of the values is not heeded" for name in freed_names]
+    return replace(plan, groups=tuple(groups), notes=(*told, *plan.notes))
+
+
+def _holds_words(fields: list[str]) -> bool:
+    return any(field and not is_number(field) for field in fields)
 
 
 def _judging(group: TimedColumns) -> set[int]:
@@ -114,6 +122,30 @@ def judged_by(plan: Plan, judging: Collection[int]) -> Plan:
 def may_be_qualities(fields: list[str]) -> bool:
     """Whether fields are none, or so few different words and numbers as a quality has: others may yet tell."""
     return len(set(fields)) <= MOST_QUALITIES and all(map(may_be_quality, set(fields)))
+
+
+def notes_of_short_names(plan: Plan, head: Head) -> tuple[str, ...]:
+    """Of columns that are read as values and are called Q or ST alone, where their numbers are qualities' too, as 0 and
+    128: a flow, or what judges all other values."""
+    if not isinstance(plan, WidePlan):
+        return ()
+    values = (value for group in plan.groups for value in group.values if _SHORT_NAME.fullmatch(value.tag))
+    found = {value.tag: head.column(value.index, plan.first_row) for value in values}
+    return tuple(_may_be_told(name, fields) for name, fields in found.items() if _may_judge(fields))
+
+
+def _may_judge(fields: list[str]) -> bool:
+    told = [field for field in fields if field]
+    numbers = [as_number(field) for field in set(told) if is_number(field)]
+    return may_be_qualities(told) and max(numbers, default=0.0) >= _UNCERTAIN_AND_BETTER
+
+
+def _may_be_told(name: str, fields: list[str]) -> str:
+    shown = ", ".join(sorted({field for field in fields if field})[:3])
+    return (
+        f"the column {name} was read as a signal, though what it holds ({shown}) may be qualities; where it says how "
+        "good the values are, call it Quality"
+    )
 
 
 def _are_qualities(fields: list[str]) -> bool:

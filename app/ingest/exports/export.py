@@ -140,7 +140,7 @@ class TableExport(Export):
         self._tally = tally
         self._log = RejectLog(self._options.max_rejects)
         self._grouping = Grouping(head.stem, self._mapping)
-        plan = judged_by(as_mapped(self._source.plan, self._is_mapped), tally.judging)
+        plan = judged_by(as_mapped(self._source.plan, self._is_mapped, head), tally.judging)
         self._plan: Plan = prepared(plan, self._grouping, head, self._options, self._log)
 
     def _is_mapped(self, name: str) -> bool:

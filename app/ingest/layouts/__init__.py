@@ -18,6 +18,7 @@ from app.ingest.columns.names import TAG_NAMES, VALUE_NAMES
 from app.ingest.columns.of_words import WordsPartRows, are_sorted_by
 from app.ingest.columns.plain_names import plain
 from app.ingest.columns.plans import LongPlan, Plan, WidePlan
+from app.ingest.columns.quality import notes_of_short_names
 from app.ingest.columns.quality_of_rows import columns_without_name, with_columns_left, with_flags
 from app.ingest.columns.row_ends import with_ends
 from app.ingest.columns.state_column import with_state_column
@@ -82,6 +83,7 @@ def recognise(head: Head, options: IngestOptions) -> Plan | None:
         refuse_further_groups(plan, head)
         plan = with_columns_left(plan, head)
     further = (*notes_of_zones(plan, head, options), *_notes_of_further_times(plan), *_notes_of_nameless(plan, head))
+    further = (*further, *notes_of_short_names(plan, head))
     notes = (*further, *plan.notes, *heading_notes(head, plan.heading))
     return replace(_with_units(plan, head), notes=notes)
 
