@@ -52,6 +52,16 @@ def test_a_row_that_comes_twice_elsewhere_is_a_duplicate(read: Read, layout: Lay
     assert content.rejects.counts["duplicate_time"] == 2
 
 
+def test_half_hourly_samples_of_a_zone_whose_clock_is_put_back_by_half_an_hour(read: Read) -> None:
+    zone = ZoneInfo("Australia/Lord_Howe")
+    times = [datetime(2026, 4, 4, 10, tzinfo=UTC) + timedelta(minutes=30 * i) for i in range(20)]
+    rows = [(i, f"{time.astimezone(zone):%Y-%m-%d %H:%M:%S}") for i, time in enumerate(times)]
+    content = read(wide(rows), options=IngestOptions(time_zone="Australia/Lord_Howe"))
+    at = np.array([time.replace(tzinfo=None) for time in times], dtype="datetime64[ns]").astype(np.int64)
+    np.testing.assert_array_equal(content.loops["A"].time_ns, at)
+    assert content.rejects.total == 0
+
+
 def test_where_both_passes_are_known_already(read: Read) -> None:
     twice = HOUR_NS * np.array([0, 1, 2, 3, 3, 4, 5])
     assert hours_apart(AT[9] + twice, "Europe/Berlin").tolist() == (AT[9] + twice).tolist()

@@ -124,10 +124,10 @@ BESIDE = "check this first, the file names a zone that was not taken: "
 @pytest.mark.parametrize(
     ("above", "names", "zone", "told"),
     [
-        ("# Time zone: UTC+02:00\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: UTC+02:00"),
+        ("# Time zone: UTC+01:00\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: UTC+01:00"),
         ("Zeitzone = Europe/Vienna\n", "Time,FIC1.PV,FIC1.OP", "", "Zeitzone = Europe/Vienna"),
-        ("Time zone,CEST\nServer,HIS1\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: CEST"),
-        ("", "Time,FIC1.PV,FIC1.OP,TZ", ",+02:00", "TZ is +02:00"),
+        ("Time zone,CET\nServer,HIS1\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: CET"),
+        ("", "Time,FIC1.PV,FIC1.OP,TZ", ",+03:00", "TZ is +03:00"),
         ("", "Time,FIC1.PV,FIC1.OP,Zone", ",EST", "Zone is EST"),
     ],
 )
@@ -135,6 +135,25 @@ def test_a_zone_beside_the_times_is_told(read: Read, above: str, names: str, zon
     rows = "".join(f"2026-05-14 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5{zone}\n" for i in range(60))
     content = read(f"{above}{names}\n{rows}", options=BERLIN)
     assert content.summary.notes[0].startswith(f"{BESIDE}{told}; times are in the set zone, Europe/Berlin")
+
+
+@pytest.mark.parametrize(
+    ("above", "names", "zone", "told"),
+    [
+        ("# Time zone: UTC+02:00\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: UTC+02:00"),
+        ("Time zone,CEST\nServer,HIS1\n", "Time,FIC1.PV,FIC1.OP", "", "Time zone: CEST"),
+        ("", "Time,FIC1.PV,FIC1.OP,TZ", ",+02:00", "TZ is +02:00"),
+    ],
+)
+@pytest.mark.parametrize(("day", "same"), [("2026-05-14", True), ("2026-01-14", False)])
+def test_an_offset_that_the_set_zone_has_in_that_season_contradicts_nothing(
+    read: Read, above: str, names: str, zone: str, told: str, day: str, same: bool
+) -> None:
+    rows = "".join(f"{day} 06:{i:02d}:00,{50 + i % 7}.5,{40 + i % 5}.5{zone}\n" for i in range(60))
+    note = read(f"{above}{names}\n{rows}", options=BERLIN).summary.notes[0]
+    agrees = f"the file names a zone, {told}; Europe/Berlin, the set one, has the same clock at its first times"
+    assert (note == agrees) == same
+    assert note.startswith(BESIDE) != same
 
 
 @pytest.mark.parametrize("told", ["UTC+02:00", "GMT-6", "Etc/GMT+1"])

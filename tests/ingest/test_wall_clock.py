@@ -1,6 +1,8 @@
 """The hour that comes twice in autumn: by the order of the rows, whichever way they run and wherever a chunk ends."""
 
 from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -54,6 +56,21 @@ NIGHT = utc(-2 * HOUR, 3 * HOUR)
 )
 def test_rows_in_order(times: np.ndarray) -> None:
     np.testing.assert_array_equal(WallClock(BERLIN).to_utc(shown(times)), times)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("step_s", [30, 60, 300])
+def test_half_an_hour_comes_twice_on_lord_howe(direction: int, step_s: int) -> None:
+    """Rows that come newest first go forward over half an hour, not a whole one."""
+    zone, back = ZoneInfo("Australia/Lord_Howe"), datetime(2026, 4, 4, 15, tzinfo=UTC)
+    instants = [back + timedelta(seconds=s) for s in range(-2 * HOUR, 2 * HOUR, step_s)][::direction]
+    walls = [instant.astimezone(zone).replace(tzinfo=None) for instant in instants]
+    local, times = (np.array(those, dtype="datetime64[ns]").astype(np.int64) for those in (walls, as_naive(instants)))
+    np.testing.assert_array_equal(WallClock("Australia/Lord_Howe").to_utc(local), times)
+
+
+def as_naive(instants: Sequence[datetime]) -> list[datetime]:
+    return [instant.replace(tzinfo=None) for instant in instants]
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -2,14 +2,19 @@
 a line above the names. They are told, and not taken."""
 
 import re
-from collections.abc import Iterator, Set
+from collections.abc import Iterable, Iterator, Set
 
+import polars as pl
+
+from app.ingest.columns.joined_stamps import stamps_of_rows
 from app.ingest.columns.names import name_at
 from app.ingest.columns.plans import LongPlan, Plan
 from app.ingest.files.head import PREAMBLE_ROWS, Head
-from app.ingest.model import IngestOptions
+from app.ingest.model import NO_TIME, IngestOptions
 from app.ingest.telling import without_controls
-from app.ingest.times.spelled_times import ZONES_IN_LETTERS
+from app.ingest.times.spelled_times import OFFSETS_OF_LETTERS, ZONES_IN_LETTERS
+from app.ingest.times.time_reader import TimeReader, from_utc
+from app.nanoseconds import NS_PER_S
 
 _OFFSET = r"(?:UTC|GMT)\s*(?:[+-]\s*\d{1,2}(?::?\d{2})?)?|[+-]\d{2}:\d{2}"
 _REGION = r"(?:Africa|America|Antarctica|Arctic|Asia|Atlantic|Australia|Etc|Europe|Indian|Pacific|US)/[A-Z][\w+/-]+"
@@ -24,6 +29,7 @@ _IN_FULL = r"\(?coordinated universal time\)?"
 _UTC = re.compile(
     rf"\(?(?:(?:etc/)?(?:utc|uct|gmt|zulu)|z)?\s*(?:[+±-]\s*0{{1,2}}(?::?00)?)?\)?\s*(?:{_IN_FULL})?", re.IGNORECASE
 )
+_OFFSET_ALONE = re.compile(r"(?:UTC|GMT)?\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?")
 _MOST_SHOWN = 60
 
 
@@ -33,10 +39,12 @@ def notes_of_zones(plan: Plan, head: Head, options: IngestOptions) -> tuple[str,
     if form.kind not in ("text", "serial") or form.zoned or form.zone or form.utc_offset_ns is not None:
         return ()
     set_zone = options.time_zone
-    told = [what for what, zone in _named(plan, head) if not _is(zone, set_zone)]
+    told = {what: zone for what, zone in _named(plan, head) if not _is(zone, set_zone)}
     if not told:
         return ()
-    shown = without_controls(told[0])[:_MOST_SHOWN]
+    shown = without_controls(next(iter(told)))[:_MOST_SHOWN]
+    if _are_offsets_of(set_zone, told.values(), plan, head, options):
+        return (f"the file names a zone, {shown}; {set_zone}, the set one, has the same clock at its first times",)
     return (
         f"check this first, the file names a zone that was not taken: {shown}; times are in the set zone, {set_zone}, "
         "and `--time-zone` sets it",
@@ -45,6 +53,29 @@ def notes_of_zones(plan: Plan, head: Head, options: IngestOptions) -> tuple[str,
 
 def _is(zone: str, set_zone: str) -> bool:
     return _UTC.fullmatch(zone) is not None if set_zone == "UTC" else set_zone in zone
+
+
+def _are_offsets_of(set_zone: str, told: Iterable[str], plan: Plan, head: Head, options: IngestOptions) -> bool:
+    """Whether the set zone's clock is as far from UTC, at the first times of the file, as what is told: `UTC+02:00` in
+    summer is no other zone than Europe/Berlin."""
+    offsets = {_offset_ns(zone) for zone in told}
+    if None in offsets:
+        return False
+    columns = plan.time if isinstance(plan, LongPlan) else plan.groups[0].time
+    rows = [row for row in head.rows[plan.first_row :] if any(row)]
+    at = TimeReader(plan.form, options).read(pl.Series(stamps_of_rows(rows, columns), dtype=pl.String))
+    at = at[at != NO_TIME]
+    return len(at) > 0 and set((from_utc(at, set_zone) - at).tolist()) == offsets
+
+
+def _offset_ns(zone: str) -> int | None:
+    """Of an offset from UTC, or of letters that tell one; None for the name of a place, and for other letters."""
+    found = _OFFSET_ALONE.fullmatch(OFFSETS_OF_LETTERS.get(zone, zone))
+    if found is None:
+        return None
+    sign, hours, minutes = found.groups()
+    seconds = (int(hours) * 60 + int(minutes or 0)) * 60
+    return (-seconds if sign == "-" else seconds) * NS_PER_S
 
 
 def _named(plan: Plan, head: Head) -> Iterator[tuple[str, str]]:

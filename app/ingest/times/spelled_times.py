@@ -48,7 +48,7 @@ _DATES = (
 )
 """Forms of dates with where day, month and year stand in them."""
 _UTC = "(?:UTC|GMT)"
-_OFFSETS = MappingProxyType(
+OFFSETS_OF_LETTERS = MappingProxyType(
     {
         **dict.fromkeys(("CET", "MEZ", "WEST"), "+01:00"),
         **dict.fromkeys(("CEST", "MESZ", "EET"), "+02:00"),
@@ -57,8 +57,8 @@ _OFFSETS = MappingProxyType(
     }
 )
 """Zones in letters that mean one offset wherever they are used; CST, IST and BST do not."""
-ZONES_IN_LETTERS = tuple(_OFFSETS)
-_IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(_OFFSETS)})$"
+ZONES_IN_LETTERS = tuple(OFFSETS_OF_LETTERS)
+_IN_LETTERS = rf":\d{{2}}(?:\.\d+)? (?:{'|'.join(OFFSETS_OF_LETTERS)})$"
 _OF_DIGITS = (
     (r"(:\d{2}(?:\.\d+)?) ([+-]\d{2}):?(\d{2})$", "${1}${2}:${3}"),
     (r"(\d:\d{2}:\d{2})[:;](\d{3})$", "${1}.${2}"),
@@ -103,7 +103,7 @@ def respelled(texts: pl.Series) -> pl.Series:
     if of_digits:  # the forms below, most of whose cost is that they are compiled, have words
         return texts
     if texts.str.contains(_IN_LETTERS).any():
-        for letters, offset in _OFFSETS.items():
+        for letters, offset in OFFSETS_OF_LETTERS.items():
             texts = texts.str.replace(rf"(:\d{{2}}(?:\.\d+)?) {letters}$", f"${{1}}{offset}")
     for pattern, order in _DATES:
         texts = _with_named_month(texts, pattern + _REST, order)

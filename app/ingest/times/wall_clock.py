@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from app.ingest.model import NO_TIME, TimeArray
 from app.nanoseconds import NS_PER_S
 
-DISORDER_NS = 600 * NS_PER_S  # rows may be so much out of order; a larger step within the hour is the clock's
+DISORDER_NS = 600 * NS_PER_S  # rows may be so much out of order; a larger step within the doubled hour is the clock's
 HOUR_NS = 3600 * NS_PER_S
 FAR_NS = 2 * HOUR_NS  # steps of more than that come from outside of the hour
 FIRST, SECOND = 1, 2
@@ -38,7 +38,8 @@ class WallClock:
 
     An hour that comes twice in autumn is read by the order of rows. Whoever enters it from earlier times is in its
     first pass, from later ones in its second; a step back within it leads to the second pass (or, from there, to
-    another tag's first), one forward over nearly all of it to the first, where rows come newest first.
+    another tag's first), one forward over nearly all of it to the first, where rows come newest first. On Lord Howe it
+    is half an hour.
     """
 
     def __init__(self, zone: str) -> None:
@@ -53,7 +54,8 @@ class WallClock:
         early, late = self._as_utc(local, good, "earliest"), self._as_utc(local, good, "latest")
         good &= early != NO_TIME
         twice = good & (early != late)
-        chosen = np.where(self._passes(local, good, twice) == SECOND, late, early)
+        doubled_ns = int(np.max(late[twice] - early[twice], initial=0))
+        chosen = np.where(self._passes(local, good, twice, doubled_ns) == SECOND, late, early)
         return np.where(good, chosen, NO_TIME)
 
     def _as_utc(self, local: TimeArray, good: NDArray[np.bool_], which: Literal["earliest", "latest"]) -> TimeArray:
@@ -61,21 +63,23 @@ class WallClock:
         zoned = naive.dt.replace_time_zone(self._zone, ambiguous=which, non_existent="null")
         return zoned.dt.convert_time_zone("UTC").cast(pl.Int64).fill_null(NO_TIME).to_numpy()
 
-    def _passes(self, local: TimeArray, good: NDArray[np.bool_], twice: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """(n,) which pass each row is of."""
+    def _passes(
+        self, local: TimeArray, good: NDArray[np.bool_], twice: NDArray[np.bool_], doubled_ns: int
+    ) -> NDArray[np.int8]:
+        """(n,) which pass each row is of. doubled_ns: by how much the clock was put back."""
         passes = np.full(len(local), OUTSIDE, dtype=np.int8)
         at = np.flatnonzero(good)
         if np.any(twice):
-            passes[at] = self._passes_of(local[at], twice[at])
+            passes[at] = self._passes_of(local[at], twice[at], doubled_ns)
         if len(at):
             self.before = Before(int(local[at[-1]]), int(passes[at[-1]]))
         return passes
 
-    def _passes_of(self, local: TimeArray, twice: NDArray[np.bool_]) -> NDArray[np.int8]:
+    def _passes_of(self, local: TimeArray, twice: NDArray[np.bool_], doubled_ns: int) -> NDArray[np.int8]:
         steps = np.diff(local, prepend=local[0] if self.before.local is None else self.before.local)
         was_twice = np.concatenate(([self.before.which != OUTSIDE], twice[:-1]))
         entered = twice & (~was_twice | (np.abs(steps) > FAR_NS))
-        stepped = twice & ~entered & ((steps < -DISORDER_NS) | (steps > HOUR_NS - DISORDER_NS))
+        stepped = twice & ~entered & ((steps < -DISORDER_NS) | (steps > doubled_ns - DISORDER_NS))
         events = np.flatnonzero(entered | stepped)
         passes = np.where(twice, self.before.which, OUTSIDE).astype(np.int8)
         which = self.before.which
