@@ -380,6 +380,7 @@ trail = Table(
     Column("outcome", Text, nullable=False),
     Column("request_id", Text),
     Column("detail_json", Text, nullable=False, server_default="{}"),
+    CheckConstraint("outcome IN ('done', 'refused', 'failed', 'not_known')", name="outcome"),
     Index("ix_trail_at", "at"),
 )
 

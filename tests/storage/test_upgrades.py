@@ -23,6 +23,7 @@ from sqlalchemy import (
     select,
     text,
 )
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.schema import Column
 
 from app.storage import Database, receipts, schema
@@ -34,7 +35,7 @@ RELEASED = ["0001"]
 BETWEEN = ["0011", "0021"]  # with rows in tables of later than the first release: an upgrade is one transaction
 ROWS = 3
 STRETCH = {"id": 1, "loop_id": 1, "start_ns": 10, "end_ns": 30, "samples": 3, "fingerprint": "f"}
-WORDS = {"state": "done", "role": "read"}
+WORDS = {"state": "done", "role": "read", "outcome": "done"}
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +167,30 @@ def test_a_filled_data_base_goes_down_to_nothing_and_up(empty: Database) -> None
         assert connection.execute(text("SELECT count(*) FROM alembic_version")).scalar() == 0
     schema.migrate(empty)
     fill(empty)
+
+
+def test_an_outcome_that_no_release_has_written_is_kept_beside_and_a_new_one_refused(empty: Database) -> None:
+    schema.migrate(empty, "0032")
+    told = {"at": "2026-01-01 00:00:00+00:00", "who": "command line", "action": "audit.start"}
+    columns_ = "INSERT INTO trail (id, at, who, action, outcome, detail_json)"
+    add = text(f"{columns_} VALUES (:id, :at, :who, :action, :outcome, :detail)")
+    outcomes = ("done", "refused", "failed", "not_known", "by hand")
+    with empty.write() as connection:
+        for number, outcome in enumerate(outcomes, start=1):
+            connection.execute(add, {**told, "id": number, "outcome": outcome, "detail": f'{{"n": {number}}}'})
+    schema.migrate(empty)
+    with empty.read() as connection:
+        found_ = connection.execute(text("SELECT outcome, detail_json FROM trail ORDER BY id")).all()
+    assert [row.outcome for row in found_] == ["done", "refused", "failed", "not_known", "not_known"]
+    assert [json.loads(row.detail_json) for row in found_[:4]] == [{"n": number} for number in range(1, 5)]
+    assert json.loads(found_[4].detail_json) == {"outcome": "by hand", "detail": '{"n": 5}'}
+    with pytest.raises(IntegrityError), empty.write() as connection:
+        connection.execute(add, {**told, "id": 9, "outcome": "by hand", "detail": "{}"})
+    with empty.read() as connection:
+        assert [index["name"] for index in inspect(connection).get_indexes("trail")] == ["ix_trail_at"]
+    schema.downgrade(empty, "0032")
+    with empty.write() as connection:
+        connection.execute(add, {**told, "id": 9, "outcome": "by hand", "detail": "{}"})
 
 
 DAMAGED = {

@@ -115,7 +115,8 @@ def broken_off(settings: Settings, way: str) -> None:
     connection.execute("PRAGMA wal_autocheckpoint = 0")
     connection.execute("BEGIN IMMEDIATE")
     connection.execute("UPDATE keys SET name = 'killed'")
-    connection.executemany("INSERT INTO trail (at, who, action, outcome) VALUES ('', ?, '', '')", [("x" * 999,)] * 500)
+    rows = [("x" * 999,)] * 500
+    connection.executemany("INSERT INTO trail (at, who, action, outcome) VALUES ('', ?, '', 'done')", rows)
     if way == "WAL":
         connection.execute("COMMIT")
     names = [path.name for path in settings.data_dir.glob("loopaudit.db*")]
