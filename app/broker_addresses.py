@@ -15,7 +15,7 @@ BROKERS = ("redis://", "rediss://", "folder://", "amqp://", "amqps://")
 
 
 def is_read_by_kombu(broker: str) -> bool:
-    """Whether host, port and data base stand where kombu looks for them: behind a password whose letters end them early
+    """Whether host, port and database stand where kombu looks for them: behind a password whose letters end them early
     it fails at the first use, and tells part of the password."""
     try:
         parts = urlsplit(broker)

@@ -1,1 +1,1 @@
-"""Versions of the data base's schema, applied by `loopaudit migrate`."""
+"""Versions of the database's schema, applied by `loopaudit migrate`."""

@@ -151,7 +151,7 @@ def _no_server(what: str) -> None:
 
 @contextmanager
 def bare_postgres() -> Iterator[str]:
-    """A data base without any table on the local PostgreSQL server, dropped at the end."""
+    """A database without any table on the local PostgreSQL server, dropped at the end."""
     server = create_engine(POSTGRES, isolation_level="AUTOCOMMIT", connect_args={"connect_timeout": 2})
     name = f"loopaudit_test_{os.getpid()}_{uuid.uuid4().hex[:8]}"
     try:
@@ -171,7 +171,7 @@ def bare_postgres() -> Iterator[str]:
 
 @contextmanager
 def own_postgres() -> Iterator[str]:
-    """A data base with this version's tables on the local PostgreSQL server, dropped at the end."""
+    """A database with this version's tables on the local PostgreSQL server, dropped at the end."""
     with bare_postgres() as url:
         migrate(Settings(database_url=url, data_dir=Path(tempfile.gettempdir())))
         yield url
@@ -179,7 +179,7 @@ def own_postgres() -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def postgres_url() -> Iterator[str]:
-    """The data base of this test session: which test gets it, gets it empty."""
+    """The database of this test session: which test gets it, gets it empty."""
     with own_postgres() as url:
         yield url
         _emptying(url).close()
@@ -211,7 +211,7 @@ def make_tables(empty_sqlite: Path) -> MakeTables:
 
 @pytest.fixture
 def redis_url(worker_id: str) -> Iterator[str]:
-    """A data base of the local Redis server that is empty, and is emptied again."""
+    """A database of the local Redis server that is empty, and is emptied again."""
     redis = pytest.importorskip("redis")
     number = FIRST_REDIS_DATABASE + (int(worker_id.removeprefix("gw")) if worker_id != "master" else 0) % 6
     url = f"{REDIS}/{number}"
@@ -227,7 +227,7 @@ def redis_url(worker_id: str) -> Iterator[str]:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def settings(request: pytest.FixtureRequest, tmp_path: Path) -> Settings:
-    """Settings of an empty plant on each data base, with a data folder of its own and the broker in a folder."""
+    """Settings of an empty plant on each database, with a data folder of its own and the broker in a folder."""
     url = ""
     if request.param == "postgresql":
         url = request.getfixturevalue("emptied_postgres")
@@ -299,7 +299,7 @@ def _explained_once(comparison: _Told[Comparison]) -> Explanation:
 
 @pytest.fixture(scope="session", autouse=True)
 def explanations_are_made_once() -> Iterator[None]:
-    """As audits, on both data bases and by whatever way a comparison comes."""
+    """As audits, on both databases and by whatever way a comparison comes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(working, "explain", lambda it: _explained_once(_Told(pickle.dumps(it), it)))
         yield
@@ -330,7 +330,7 @@ def open_plant(tmp_path_factory: pytest.TempPathFactory, make_tables: MakeTables
 
 @pytest.fixture
 def database(backend: Backend) -> Database:
-    """An empty data base with this version's tables, on SQLite and on PostgreSQL."""
+    """An empty database with this version's tables, on SQLite and on PostgreSQL."""
     return backend.database
 
 

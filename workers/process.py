@@ -1,4 +1,4 @@
-"""A worker process: kernels compiled before it forks, one connection to the data base after it forked."""
+"""A worker process: kernels compiled before it forks, one connection to the database after it forked."""
 
 import gc
 import logging

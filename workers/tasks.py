@@ -1,4 +1,4 @@
-"""One task a job. Every task may run twice, and finds in the data base whether there is something to do."""
+"""One task a job. Every task may run twice, and finds in the database whether there is something to do."""
 
 import logging
 import uuid
@@ -28,7 +28,7 @@ log = logging.getLogger("loopaudit.worker")
 
 @contextmanager
 def a_line_if_away() -> Iterator[None]:
-    """A disk that is full, or takes nothing, and a data base that is away are no fault of the task: what it was for
+    """A disk that is full, or takes nothing, and a database that is away are no fault of the task: what it was for
     waits, and is tried again. That is so every few seconds, and needs no traceback each time."""
     try:
         yield

@@ -94,7 +94,7 @@ def look_at(backend: Services, audit_id: str) -> Look:
 
 
 def watcher(request: Request, backend: Services, audit_id: str) -> Probe[Look]:
-    """One a run for all its streams: however many watch it, the data base is asked as for one."""
+    """One a run for all its streams: however many watch it, the database is asked as for one."""
     known: WeakValueDictionary[str, Probe[Look]] = request.app.state.watched
     found = known.get(audit_id)
     if found is None:

@@ -82,8 +82,8 @@ def refuse_unready(backend: "Backend") -> None:
 
 
 def watched(backend: "Backend", run: "AuditOut", timeout_s: float) -> "AuditOut":
-    """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work. A data
-    base that is away is waited for too: the run goes on once it is back."""
+    """Shows the run's progress until it ends, and lends a hand where this process may be the only one to work. A
+    database that is away is waited for too: the run goes on once it is back."""
     from app.services.auditing.audits import get_audit
     from app.services.patience import patiently
 

@@ -52,7 +52,7 @@ async def answer_noted(
 
 
 def outcome_of(status: int, in_doubt: bool) -> TrailOutcome:
-    """in_doubt: the data base went away while it was written; the change may stand all the same."""
+    """in_doubt: the database went away while it was written; the change may stand all the same."""
     if in_doubt:
         return "not_known"
     return "done" if status < 400 else "refused" if status < 500 else "failed"

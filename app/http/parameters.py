@@ -1,4 +1,4 @@
-"""What no route takes: parameters and fields that it does not know, and texts that no data base keeps.
+"""What no route takes: parameters and fields that it does not know, and texts that no database keeps.
 
 Passed over in silence, a misspelt one answers another question.
 """

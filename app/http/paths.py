@@ -52,7 +52,7 @@ class KeepTagsEncoded:
 
 
 async def decoded_tag(tag: Annotated[str, Path(description="Tag of the loop, percent-encoded.")]) -> str:
-    """The tag that was meant; what no tag can be is not found rather than an error of the data base."""
+    """The tag that was meant; what no tag can be is not found rather than an error of the database."""
     try:
         decoded = unquote(tag, errors="strict")
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""Export files of historians to samples of loops: bytes in, signals and rejects out. No data base, no web.
+"""Export files of historians to samples of loops: bytes in, signals and rejects out. No database, no web.
 
 For services that store a plant's samples::
 

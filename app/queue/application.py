@@ -50,7 +50,7 @@ def celery_application(settings: Settings, *, works: bool = False, answers_in_s:
             DELIVER: {"time_limit": DELIVERY_HARD_LIMIT_S},
             READ_UPLOAD: {"time_limit": READING_HARD_LIMIT_S},
         },
-        # A task that was cut off is not lost with its message: the data base has its work, and the sweeper looks.
+        # A task that was cut off is not lost with its message: the database has its work, and the sweeper looks.
         task_acks_late=True,
         task_publish_retry=True,
         task_publish_retry_policy={"max_retries": 2, "interval_start": 0.1, "interval_step": 0.2, "interval_max": 0.5},

@@ -2,7 +2,7 @@
 replica, a RabbitMQ that waited longer than its `consumer_timeout` for a large export to be read, or a login that either
 refuses.
 
-Celery counts that as unrecoverable and ends. What the broker did not take or lost is in the data base, and the sweeper
+Celery counts that as unrecoverable and ends. What the broker did not take or lost is in the database, and the sweeper
 rings for it again.
 """
 

@@ -24,14 +24,14 @@ KIND_OF = {SWEEP: "control", READ_UPLOAD: "reading", AUDIT_CHUNK: "audit", EXPLA
 
 
 def queue_names(settings: Settings) -> dict[str, str]:
-    """The queue of each job, which no plant and data base of other names has on the same broker."""
+    """The queue of each job, which no plant and database of other names has on the same broker."""
     told = f"{_database(settings)}\n{settings.plant}"
     own = hashlib.sha256(told.encode()).hexdigest()[:10]
     return {job: f"loopaudit-{own}-{kind}" for job, kind in KIND_OF.items()}
 
 
 def _database(settings: Settings) -> str:
-    """The name of the data base on its server, or its file. Host, port and user are left out: processes on several
+    """The name of the database on its server, or its file. Host, port and user are left out: processes on several
     machines may write them differently, and must meet all the same."""
     url = make_url(settings.resolved_database_url)
     if url.get_backend_name() == "sqlite":

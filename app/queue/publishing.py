@@ -22,7 +22,7 @@ log = logging.getLogger("loopaudit.queue")
 ANSWERS_IN_S = 2.0
 """A request waits no longer than this for a broker that takes the connection and says nothing."""
 HANGS_AFTER_S = 3.0
-"""Nor a probe longer than this for its name to be found, which knows no limit of ours: the data base is well."""
+"""Nor a probe longer than this for its name to be found, which knows no limit of ours: the database is well."""
 PROBE = "loopaudit-probe"
 AWAY_S = 5.0
 """After a failure it is not asked again for so long, by whoever rings: each would wait as long as the one before."""

@@ -26,7 +26,7 @@ class Every(schedule):
 
 
 class Scheduler(CeleryScheduler):
-    """Orders its entries by a clock that only goes forward. It remembers nothing: the data base knows what is due."""
+    """Orders its entries by a clock that only goes forward. It remembers nothing: the database knows what is due."""
 
     def apply_entry(self, entry: Any, producer: Any = None) -> None:
         """What the broker does not take is told in a line, every few seconds; a fault of ours with where it is."""

@@ -1,6 +1,6 @@
 """What the product does, in its users' words: plain functions, without a web framework.
 
-Every function takes a `Backend` first (settings, data base, queue; `app.services.backend`): `Backend.open(settings)`
+Every function takes a `Backend` first (settings, database, queue; `app.services.backend`): `Backend.open(settings)`
 once a process, `backend.close()` at its end. What a user can mend is raised as an `app.errors.LoopauditError`,
 `NotFoundError` where something is not there. Results are frozen dataclasses, those that the API sends as they are in
 `app.services.outward`, others that several rooms answer with in `app.services.results`, the rest in the module that

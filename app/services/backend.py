@@ -1,4 +1,4 @@
-"""What every service works with: the settings, the data base and the queue of one process."""
+"""What every service works with: the settings, the database and the queue of one process."""
 
 import errno
 from collections.abc import Iterator
@@ -20,12 +20,12 @@ from app.storage.database import READ_ONLY, CommitLostError
 from app.storage.row_texts import RowTexts
 
 DATABASE_AWAY = (OperationalError, InterfaceError, NoFreeConnection)
-"""What every service raises where the data base does not answer or ends the statement."""
+"""What every service raises where the database does not answer or ends the statement."""
 
 
 @contextmanager
 def away_in_words(*errors: type[Exception]) -> Iterator[None]:
-    """Where the data base is away, or one of `errors` is raised, RequestError("database_away") says so to who called a
+    """Where the database is away, or one of `errors` is raised, RequestError("database_away") says so to who called a
     command."""
     away: tuple[type[Exception], ...] = (*DATABASE_AWAY, *errors)
     try:
@@ -47,7 +47,7 @@ FULL_IN_SQL = "53100"
 
 
 def no_room(error: Exception) -> bool:
-    """Whether a disk is full: that of the exports, or that of the data base, which says so in its own words."""
+    """Whether a disk is full: that of the exports, or that of the database, which says so in its own words."""
     if isinstance(error, OSError):
         return error.errno in DISK_FULL
     told = _told_by_driver(error)
@@ -55,7 +55,7 @@ def no_room(error: Exception) -> bool:
 
 
 def takes_no_writes(error: Exception) -> bool:
-    """Whether the data base answers and is read-only, as a standby is, or a file that was mounted so."""
+    """Whether the database answers and is read-only, as a standby is, or a file that was mounted so."""
     told = _told_by_driver(error)
     sqlite = str(getattr(told, "sqlite_errorname", ""))
     return getattr(told, "sqlstate", None) == READ_ONLY or sqlite.startswith("SQLITE_READONLY")
@@ -80,12 +80,12 @@ NO_CONNECTION_LEFT = (
 
 
 def no_connection_left(error: Exception) -> bool:
-    """Whether the data base answers and lets nobody else in: the server, or the role, has all connections in use."""
+    """Whether the database answers and lets nobody else in: the server, or the role, has all connections in use."""
     return any(words in str(_told_by_driver(error)) for words in NO_CONNECTION_LEFT)
 
 
 def _told_by_driver(error: Exception) -> object:
-    """What the driver said of a data base that is away; the whole text has the statement's parameters in it."""
+    """What the driver said of a database that is away; the whole text has the statement's parameters in it."""
     return getattr(error, "orig", None) if isinstance(error, DATABASE_AWAY) else None
 
 

@@ -59,7 +59,7 @@ def _unmarked(value: Any) -> Any:
 
 
 def _plain(value: Any) -> bool:
-    """Whether it is a value that both data bases take: no container, no truth value, nothing beyond their ranges."""
+    """Whether it is a value that both databases take: no container, no truth value, nothing beyond their ranges."""
     match value:
         case bool():
             return False

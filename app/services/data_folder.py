@@ -42,9 +42,9 @@ def free_bytes(settings: Settings) -> int:
 
 @dataclass
 class NewFolder:
-    """The data folder with its parts, made where it is new. Where the data base knows of exports it is not new but
+    """The data folder with its parts, made where it is new. Where the database knows of exports it is not new but
     away, as a share that is not mounted: what was taken in its place would be gone from sight with its return. So it is
-    not made either where the data base cannot be asked, until `make_once_told`. untold: whether it could not be."""
+    not made either where the database cannot be asked, until `make_once_told`. untold: whether it could not be."""
 
     settings: Settings
     database: Database
@@ -54,13 +54,13 @@ class NewFolder:
         if _is_there(self.settings.uploads_dir):
             return
         self.untold = True
-        with suppress(SQLAlchemyError):  # which whoever needs the data base tells
+        with suppress(SQLAlchemyError):  # which whoever needs the database tells
             if not _knows_exports(self.database):
                 self.settings.prepare_folders()
             self.untold = False
 
     def make_once_told(self) -> None:
-        """Again, where the data base was away when it was asked. One that was there meanwhile, or at the start, is not
+        """Again, where the database was away when it was asked. One that was there meanwhile, or at the start, is not
         new."""
         if _is_there(self.settings.uploads_dir):
             self.untold = False

@@ -29,7 +29,7 @@ class Heartbeat:
     def _beat(self) -> None:
         lease_s = self._backend.settings.lease_s
         while not self._stop.wait(lease_s / 3):
-            # A data base that is away for a moment costs a beat; the next write finds out if the claim still holds.
+            # A database that is away for a moment costs a beat; the next write finds out if the claim still holds.
             with suppress(SQLAlchemyError), self._backend.database.write() as connection:
                 if not self._renew(connection, lease_s):
                     return

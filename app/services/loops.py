@@ -15,7 +15,7 @@ RETIRED: dict[str, bool | None] = {"true": True, "false": False, "any": None}
 """Which loops are asked for: those that are retired, those that are not, or both."""
 
 OneLoop = str | LoopRow
-"""A loop by its tag, or as it was found: a page asks the data base for it once."""
+"""A loop by its tag, or as it was found: a page asks the database for it once."""
 
 
 def list_loops(

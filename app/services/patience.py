@@ -1,4 +1,4 @@
-"""Waits for a data base that is away, so that its restart costs a worker seconds and not the work in its hands."""
+"""Waits for a database that is away, so that its restart costs a worker seconds and not the work in its hands."""
 
 import logging
 import time
@@ -16,7 +16,7 @@ log = logging.getLogger("loopaudit.patience")
 
 
 def patiently(action: Callable[[], T], at_most_s: float) -> T:
-    """What `action` returns, tried again with growing pauses while the data base is away; then its exception. A disk
+    """What `action` returns, tried again with growing pauses while the database is away; then its exception. A disk
     that is full is not waited for: that may last for days, and whoever is here has to give back what it holds.
 
     `action` is one transaction, or only reads: done twice it must have the effect of once, because a connection that

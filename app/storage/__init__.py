@@ -1,4 +1,4 @@
-"""Rows <-> engine types. `Database` opens the data base; each other module keeps one kind of row."""
+"""Rows <-> engine types. `Database` opens the database; each other module keeps one kind of row."""
 
 from app.storage.database import Database
 

@@ -1,4 +1,4 @@
-"""Inserts in the words of both data bases, and many rows in one statement: PostgreSQL takes columns as arrays in one
+"""Inserts in the words of both databases, and many rows in one statement: PostgreSQL takes columns as arrays in one
 round trip; rows one by one cost one each."""
 
 import json

@@ -1,4 +1,4 @@
-"""All rows of one data base into another of the other kind, table by table, in the order in which they lean on each
+"""All rows of one database into another of the other kind, table by table, in the order in which they lean on each
 other."""
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ def copy_rows(source: Connection, target: Connection) -> int:
 
 
 def empty(connection: Connection) -> None:
-    """Takes all rows out of all tables of a PostgreSQL data base."""
+    """Takes all rows out of all tables of a PostgreSQL database."""
     names = ", ".join(table.name for table in metadata.sorted_tables)
     connection.execute(text(f"TRUNCATE {names} RESTART IDENTITY CASCADE"))
 

@@ -1,4 +1,4 @@
-"""Opens the data base: one engine to write with, one to read with."""
+"""Opens the database: one engine to write with, one to read with."""
 
 import os
 import sqlite3
@@ -104,7 +104,7 @@ class Database:
     def takes_writes(self) -> bool | None:
         """Not on a standby, on a server that was made read-only, or on a file system that is mounted so. None where all
         connections to write with are in use: whoever asks does not wait for one. Raises what SQLAlchemy raises where
-        the data base does not answer."""
+        the database does not answer."""
         if self.is_sqlite:
             return self._file_takes_writes()
         if self._all_in_use(self._writer):
@@ -155,7 +155,7 @@ def _may_be_done(error: DBAPIError) -> bool:
 @contextmanager
 def in_driver(connection: Connection) -> Iterator[Any]:
     """The driver's own connection, whose errors are raised as those of all other statements are: whoever waits for a
-    data base that is away, or says so, knows these alone."""
+    database that is away, or says so, knows these alone."""
     driver: Any = connection.connection.driver_connection
     errors = connection.dialect.loaded_dbapi.Error
     try:
@@ -179,7 +179,7 @@ def parsed(url: str) -> URL:
 
 @dataclass(frozen=True)
 class ProgramAddress:
-    """A data base as the programs of PostgreSQL take it: all that its address says (TLS too) but the password, which
+    """A database as the programs of PostgreSQL take it: all that its address says (TLS too) but the password, which
     other users of the machine must not see among their arguments."""
 
     url: str
@@ -251,7 +251,7 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
             "connect_timeout": 5,
             **LOST_AFTER_30_S,
             "application_name": "loopaudit",
-            "client_encoding": "utf8",  # rows are sent on as they come, whatever a data base stores them in
+            "client_encoding": "utf8",  # rows are sent on as they come, whatever a database stores them in
         },
     )
 

@@ -82,7 +82,7 @@ def claim_next(
     connection: Connection, owner: str, lease_s: float, this: tuple[int, str] | None = None
 ) -> DeliveryClaim | None:
     """The delivery whose turn it is (or `this` run's to this receiver, whenever its turn is), for `lease_s` seconds by
-    the data base's clock; None: nothing is to be sent now. Those that were tried least come first."""
+    the database's clock; None: nothing is to be sent now. Those that were tried least come first."""
     wanted = _due()
     if this is not None:
         of_it = (deliveries.c.audit_id == this[0], deliveries.c.receiver == this[1])

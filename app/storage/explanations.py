@@ -184,7 +184,7 @@ def packed_simulation(connection: Connection, explanation_id: int) -> bytes | No
 
 
 def claim_next(connection: Connection, owner: str, lease_s: float) -> ExplanationClaim | None:
-    """The explanation that has waited longest, for `lease_s` seconds by the data base's clock; None: nothing to do.
+    """The explanation that has waited longest, for `lease_s` seconds by the database's clock; None: nothing to do.
 
     What people asked for comes first. What a nightly run asked for waits until no loop waits to be audited. One that
     was tried before comes after those that were not: if it takes its worker down, others are done by then.

@@ -1,4 +1,4 @@
-"""Whether a data base is sound, and in use."""
+"""Whether a database is sound, and in use."""
 
 import time
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ def integrity(connection: Connection) -> Integrity:
 
 
 def clock_difference_s(connection: Connection) -> float:
-    """How far the clock of this machine and that of the data base are apart."""
+    """How far the clock of this machine and that of the database are apart."""
     return abs(float(connection.scalar(select(clock_s())) or 0.0) - time.time())
 
 
@@ -51,7 +51,7 @@ PROBED_MB = 4
 def try_to_grow(connection: Connection) -> None:
     """Has PostgreSQL write PROBED_MB more than its files hold, in a table that is gone when this returns; what its log
     of writes has room for is not tried. Raises what SQLAlchemy raises where it cannot."""
-    connection.exec_driver_sql("SET LOCAL temp_tablespaces = ''")  # where the data base has its own files
+    connection.exec_driver_sql("SET LOCAL temp_tablespaces = ''")  # where the database has its own files
     connection.exec_driver_sql("CREATE TABLE pg_temp.loopaudit_room (filler text)")
     rows = "SELECT repeat('x', 1000) FROM generate_series(1, :rows)"  # too short to be packed
     connection.execute(text(f"INSERT INTO pg_temp.loopaudit_room {rows}"), {"rows": 1000 * PROBED_MB})

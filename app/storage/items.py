@@ -41,7 +41,7 @@ class FailureRow:
 
 
 def claim(connection: Connection, audit_id: int, owner: str, count: int, lease_s: float) -> list[Claim]:
-    """Up to `count` loops of the run that are open, for `lease_s` seconds by the data base's clock.
+    """Up to `count` loops of the run that are open, for `lease_s` seconds by the database's clock.
 
     A loop that was tried before is claimed alone: if it takes its worker down, it takes no other loop with it.
     """

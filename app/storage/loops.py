@@ -103,13 +103,13 @@ def _spelled_otherwise(connection: Connection, tags: Sequence[str]) -> dict[str,
 
 def in_other_letters(connection: Connection, folded: list[str]) -> tuple[Select[Any], dict[str, Any]]:
     """What asks for the tags that may be one of these in small letters, and what it is told. Whether letters that are
-    not of ASCII are the same is not the data base's to say: all tags with some are asked for."""
+    not of ASCII are the same is not the database's to say: all tags with some are asked for."""
     query, letters = select(loops.c.tag, loops.c.id), func.length(loops.c.tag)
     if connection.dialect.name != "postgresql":
         same = among_many(connection, func.lower(loops.c.tag), folded)
         return query.where(or_(same, func.length(cast(loops.c.tag, LargeBinary)) != letters)), {}
     same = func.lower(loops.c.tag.collate("C")).in_(from_arrays(loops, ("tag",)))
-    bytes_sent = func.octet_length(func.convert_to(loops.c.tag, "UTF8"))  # in a data base of LATIN1 an é is one byte
+    bytes_sent = func.octet_length(func.convert_to(loops.c.tag, "UTF8"))  # in a database of LATIN1 an é is one byte
     return query.where(or_(same, bytes_sent != letters)), {"sent_tag": folded}
 
 

@@ -1,4 +1,4 @@
-"""What an upload brought and the data base has no more: stretches that are gone, or that cannot be read."""
+"""What an upload brought and the database has no more: stretches that are gone, or that cannot be read."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any

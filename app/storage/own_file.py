@@ -10,8 +10,8 @@ from sqlalchemy.exc import InvalidatePoolError
 
 
 class OwnFile:
-    """The file of a data base for all its engines. It is made where it is new, and never again: an empty one in the
-    place of one that is away would be the data base of this process for good. A connection to a file that bears the
+    """The file of a database for all its engines. It is made where it is new, and never again: an empty one in the
+    place of one that is away would be the database of this process for good. A connection to a file that bears the
     name no more is let go.
 
     What is in memory, or has a URI, is left to SQLite.

@@ -1,5 +1,5 @@
-"""Who works on a PostgreSQL data base, told by a lock of a session: it ends with the process that holds it, however
-that ends, and with the data base's own restart."""
+"""Who works on a PostgreSQL database, told by a lock of a session: it ends with the process that holds it, however
+that ends, and with the database's own restart."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -9,15 +9,15 @@ from sqlalchemy.exc import DBAPIError
 
 from app.storage.database import parsed
 
-KEY = int.from_bytes(b"loopaudt")  # of all processes of loopaudit on one data base
+KEY = int.from_bytes(b"loopaudt")  # of all processes of loopaudit on one database
 
 
 @contextmanager
 def present(url: str, *, alone: bool) -> Iterator[bool]:
-    """Whether a place among those who work on the data base was free, or, `alone`, nobody has one; it is held
+    """Whether a place among those who work on the database was free, or, `alone`, nobody has one; it is held
     meanwhile. True on SQLite, whose folder tells it.
 
-    Raises what SQLAlchemy raises where the data base does not answer.
+    Raises what SQLAlchemy raises where the database does not answer.
     """
     address = parsed(url)
     if address.get_backend_name() == "sqlite":

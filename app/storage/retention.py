@@ -49,7 +49,7 @@ def drop_series(connection: Connection, kept_h: float, batch: int, until_ns: int
     since = newest_of_all_until(connection, until_ns) - int(kept_h * 3600) * NS_PER_S
     old = (
         select(series.c.id)
-        # + 0: else both data bases walk all stretches there are and look up the loop of each; so they walk the loops.
+        # + 0: else both databases walk all stretches there are and look up the loop of each; so they walk the loops.
         .join(loops, loops.c.id + 0 == series.c.loop_id)
         .where(or_(series.c.end_ns >= dated_ns, ~_came_since(now() - timedelta(hours=kept_h))))
         .where(series.c.end_ns < since, *(_held_no_more(f"{begin}_ns", since) for begin in HOLDING.values()))
@@ -147,7 +147,7 @@ def _drop_of_uploads(connection: Connection, table: Table, ids: Iterable[int], b
 
 
 def _take_out_of_series(connection: Connection, ids: Iterable[int], batch: int) -> int:
-    """The data base would do so by itself, with all the stretches of a plant in one statement."""
+    """The database would do so by itself, with all the stretches of a plant in one statement."""
     old = select(series.c.id).where(series.c.upload_id.in_(ids)).limit(batch)
     return connection.execute(update(series).where(series.c.id.in_(old)).values(upload_id=None)).rowcount
 

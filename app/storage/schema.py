@@ -1,4 +1,4 @@
-"""The schema's versions: brings a data base to the newest one, and says which one it has."""
+"""The schema's versions: brings a database to the newest one, and says which one it has."""
 
 import re
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ MODULE_OF_A_REVISION = re.compile(r"v(\d{4})_\w+\.py")
 
 
 def migrate(database: Database, revision: str = "head") -> None:
-    """Brings the data base to `revision`; nothing happens where it is there already."""
+    """Brings the database to `revision`; nothing happens where it is there already."""
     if revision == "head" and current_revision(database) == newest_revision():
         return
     from alembic import command  # a fifth of the start of a command, and most of them find the newest version
@@ -38,7 +38,7 @@ def downgrade(database: Database, revision: str) -> None:
 
 
 def bring_to(database: Database, revision: str) -> None:
-    """Up or down to `revision`, one that is known; a data base without tables stays as it is."""
+    """Up or down to `revision`, one that is known; a database without tables stays as it is."""
     versions = _versions()
     current = current_revision(database)
     if current is None or current == revision:
@@ -53,7 +53,7 @@ def is_known(revision: str) -> bool:
 
 
 def current_revision(database: Database) -> str | None:
-    """None: of a data base without tables."""
+    """None: of a database without tables."""
     with database.read() as connection:
         if not connection.dialect.has_table(connection, VERSION.name):
             return None
@@ -90,7 +90,7 @@ def _versions() -> list[str]:
 
 
 def _listed() -> list[str]:
-    """By the names of their modules: to read these takes as long as to open a data base."""
+    """By the names of their modules: to read these takes as long as to open a database."""
     modules = (MODULE_OF_A_REVISION.fullmatch(path.name) for path in (files("migrations") / "versions").iterdir())
     return sorted(module[1] for module in modules if module)
 

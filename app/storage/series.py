@@ -24,7 +24,7 @@ from app.storage.tables import AS_RECEIVED, loops, series
 log = logging.getLogger("loopaudit.series")
 
 LOOPS_AT_ONCE = 8
-"""Loops whose stretches are taken from the data base together: a week at a value a second has some megabytes."""
+"""Loops whose stretches are taken from the database together: a week at a value a second has some megabytes."""
 STORED_AT_ONCE = 1_000_000
 """Samples that are stored of loops and compared with what is sent of them together: some 30 MB."""
 LONG_PAUSE_NS = NS_PER_DAY
@@ -278,7 +278,7 @@ def _beside_stored(
 
 
 def _parted(loop_ids: Iterable[int], touched: Mapping[int, list["_Touched"]]) -> Iterator[list[int]]:
-    """Loops whose stored stretches are taken from the data base together."""
+    """Loops whose stored stretches are taken from the database together."""
     some: list[int] = []
     held = 0
     for loop_id in loop_ids:
@@ -313,7 +313,7 @@ def _touched(connection: Connection, stretches: Collection[Stretch]) -> dict[int
 
 
 def _reaching_into(connection: Connection, spans: list[dict[str, int]]) -> tuple[Select[Any], dict[str, Any]]:
-    """What asks for the stretches, by index span by span however little the data base knows of them, and what it is
+    """What asks for the stretches, by index span by span however little the database knows of them, and what it is
     told."""
     names, columns = ("loop_id", "start_ns", "end_ns"), (series.c.loop_id, series.c.id, series.c.samples)
     on_postgresql = connection.dialect.name == "postgresql"

@@ -1,4 +1,4 @@
-"""Whether workers get on, told by what they leave in the data base: to all else one that hears nothing looks alive."""
+"""Whether workers get on, told by what they leave in the database: to all else one that hears nothing looks alive."""
 
 from sqlalchemy import ColumnElement, Connection, Table, exists, func, or_, select
 

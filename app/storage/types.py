@@ -1,4 +1,4 @@
-"""What both data bases must mean the same by: instants, the data base's own clock, and texts."""
+"""What both databases must mean the same by: instants, the database's own clock, and texts."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -34,12 +34,12 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 def storable(text: str) -> str:
-    """As both data bases keep it: PostgreSQL refuses a zero byte, and neither takes half of a letter."""
+    """As both databases keep it: PostgreSQL refuses a zero byte, and neither takes half of a letter."""
     return text.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode("utf-8")
 
 
 class clock_s(FunctionElement[float]):
-    """Seconds since 1970 by the data base's own clock, so that leases do not depend on the clocks of workers."""
+    """Seconds since 1970 by the database's own clock, so that leases do not depend on the clocks of workers."""
 
     type = Float()
     inherit_cache = True
@@ -96,7 +96,7 @@ def _sqlite_whole_ms_ns(element: whole_ms_ns, compiler: Any, **options: Any) -> 
 
 def run_out(until_s: ColumnElement[float], longest_s: ColumnElement[float] | float) -> ColumnElement[bool]:
     """Whether a lease or a wait of at most `longest_s` seconds has ended. One that ends later than it could was given
-    before the clock of the data base was put back: it would outlast its worker, or its reason, by as much."""
+    before the clock of the database was put back: it would outlast its worker, or its reason, by as much."""
     return or_(until_s < clock_s(), until_s > clock_s() + longest_s + CLOCK_ROOM_S)
 
 

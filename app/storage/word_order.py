@@ -1,4 +1,4 @@
-"""The order of verdicts and causes by the words that people are told, which the data base has no part in."""
+"""The order of verdicts and causes by the words that people are told, which the database has no part in."""
 
 from collections.abc import Sequence
 from typing import Any

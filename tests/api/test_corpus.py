@@ -1,5 +1,5 @@
 """Requests that a fuzzer once found, as `make fuzz` writes them, with the status that they are answered with now; and
-a few hundred new ones. On both data bases: PostgreSQL refuses texts that SQLite takes."""
+a few hundred new ones. On both databases: PostgreSQL refuses texts that SQLite takes."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""A data base that goes away while it commits: what is answered is true, and says what to do."""
+"""A database that goes away while it commits: what is answered is true, and says what to do."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -123,7 +123,7 @@ def test_a_page_says_it_in_words(client, lose_next):
 
 
 def test_a_run_that_is_cancelled_in_part_is_not_said_to_be_untouched(client, monkeypatch):
-    """Its loops are called off; then the data base goes away."""
+    """Its loops are called off; then the database goes away."""
 
     def away(*_: object) -> None:
         raise OperationalError("SELECT 1", {}, Exception("the server is away"))

@@ -97,6 +97,12 @@ def test_what_programs_tell_writes_database_as_one_word():
     assert not [text for text in told if TWO_WORDS.search(text)]
 
 
+def test_modules_write_database_as_one_word_in_what_they_say_of_themselves_too():
+    modules = [module for room in ("app", "migrations", "workers", "tests") for module in (ROOT / room).rglob("*.py")]
+    assert len(modules) > 1_000
+    assert not [module for module in modules if TWO_WORDS.search(module.read_text(encoding="utf-8"))]
+
+
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`((?:app|tests|workers|migrations)/[\w/.]*)`", README))))
 def test_places_named_for_changes_are_there(path):
     assert (ROOT / path).exists()

@@ -40,7 +40,7 @@ def test_what_people_touch_knows_neither_sql_nor_celery(room):
 
 
 def test_services_know_of_sql_no_more_than_a_connection_and_what_it_raises():
-    """Statements, types of columns and the words of one data base stay in `app.storage`."""
+    """Statements, types of columns and the words of one database stay in `app.storage`."""
     strangers = {
         f"{path.relative_to(ROOT)}: {name}"
         for path in (ROOT / "app" / "services").rglob("*.py")

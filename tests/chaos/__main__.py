@@ -1,7 +1,7 @@
 """Runs the service under faults and judges what is left of its promises: `make chaos`, `make chaos SEED=7`.
 
 Starts an installation of its own, breaks something every 5 to 20 s after a schedule that the seed determines, while
-clients send exports and start audits; then lets it come to rest and asks the data base and the files.
+clients send exports and start audits; then lets it come to rest and asks the database and the files.
 """
 
 import argparse

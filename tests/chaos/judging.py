@@ -1,4 +1,4 @@
-"""What must hold after all faults, asked of the data base and the files themselves and of nobody's counters."""
+"""What must hold after all faults, asked of the database and the files themselves and of nobody's counters."""
 
 import hashlib
 from bisect import bisect_right

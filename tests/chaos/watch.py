@@ -1,4 +1,4 @@
-"""How long it takes until all is well again after a fault, as the data base and the clients see it."""
+"""How long it takes until all is well again after a fault, as the database and the clients see it."""
 
 import contextlib
 import threading

@@ -45,7 +45,7 @@ def cpu_time_s() -> float:
 
 
 def test_help_takes_little_longer_than_what_draws_it():
-    """Beside the library that draws it, alone: the engine or the data base would make it several times as long."""
+    """Beside the library that draws it, alone: the engine or the database would make it several times as long."""
     drawing = [sys.executable, "-c", "import typer, typer.rich_utils, rich.markdown"]
     helping = [sys.executable, "-m", "app", "--help"]
     taken = {command: [cpu_of(command) for _ in range(4)] for command in map(tuple, (drawing, helping))}

@@ -1,4 +1,4 @@
-"""What a command says at its start of a data base and of settings with which it cannot work as it is meant to."""
+"""What a command says at its start of a database and of settings with which it cannot work as it is meant to."""
 
 import json
 import os
@@ -45,7 +45,7 @@ def started(*command: str, **settings: object) -> subprocess.CompletedProcess[st
 
 @pytest.fixture(scope="module")
 def without_tables() -> Iterator[str]:
-    """A data base of its own beside that of the session, without tables."""
+    """A database of its own beside that of the session, without tables."""
     with bare_postgres() as url:
         yield url
 

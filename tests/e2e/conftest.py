@@ -41,7 +41,7 @@ def postgres_server() -> Any:
 
 @pytest.fixture(scope="module")
 def postgres_url() -> Iterator[str]:
-    """A data base of its own, dropped afterwards."""
+    """A database of its own, dropped afterwards."""
     name = f"loopaudit_e2e_{secrets.token_hex(6)}"
     with postgres_server() as server:
         server.execute(f'CREATE DATABASE "{name}"')
@@ -52,7 +52,7 @@ def postgres_url() -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def redis_url() -> Iterator[str]:
-    """An empty data base number of the local Redis, emptied afterwards."""
+    """An empty database number of the local Redis, emptied afterwards."""
     redis = pytest.importorskip("redis")
     base = os.environ.get("LOOPAUDIT_TEST_REDIS", "redis://127.0.0.1:6379")
     for number in REDIS_DATABASES:
@@ -65,7 +65,7 @@ def redis_url() -> Iterator[str]:
                 yield f"{base}/{number}"
                 connection.flushdb()
                 return
-    refuse(f"no empty data base number on {base}")
+    refuse(f"no empty database number on {base}")
 
 
 @dataclass

@@ -352,7 +352,7 @@ def main() -> None:
     parser.add_argument("--schemathesis-seconds", type=int, default=300)
     parser.add_argument("--minutes", type=float, default=120.0, help="our own requests end after this time")
     parser.add_argument("--found", default=".fuzz/found")
-    parser.add_argument("--database-url", default="", help="of an empty PostgreSQL data base; otherwise SQLite")
+    parser.add_argument("--database-url", default="", help="of an empty PostgreSQL database; otherwise SQLite")
     arguments = parser.parse_args()
     os.environ["LOOPAUDIT_LOG_LEVEL"] = "error"
     from app import kernel_cache

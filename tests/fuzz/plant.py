@@ -36,7 +36,7 @@ class Plant:
 
 
 def build(folder: Path, database_url: str = "") -> Plant:
-    """`database_url`: of an empty PostgreSQL data base; otherwise SQLite in the folder."""
+    """`database_url`: of an empty PostgreSQL database; otherwise SQLite in the folder."""
     settings = Settings(data_dir=folder, database_url=database_url, require_keys=True, max_upload_bytes=4_000_000)
     migrate(settings)
     warm_up()

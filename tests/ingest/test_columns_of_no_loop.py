@@ -1,4 +1,4 @@
-"""Columns in which data bases count rows, tags or series are no loops; properties beside objects are signals."""
+"""Columns in which databases count rows, tags or series are no loops; properties beside objects are signals."""
 
 from collections.abc import Callable
 

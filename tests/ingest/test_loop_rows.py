@@ -1,4 +1,4 @@
-"""A row a loop: tables of a data base that have the signals of all loops in the same columns."""
+"""A row a loop: tables of a database that have the signals of all loops in the same columns."""
 
 from collections.abc import Callable
 from datetime import datetime, timedelta

@@ -25,7 +25,7 @@ def matlab(variables: dict[str, Any], **options: Any) -> bytes:
 
 
 def loop(samples: int = SAMPLES, **fields: Any) -> dict[str, Any]:
-    """A loop with the fields that the data base's description lists."""
+    """A loop with the fields that the database's description lists."""
     time = np.arange(samples)
     told = {"Comments": "sticky, said the plant", "Type": 0, "Ts": 2.0, "t": time[:, None] * 2.0}
     signals = {"SP": np.full((samples, 1), 50.0), "PV": np.sin(time)[:, None], "OP": np.cos(time)[:, None]}

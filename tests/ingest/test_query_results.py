@@ -1,4 +1,4 @@
-"""Results of queries to the data bases of control systems, by the names that their columns have there."""
+"""Results of queries to the databases of control systems, by the names that their columns have there."""
 
 import numpy as np
 import pytest

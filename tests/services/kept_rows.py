@@ -1,4 +1,4 @@
-"""Plants that many tests begin with are made once for each data base, and their rows are laid down anew each time: to
+"""Plants that many tests begin with are made once for each database, and their rows are laid down anew each time: to
 audit four loops twice takes a tenth of a second, to write what that left a hundredth.
 """
 
@@ -30,7 +30,7 @@ _kept: dict[tuple[str, str], tuple[object, sqlite3.Connection | _Rows]] = {}
 
 
 def made_once(backend: Backend, name: str, make: Callable[[], object]) -> object:
-    """What `make` gives, and in the empty data base of this backend the rows that it leaves there; it may depend on
+    """What `make` gives, and in the empty database of this backend the rows that it leaves there; it may depend on
     nothing but its name. Files are not kept.
     """
     key = (backend.database.url.get_backend_name(), name)

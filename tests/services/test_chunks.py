@@ -167,7 +167,7 @@ def test_a_worker_is_called_to_the_run_that_lost_one(backend: Backend, add_loops
 def test_who_was_taken_for_lost_calls_no_successor_beside_the_one_that_was_called(
     backend: Backend, add_loops: AddLoops, rung: deque[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """After a time in which the data base was away that would be one more for each worker, and so each time."""
+    """After a time in which the database was away that would be one more for each worker, and so each time."""
     add_loops(*LOOPS)
     one_each = with_settings(backend, chunk_loops=1, chunk_budget_s=1e-6, fan_out=1)
     audits.start_audit(one_each)

@@ -246,7 +246,7 @@ def pairs_of(backend: Backend) -> int:
 
 
 def test_a_ring_of_loops_that_continue_each_other_ends(backend: Backend) -> None:
-    """The API makes none; a hand in the data base may."""
+    """The API makes none; a hand in the database may."""
     chained(backend, ["A", "B"], "B")
     assert pairs_of(backend) <= 2 * LONGEST_CHAIN
     with backend.database.read() as connection:

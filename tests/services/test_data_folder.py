@@ -126,7 +126,7 @@ def test_so_does_one_whose_share_answers_with_an_error(
 def test_where_that_could_not_be_told_at_the_start_a_sweep_makes_it(
     backend: Backend, monkeypatch: pytest.MonkeyPatch, was_there: bool
 ) -> None:
-    """A service that started before its data base takes exports without anybody's help."""
+    """A service that started before its database takes exports without anybody's help."""
 
     def is_away(*_: object) -> None:
         raise OperationalError("SELECT", {}, Exception("connection refused"))

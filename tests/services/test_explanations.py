@@ -254,7 +254,7 @@ def test_a_first_answer_comes_before_the_whole(backend: Backend, monkeypatch: py
 def test_an_explanation_that_is_asked_for_stands_with_its_answer(
     backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Otherwise a data base that goes away in between is told as `nothing was changed`, and it is asked for twice."""
+    """Otherwise a database that goes away in between is told as `nothing was changed`, and it is asked for twice."""
     signals, write = record(step=5.0), backend.database.write
     keep(backend, "TIC1", signals)
     wanted = trace(linear(signals["op"]), instants())

@@ -1,4 +1,4 @@
-"""Metrics are counted in the data base, so that they hold for every process together."""
+"""Metrics are counted in the database, so that they hold for every process together."""
 
 from datetime import UTC, date, datetime, timedelta
 

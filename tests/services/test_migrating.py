@@ -32,7 +32,7 @@ def test_tables_that_others_work_on_are_told_and_nothing_is_changed(tmp_path: Pa
 
 def test_what_is_newer_is_what_was_not_there_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Source that is put in the place of a worker's own brings the migrations of a newer version with it, also where
-    the data base was away as the worker started: its processes, which ask later, inherit what it knew."""
+    the database was away as the worker started: its processes, which ask later, inherit what it knew."""
     schema._versions.cache_clear()
     refuse_unmigrated(Settings(data_dir=tmp_path, database_url="postgresql://nobody@127.0.0.1:1/away"))
     monkeypatch.setattr(schema, "_listed", lambda: ["9999"])

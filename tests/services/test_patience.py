@@ -1,4 +1,4 @@
-"""A data base that is away for a while costs time, and neither work nor attempts."""
+"""A database that is away for a while costs time, and neither work nor attempts."""
 
 import errno
 import io
@@ -34,7 +34,7 @@ from tests.services.sent_uploads import send as send_export
 
 
 class Away:
-    """An action that finds the data base away so many times."""
+    """An action that finds the database away so many times."""
 
     def __init__(self, times: int) -> None:
         self.times = times
@@ -249,7 +249,7 @@ def test_parts_longer_than_the_system_lets_a_file_be_are_told(
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def read_on(*arguments: Any, **named: Any) -> Any:
-        """Only its parts: the data base goes on."""
+        """Only its parts: the database goes on."""
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
         try:
             return write(*arguments, **named)

@@ -1,4 +1,4 @@
-"""Readiness says whether the data base takes writes, and waits for nobody to say it."""
+"""Readiness says whether the database takes writes, and waits for nobody to say it."""
 
 import logging
 import os
@@ -107,7 +107,7 @@ def test_a_data_folder_that_takes_nothing_is_told(backend: Backend, monkeypatch:
 
 
 def test_a_broker_that_hangs_is_away_and_asked_once(backend: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As while a server of names is away: the data base is well all the same, and says so in time."""
+    """As while a server of names is away: the database is well all the same, and says so in time."""
     asked: list[int] = []
     goes_on = threading.Event()
 

@@ -278,7 +278,7 @@ def test_kept_rows_are_bounded_and_not_given_up_for_new_ones_of_the_same_loops(
 
 
 def test_after_a_restore_the_same_number_of_a_run_is_another_run(untouched: Backend) -> None:
-    """The data base was put back and the loops audited again: the run has the number of one that is lost."""
+    """The database was put back and the loops audited again: the run has the number of one that is lost."""
     before = reliability.in_parts(untouched)
     lost = before.as_json()
     with untouched.database.write() as connection:

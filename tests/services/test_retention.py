@@ -1,4 +1,4 @@
-"""Retention on both data bases: what is old goes, what is young or still needed stays."""
+"""Retention on both databases: what is old goes, what is young or still needed stays."""
 
 import errno
 import os

@@ -254,7 +254,7 @@ def test_a_chunk_under_way_ends_with_its_run_and_what_it_found_stays(
 def test_a_run_is_started_by_one_transaction_after_which_nothing_is_asked(
     backend: Backend, add_loops: AddLoops, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Otherwise a data base that goes away in between is told as `nothing was changed`, and the run is asked for
+    """Otherwise a database that goes away in between is told as `nothing was changed`, and the run is asked for
     twice."""
     add_loops("FIC1", "FIC2")
     rung, writes, write = [], [], backend.database.write

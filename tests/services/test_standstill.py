@@ -1,4 +1,4 @@
-"""Whether workers get on: told by what they leave in the data base, and not by how old a run is."""
+"""Whether workers get on: told by what they leave in the database, and not by how old a run is."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta

@@ -1,4 +1,4 @@
-"""What a page or the end of a night costs the data base does not grow with the nights that are behind: the worst is a
+"""What a page or the end of a night costs the database does not grow with the nights that are behind: the worst is a
 plant of which nothing new was recorded, as after a night without an export."""
 
 from collections.abc import Callable, Iterator
@@ -87,7 +87,7 @@ def years(backend: Backend, add_loops: AddLoops) -> tuple[list[int], int]:
 
 
 class Counted:
-    """What reads take of a data base on SQLite, by the steps of its machine, in rows of verdicts."""
+    """What reads take of a database on SQLite, by the steps of its machine, in rows of verdicts."""
 
     def __init__(self, database: Database) -> None:
         self._database, self.total = database, 0.0

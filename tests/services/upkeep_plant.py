@@ -1,4 +1,4 @@
-"""A plant that was read and audited, for the tests of its upkeep on both data bases."""
+"""A plant that was read and audited, for the tests of its upkeep on both databases."""
 
 import os
 import time

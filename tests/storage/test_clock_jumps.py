@@ -1,4 +1,4 @@
-"""The data base's clock is put back by an hour: what was leased or announced by the old one must not wait for it."""
+"""The database's clock is put back by an hour: what was leased or announced by the old one must not wait for it."""
 
 import pytest
 from sqlalchemy import Table, update

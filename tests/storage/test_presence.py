@@ -1,4 +1,4 @@
-"""Who works on a PostgreSQL data base is known at once when it ends."""
+"""Who works on a PostgreSQL database is known at once when it ends."""
 
 import pytest
 from sqlalchemy import Pool, event

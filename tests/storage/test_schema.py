@@ -1,4 +1,4 @@
-"""The migrations make the tables that the code expects, on both data bases, and can be taken back."""
+"""The migrations make the tables that the code expects, on both databases, and can be taken back."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Series in the data base: sending again and overlapping windows change nothing; windows are read for many loops."""
+"""Series in the database: sending again and overlapping windows change nothing; windows are read for many loops."""
 
 import tracemalloc
 from typing import Any

@@ -1,4 +1,4 @@
-"""Data bases with rows in every table go up from each released version, down and up again, and lose nothing."""
+"""Databases with rows in every table go up from each released version, down and up again, and lose nothing."""
 
 import datetime
 import json
@@ -46,7 +46,7 @@ def postgres_alone() -> Iterator[str]:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def empty(request: pytest.FixtureRequest, tmp_path) -> Iterator[Database]:
-    """A data base without any table."""
+    """A database without any table."""
     if request.param == "sqlite":
         database = Database(f"sqlite:///{tmp_path / 'plant.db'}")
     else:

@@ -1,4 +1,4 @@
-"""Uploads in both data bases: which bytes are still to be read."""
+"""Uploads in both databases: which bytes are still to be read."""
 
 import pytest
 from sqlalchemy import Connection, update

@@ -17,7 +17,7 @@ from workers import tasks
 
 @pytest.fixture(autouse=True)
 def of_these_tables(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tasks' own data base, which tells their version, is not there."""
+    """The tasks' own database, which tells their version, is not there."""
     monkeypatch.setattr(tasks, "is_outdated", lambda: False)
 
 

@@ -21,7 +21,7 @@ PLANTS = ("north", "south")
 
 @pytest.fixture
 def plants(tmp_path: Path, redis_url: str) -> Iterator[list[Plant]]:
-    """Each with a folder and a data base of its own, on one number of one Redis."""
+    """Each with a folder and a database of its own, on one number of one Redis."""
     made = []
     for name in PLANTS:
         environment = {**QUICK, "LOOPAUDIT_DATA_DIR": str(tmp_path / name), "LOOPAUDIT_BROKER_URL": redis_url}

@@ -1,6 +1,6 @@
 """MATLAB files (.mat of the versions 5 to 7): the International Stiction Data Base, and loops stored in its manner.
 
-Attribute list of the data base: Jelali and Huang 2010, Detection and Diagnosis of Stiction in Control Loops,
+Attribute list of the database: Jelali and Huang 2010, Detection and Diagnosis of Stiction in Control Loops,
 doi 10.1007/978-1-84882-775-2: `cdata.<industry>.loop<N>` with comments, type, sampling period in s, and t, SP, PV, OP.
 """
 
@@ -29,7 +29,7 @@ HELD = ("sp", "mode")  # which may be told once for all samples
 INSTANTS = ("epoch", "serial")
 SECONDS = TimeForm("relative")
 
-# The prefixes by which the data base's loops are cited.
+# The prefixes by which the database's loops are cited.
 INDUSTRIES = (
     ("chem", "CHEM"),
     ("pulp", "PAP"),

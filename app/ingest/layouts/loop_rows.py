@@ -1,4 +1,4 @@
-"""A row a loop and an instant, as a data base's table of loops is queried: Loop,Time,PV,OP,SP. Its signals have the
+"""A row a loop and an instant, as a database's table of loops is queried: Loop,Time,PV,OP,SP. Its signals have the
 name of the row's loop before their own."""
 
 from app.ingest.columns.names import mostly_numbers, names_no_measurement, of_series, quality_named

@@ -212,7 +212,7 @@ def _json_rows(text: str) -> list[dict[str, str]]:
 
 
 def _json_text(cell: object) -> str:
-    """Without half of a letter, which JSON can spell and no data base takes in a text."""
+    """Without half of a letter, which JSON can spell and no database takes in a text."""
     return str(cell).encode("utf-8", "replace").decode("utf-8").strip()
 
 

@@ -31,8 +31,8 @@ QUICK = Sizes(240, 120, 8, (500, 1_000, 2_000, 5_000), 1.5, 2, 240)
 
 @dataclass(frozen=True)
 class Bench:
-    """postgres: address of a server on which data bases may be made and dropped. redis: address of an empty Redis data
-    base. recordings: a folder with recordings of real loops (CHEM1.csv is FC145), or None."""
+    """postgres: address of a server on which databases may be made and dropped. redis: address of an empty Redis
+    database. recordings: a folder with recordings of real loops (CHEM1.csv is FC145), or None."""
 
     sizes: Sizes
     postgres: str

@@ -97,7 +97,7 @@ def _measured(bench: Bench, name: str, path: Path, loops: int) -> Figures:
 
 
 def _end_to_end(bench: Bench, name: str, path: Path) -> Figures:
-    """The file received and read by one worker into an empty data base; nothing of it stays."""
+    """The file received and read by one worker into an empty database; nothing of it stays."""
     with plant_backend(bench) as backend, _gone_afterwards(backend), workers(backend, 1) as parent:
         before = sum(map(processor_s, children_of(parent.pid)))
         with Memory(lambda: children_of(parent.pid)) as memory:

@@ -14,7 +14,7 @@ from app.lab.evaluation.recordings import Labelled
 
 
 def groups_of(loops: list[Labelled]) -> dict[str, dict[str, str]]:
-    """By what is left out, the group of each valve. The data base of stiction names recordings by their industry
+    """By what is left out, the group of each valve. The database of stiction names recordings by their industry
     (CHEM1, PAP2), others do by where they are from."""
     return {
         "whole sources": {loop.valve: loop.source for loop in loops},

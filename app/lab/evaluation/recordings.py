@@ -14,7 +14,7 @@ from app.errors import DataError
 from app.ingest import read_recordings
 
 STATED = "stated"
-"""The tier of a label that the plant or the data base itself gives, and of one that is given without a tier."""
+"""The tier of a label that the plant or the database itself gives, and of one that is given without a tier."""
 _TRUST_OF_OTHERS = 0.25
 
 

@@ -33,7 +33,7 @@ Via = Literal["key", "session"]
 
 @dataclass(frozen=True)
 class Believed:
-    """What the data base said of a secret, and for how long that is believed."""
+    """What the database said of a secret, and for how long that is believed."""
 
     identity: Identity | None
     until_s: float
@@ -60,7 +60,7 @@ class Authenticator:
         self._lock = Lock()
 
     def remembered(self, secret: str, via: Via = "key") -> Believed | None:
-        """What is known of a key or a session's token without asking the data base; None: it has to be asked. What
+        """What is known of a key or a session's token without asking the database; None: it has to be asked. What
         stands in the place of the other is neither."""
         hash_ = kept_as(secret, via)
         found = self._good.get(hash_) or self._wrong.get(hash_)
@@ -71,7 +71,7 @@ class Authenticator:
         return found
 
     def was_good(self, secret: str, via: Via = "key") -> bool:
-        """Whether it was, when the data base was last asked, however long ago."""
+        """Whether it was, when the database was last asked, however long ago."""
         return kept_as(secret, via) in self._good
 
     def key(self, text: str) -> Identity | None:

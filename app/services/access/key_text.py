@@ -1,7 +1,7 @@
 """The text of a key: `la_<role>_<id>_<secret><crc>`.
 
 The role and the id may be read by anyone, the secret has 256 bit from the system's generator. The check sum lets a
-typing error be told without a look into the data base, and lets scanners of source code know a key when they see one.
+typing error be told without a look into the database, and lets scanners of source code know a key when they see one.
 """
 
 import hashlib

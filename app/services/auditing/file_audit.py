@@ -1,4 +1,4 @@
-"""A file that was read, to audit lines: what needs no data base."""
+"""A file that was read, to audit lines: what needs no database."""
 
 from datetime import timedelta
 from time import perf_counter

@@ -113,7 +113,7 @@ def _load(backend: Backend, claim: ExplanationClaim) -> Task:
 
 
 def _isolated(backend: Backend, claim: ExplanationClaim, watchdog: bool) -> Ending:
-    """How the explanation ends, whatever happens in it or is wrong with what it is made of. Raises where the data base
+    """How the explanation ends, whatever happens in it or is wrong with what it is made of. Raises where the database
     stays away, which is no fault of the explanation.
     """
     limit_s = backend.settings.explanation_limit_s

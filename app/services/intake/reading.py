@@ -57,7 +57,7 @@ Attributes = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Prepared:
-    """Samples of a loop with all that can be made of them before the data base is asked."""
+    """Samples of a loop with all that can be made of them before the database is asked."""
 
     loop: str
     samples: Samples

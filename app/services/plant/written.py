@@ -71,7 +71,7 @@ def written_of(
     shelved: Shelf | None = None,
     notes_until: datetime | None = None,
 ) -> Written:
-    """What stands of the loops of these rows of the reliability table: as many questions of the data base for a plant
+    """What stands of the loops of these rows of the reliability table: as many questions of the database for a plant
     as for one loop. shelved: None: as of now; notes_until: orders, repairs and explanations as they were then (None:
     by now)."""
     known = shelf(backend) if shelved is None else shelved

@@ -1,4 +1,4 @@
-"""Backup and restore: the data base as it is at one instant, and the exports as they came."""
+"""Backup and restore: the database as it is at one instant, and the exports as they came."""
 
 import ctypes
 import errno
@@ -39,7 +39,7 @@ SHOWN = 60
 ANEW = 3
 """So many times its parts may be copied before nobody is let in between any more."""
 UNUSABLE = (DatabaseError, sqlite3.Error)
-"""What is raised of a file that is no data base."""
+"""What is raised of a file that is no database."""
 LIBC = ctypes.CDLL(None)
 PR_SET_PDEATHSIG = 1
 """Of Linux: which signal a process gets when the one that started it has ended."""
@@ -61,7 +61,7 @@ def backup(settings: Settings, folder: Path) -> BackupReport:
     """Writes a backup into `folder`, which must not be there yet; it appears whole or not at all. What backups
     that were killed left in the folder around it is removed; what a living one writes there is not.
 
-    The service may go on meanwhile. The data base comes first: an export is stored before the data base knows of it, so
+    The service may go on meanwhile. The database comes first: an export is stored before the database knows of it, so
     every export that the copy knows is there to be copied.
     """
     refuse_missing(settings)
@@ -127,7 +127,7 @@ def _restored(settings: Settings, folder: Path, told: dict[str, Any], force: boo
             schema.bring_to(database, told["schema"])
     finally:
         database.close()
-    # Exports first: where there is no room for all of them the data base stays as it was, with all that it tells of.
+    # Exports first: where there is no room for all of them the database stays as it was, with all that it tells of.
     _drop_left(settings.uploads_dir)
     for file in _files(folder / UPLOADS):
         _put(file, settings.uploads_dir / file.name)
@@ -266,7 +266,7 @@ def _put_sqlite(source: Path, target: Path) -> None:
 
 
 def _settle(file: Path) -> None:
-    """What a process that was killed left in the journal goes into the old data base, which so stays whole should the
+    """What a process that was killed left in the journal goes into the old database, which so stays whole should the
     restore break off. One that is damaged is replaced as it is."""
     if not file.is_file():
         return
@@ -351,7 +351,7 @@ def _checked_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _of_a_backup(told: Any) -> bool:
-    """Others write a manifest.json too. A kind of data base that is not known here is that of a newer backup."""
+    """Others write a manifest.json too. A kind of database that is not known here is that of a newer backup."""
     if not isinstance(told, dict) or not isinstance(files := told.get("files"), dict):
         return False
     kind, revision = told.get("database"), told.get("schema")

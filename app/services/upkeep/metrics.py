@@ -1,4 +1,4 @@
-"""What Prometheus is told: collected from the data base, so that every worker is counted."""
+"""What Prometheus is told: collected from the database, so that every worker is counted."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Who works on a data folder and on a data base: a restore must be alone on both."""
+"""Who works on a data folder and on a database: a restore must be alone on both."""
 
 import errno
 import fcntl
@@ -62,7 +62,7 @@ def _already(settings: Settings, told: bytes) -> str:
 
 @contextmanager
 def alone(settings: Settings) -> Iterator[None]:
-    """Raises RequestError("still_running") where a process is at work on the data folder or on the data base."""
+    """Raises RequestError("still_running") where a process is at work on the data folder or on the database."""
     text = "`serve`, `worker`, `beat` or `nightly` is running on {}; stop it first"
     with (
         _locked(settings, fcntl.LOCK_EX, RequestError("still_running", text.format(settings.data_dir))),

@@ -1,4 +1,4 @@
-"""Whether the service can work: its data base, the schema, the disk and the broker."""
+"""Whether the service can work: its database, the schema, the disk and the broker."""
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -16,7 +16,7 @@ NO_ANSWER = ReadyOut("not_ready", {"database": "no answer", "schema": "not known
 
 
 def readiness(backend: Backend) -> ReadyOut:
-    """Data base, schema and disk must be well. A broker that is away only slows things down, and of a data base or a
+    """Database, schema and disk must be well. A broker that is away only slows things down, and of a database or a
     data folder that takes no writes the pages can be read; one that is busy with them takes them. Where all connections
     to read with are in use, what would need one of them is not known."""
     free, folder = free_bytes(backend.settings), folder_state(backend.settings)

@@ -37,7 +37,7 @@ def sweep(backend: Backend) -> SweepReport:
 
 def in_turn(backend: Backend, actions: Iterable[Callable[[], T]]) -> list[T]:
     """What each of them gives. The first fault is raised once all had their turn, and further ones are logged; where
-    the data base does not answer, none of the rest would do better."""
+    the database does not answer, none of the rest would do better."""
     given: list[T] = []
     faults: list[Exception] = []
     for action in actions:
@@ -55,7 +55,7 @@ def in_turn(backend: Backend, actions: Iterable[Callable[[], T]]) -> list[T]:
 
 
 def answers(backend: Backend) -> bool:
-    """Whether the data base does, at the moment."""
+    """Whether the database does, at the moment."""
     try:
         backend.database.answers()
     except SQLAlchemyError:

@@ -1,4 +1,4 @@
-"""The tables: whether the data base is there and has those of this version, and how it gets them. Imports no engine:
+"""The tables: whether the database is there and has those of this version, and how it gets them. Imports no engine:
 `worker` and `beat` ask it first."""
 
 import logging
@@ -23,7 +23,7 @@ log = logging.getLogger("loopaudit.upkeep")
 
 
 def migrate(settings: Settings) -> str:
-    """Brings the data base to this version's tables; returns which version that is. Raises
+    """Brings the database to this version's tables; returns which version that is. Raises
     RequestError("newer_tables") where a newer loopaudit made them, RequestError("not_mounted").
     """
     refuse_unmounted(settings)
@@ -53,7 +53,7 @@ def _in_use_in_words() -> Iterator[None]:
 
 
 def refuse_unmigrated(settings: Settings) -> None:
-    """`refuse_other_tables` at the start of a process that stays. A data base that is away is waited for."""
+    """`refuse_other_tables` at the start of a process that stays. A database that is away is waited for."""
     database = Database(settings.resolved_database_url)
     try:
         refuse_other_tables(database)
@@ -71,7 +71,7 @@ def _tell_of_no_writes(database: Database) -> None:
 
 def refuse_other_tables(database: Database) -> None:
     """Raises RequestError("no_tables"), ("older_tables") or ("newer_tables") where these are not this version's."""
-    newest = schema.newest_revision()  # first: what was there at the start is to be known where the data base is away
+    newest = schema.newest_revision()  # first: what was there at the start is to be known where the database is away
     current = schema.current_revision(database)
     refuse_newer(current)
     if current is None:
@@ -90,7 +90,7 @@ def refuse_newer(current: str | None) -> None:
 
 def newer_than_we(database: Database) -> RequestError | None:
     """What `refuse_newer` says of these tables, for a process that stays and was there before them; None where they are
-    ours, or the data base does not answer."""
+    ours, or the database does not answer."""
     try:
         refuse_newer(schema.current_revision(database))
     except DATABASE_AWAY:
@@ -101,7 +101,7 @@ def newer_than_we(database: Database) -> RequestError | None:
 
 
 def refuse_missing(settings: Settings) -> None:
-    """Raises RequestError("no_database") where the file of an SQLite data base is not there: reading makes none."""
+    """Raises RequestError("no_database") where the file of an SQLite database is not there: reading makes none."""
     for file in database_files(settings):
         if not file.is_file():
             where = f"{file.parent} ({file.name})"
@@ -120,7 +120,7 @@ def refuse_unmounted(settings: Settings) -> None:
 
 
 def database_files(settings: Settings) -> tuple[Path, ...]:
-    """The file of an SQLite data base; none of a server's."""
+    """The file of an SQLite database; none of a server's."""
     database = Database(settings.resolved_database_url)
     database.close()
     return (file_of(database.url),) if database.is_sqlite else ()

@@ -1,4 +1,4 @@
-"""What holds for every route: heads, refusals, probes, pages, a data base that is away."""
+"""What holds for every route: heads, refusals, probes, pages, a database that is away."""
 
 import re
 from urllib.parse import quote

@@ -1,4 +1,4 @@
-"""A plant that has something to be kept, on both data bases."""
+"""A plant that has something to be kept, on both databases."""
 
 import shutil
 

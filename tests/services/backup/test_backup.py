@@ -1,4 +1,4 @@
-"""Backups of both data bases come back, older ones too, and what is no backup is refused."""
+"""Backups of both databases come back, older ones too, and what is no backup is refused."""
 
 import json
 import os
@@ -335,12 +335,12 @@ def test_what_the_address_says_of_tls_holds_for_a_backup_too(monkeypatch, tmp_pa
     assert environment["PGPASSWORD"] == "hunter2"
 
 
-@pytest.mark.parametrize("kind", ["nothing", "empty", "no data base"])
+@pytest.mark.parametrize("kind", ["nothing", "empty", "no database"])
 def test_a_data_base_that_is_not_there_is_one_sentence(tmp_path, kind):
     settings = Settings(data_dir=tmp_path / "data")
     if kind != "nothing":
         settings.prepare_folders()
-        (settings.data_dir / "loopaudit.db").write_bytes(b"" if kind == "empty" else b"no data base at all " * 500)
+        (settings.data_dir / "loopaudit.db").write_bytes(b"" if kind == "empty" else b"no database at all " * 500)
     with pytest.raises(RequestError) as refused:
         backups.backup(settings, tmp_path / "kept")
     assert refused.value.code == {"nothing": "no_database", "empty": "no_tables"}.get(kind, "database_away")
@@ -361,9 +361,9 @@ def test_nothing_is_brought_back_under_a_running_service(plant, tmp_path):
 
 
 def test_nothing_is_brought_back_under_a_service_on_another_data_folder(plant, tmp_path):
-    """Where the data base is a server, each machine has a data folder of its own, or none that is kept."""
+    """Where the database is a server, each machine has a data folder of its own, or none that is kept."""
     if plant.settings.embedded:
-        pytest.skip("the data base is in the folder")
+        pytest.skip("the database is in the folder")
     backups.backup(plant.settings, tmp_path / "kept")
     before = contents(plant)
     elsewhere = plant.settings.model_copy(update={"data_dir": tmp_path / "elsewhere"})

@@ -106,7 +106,7 @@ class PowerCut(BaseException):
 
 
 def broken_off(settings: Settings, way: str) -> None:
-    """The data base as a killed process leaves it: amid a transaction whose pages are in the file already, or with what
+    """The database as a killed process leaves it: amid a transaction whose pages are in the file already, or with what
     was committed in the WAL alone."""
     file = settings.data_dir / "loopaudit.db"
     connection = sqlite3.connect(file, isolation_level=None)
@@ -192,6 +192,6 @@ def test_a_data_base_that_is_damaged_is_replaced(empty_sqlite, tmp_path):
     file = settings.data_dir / "loopaudit.db"
     shutil.copy(empty_sqlite, file)
     backups.backup(settings, tmp_path / "kept")
-    file.write_bytes(b"no data base at all" * 999)
+    file.write_bytes(b"no database at all" * 999)
     Path(f"{file}-journal").write_bytes(b"no journal")
     assert backups.restore(settings, tmp_path / "kept", force=True).schema == schema.newest_revision()
