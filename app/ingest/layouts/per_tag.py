@@ -2,7 +2,8 @@
 
 from app.ingest.columns.headings import begins_with_data
 from app.ingest.columns.plans import TimedColumns, ValueColumn, WidePlan
-from app.ingest.columns.time_columns import first_row_of_times, time_columns
+from app.ingest.columns.time_columns import first_row_of_times
+from app.ingest.columns.time_names import time_columns
 from app.ingest.columns.widths import usual_width
 from app.ingest.files.head import Head
 from app.ingest.model import IngestOptions
