@@ -45,6 +45,30 @@ def test_whole_numbers_before_a_column_without_a_name_are_no_decimals(read: Read
     assert "columns without a name were not read: column 5" in content.summary.notes
 
 
+@pytest.mark.parametrize("of", ["00", "0{k3}", "00{k3}", "{k6}"])
+@pytest.mark.parametrize("name", ["Shift", "Step", "Batch", ""])
+def test_codes_and_steps_behind_whole_numbers_are_no_decimals(read: Read, of: str, name: str) -> None:
+    """Such as 07, or a step that lasts: decimals change with the number before them. The file was refused for them."""
+    rows = "".join(
+        f"2024-03-01 00:{i:02}:00,5{i % 10}.5,{40 + i % 9},{of.format(k3=i // 20, k6=i // 6)},Good\n" for i in range(60)
+    )
+    content = read(f"time,PV,OP,{name},\n{rows}")
+    (loop,) = content.loops.values()
+    assert loop.op.tolist() == [40 + i % 9 for i in range(60)]
+
+
+def test_words_behind_the_only_digits_of_a_signal_are_not_its_values(read: Read) -> None:
+    rows = "".join(f"2024-03-01 00:{i:02}:00,{40 + i % 9},{i % 10},Good,5.5\n" for i in range(60))
+    (loop,) = read(f"time,PV,OP,Remark,\n{rows}").loops.values()
+    assert loop.op.tolist() == [i % 10 for i in range(60)]
+
+
+@pytest.mark.parametrize("name", ["MODE", "Step", "TI102", ""])
+def test_decimals_below_any_other_name_are_refused(read: Read, name: str) -> None:
+    rows = "".join(f"2024-03-01 00:{i:02}:00,5{i % 10}.5,{40 + i % 9},{i * 37 % 100:02},1\n" for i in range(60))
+    assert refusal(read, f"time,PV,OP,{name},\n{rows}").code == "more_fields_than_names"
+
+
 def test_long_rows_with_parted_decimals(read: Read) -> None:
     rows = "".join(f"A.PV,{stamp},50,0{i},Good\nA.OP,{stamp},40,1{i},Good\n" for i, stamp in enumerate(MINUTES))
     assert refusal(read, "Tagname,TimeStamp,Value,Quality\n" + rows).code == "more_fields_than_names"

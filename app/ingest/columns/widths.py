@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from itertools import pairwise
 
 from app.errors import DataError
 from app.ingest.files.head import Head, is_number
@@ -52,16 +53,41 @@ def _parts_decimals(head: Head, names: tuple[str, ...], over: list[tuple[str, ..
     behind them digits as of decimals alone."""
     if head.delimiter != ",":
         return False
-    signals = [at for at, name in enumerate(names[:-1]) if name and place(name, "").signal in PARTED]
-    return any(_are_decimals_of([row[at] for row in over], [row[at + 1] for row in over]) for at in signals)
+    signals = [at for at, name in enumerate(names[:-1]) if _is_parted(name)]
+    return any(_are_parted(names, over, at) for at in signals)
 
 
-def _are_decimals_of(whole: list[str], behind: list[str]) -> bool:
-    """With a nought before them, or of one digit, of which nearly all are there."""
+def _are_parted(names: tuple[str, ...], over: list[tuple[str, ...]], at: int) -> bool:
+    """Whether those of a column stand in the next one: if that is a signal's, its own values stand behind them."""
+    whole, behind = [row[at] for row in over], [row[at + 1] for row in over]
+    is_signal = _is_parted(names[at + 1])
+    if is_signal and not all(is_number(row[at + 2]) for row in over if row[at + 2]):
+        return False
+    return _are_decimals_of(whole, behind, of_signal=is_signal)
+
+
+def _is_parted(name: str) -> bool:
+    return bool(name) and place(name, "").signal in PARTED
+
+
+def _are_decimals_of(whole: list[str], behind: list[str], *, of_signal: bool) -> bool:
+    """With a nought before them, or of one digit, of which nearly all are there. of_signal: whether a signal's name is
+    above them, whose numbers have no nought before them. Below another one, or none, may be a step or a code such as
+    07: decimals change with the numbers before them."""
     if not all(map(_DIGITS.fullmatch, whole)) or not all(map(_UNSIGNED.fullmatch, behind)):
         return False
     each = set(behind)
-    return any(map(_DECIMALS.fullmatch, each)) or (max(map(len, each)) == 1 and len(each) >= _MOST_DIGITS)
+    with_nought = any(map(_DECIMALS.fullmatch, each))
+    if with_nought and of_signal:
+        return True
+    return (with_nought or (max(map(len, each)) == 1 and len(each) >= _MOST_DIGITS)) and _change_with(whole, behind)
+
+
+def _change_with(whole: list[str], behind: list[str]) -> bool:
+    """Whether what stands behind is another in most rows in which the number before it is; not where none ever is."""
+    rows = list(zip(whole, behind, strict=True))
+    changed = [one[1] != other[1] for one, other in pairwise(rows) if one[0] != other[0]]
+    return 2 * sum(changed) > len(changed)
 
 
 def _has_point(text: str) -> bool:
