@@ -156,3 +156,11 @@ def test_the_only_tag_of_a_file_is_a_number(read: Read, names: str) -> None:
     tag = names.splitlines()[0].split(separator)[1]
     assert (content.rejects.total, content.summary.tags) == (0, 1)
     assert content.summary.loops[0].others == (tag,)
+
+
+@pytest.mark.parametrize("above", ["Timestamp,123,", "Date,20260701", "Date,20260701\nTime,120000"])
+def test_what_names_no_two_columns_leaves_the_tag_to_the_file(read: Read, above: str) -> None:
+    """A comma too many above the rows, or when the export was made: as before, the tag is the file's name."""
+    rows = "\n".join(f"{stamp},{pv}" for stamp, pv in zip(STAMPS, PV, strict=True))
+    content = read(f"{above}\n{rows}\n", name="4712.csv")
+    assert content.summary.loops[0].others == ("4712",)
