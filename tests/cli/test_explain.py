@@ -159,6 +159,19 @@ def test_a_second_recording_that_cannot_be_compared_is_not_said_of_the_first(rec
     assert (result.exception.code, result.stdout) == ("too_short", "")
 
 
+def test_a_second_recording_that_is_of_no_use_in_the_end_is_not_said_of_the_first_either(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise DataError("signal_missing", "the second recording lacks the signals of valve")
+
+    monkeypatch.setattr("app.engine.mismatch.second_recording.validate", refuse)
+    second = other_recording(recording, tmp_path, columns=4)
+    result = runner.invoke(cli, ["explain", str(recording), "--format", "json", "--validate", str(second)])
+    assert isinstance(result.exception, DataError)
+    assert (result.exception.code, result.stdout) == ("signal_missing", "")
+
+
 @pytest.mark.parametrize(
     ("options", "code"),
     [

@@ -1,5 +1,7 @@
 """What a second recording, which no model was fitted to, says of an explanation."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +32,16 @@ def mended_second(validation: Comparison) -> Comparison:
         raise SecondRecordingError(error.code, f"in the second recording: {error.message}") from error
 
 
+@contextmanager
+def of_second() -> Iterator[None]:
+    """What is raised inside is of the second recording, and says so by its kind; its words do by themselves."""
+    try:
+        yield
+    except DataError as error:
+        raise SecondRecordingError(error.code, error.message) from error
+
+
+@of_second()
 def validated(
     explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison, *, by_model: bool
 ) -> Explanation:
