@@ -27,9 +27,7 @@ from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.exc import OperationalError
 
 from app.__main__ import BETWEEN_LOOKS
-from app.engine.audit import Audit, AuditConfig, audit
 from app.engine.mismatch import Comparison, Explanation, explain
-from app.engine.recording import Recording
 from app.services.auditing import chunks, warming
 from app.services.backend import Backend
 from app.services.explaining import working
@@ -38,6 +36,7 @@ from app.settings import Settings
 from app.storage import Database
 from app.storage import database as storage_database
 from app.storage.tables import metadata
+from tests.audited import audited
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 # Files that take long, whatever the number of their tests: begun last, they would keep one core waiting for the other.
@@ -272,11 +271,6 @@ class _Told(Generic[T]):
     it: T = field(compare=False)
 
 
-@lru_cache(maxsize=2000)
-def _audited_once(recording: _Told[Recording], config: AuditConfig) -> Audit:
-    return audit(recording.it, config)
-
-
 @pytest.fixture(scope="session", autouse=True)
 def audits_are_made_once() -> Iterator[None]:
     """The engine is pure, and most tests of services audit the same few loops: one recording is audited once a session
@@ -284,11 +278,8 @@ def audits_are_made_once() -> Iterator[None]:
     touched.
     """
 
-    def once(recording: Recording, config: AuditConfig) -> Audit:
-        return _audited_once(_Told((recording.fingerprint(), recording.name), recording), config)
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunks, "audit", once)
+        patch.setattr(chunks, "audit", audited)
         yield
 
 

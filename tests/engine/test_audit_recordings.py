@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from app.engine.recording import Recording
-from tests.engine.audited import audited
+from tests.audited import audited
 
 pytestmark = pytest.mark.shared
 

@@ -9,7 +9,7 @@ import pytest
 from app.engine.causality.outside_corners import LEAST_RATIO, OutsideCorners, outside_corners
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
-from tests.engine.audited import audited
+from tests.audited import audited
 
 INTERVAL_S, SAMPLES = 10.0, 1600
 

@@ -9,7 +9,7 @@ import pytest
 from app.engine.causality.own_cycle import CLEAR_NATS, TELLING, OwnCycle, own_cycle
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import LoopSpec, Pid, Signal, TwoParameterValve, first_order, simulate_loop
-from tests.engine.audited import audited
+from tests.audited import audited
 
 
 @cache

@@ -8,7 +8,7 @@ import pytest
 
 from app.engine.fitness import assess
 from app.engine.recording import Recording
-from tests.engine.audited import audited
+from tests.audited import audited
 
 N, TS = 3000, 10.0
 SINCE, SEAM = 2000, 2600

@@ -12,7 +12,7 @@ from app.engine.oscillation import detect
 from app.engine.preparation import prepare
 from app.engine.recording import Recording, UniformRecord
 from app.engine.simulate import Pid, Signal, TwoParameterValve
-from tests.engine.audited import audited
+from tests.audited import audited
 from tests.engine.wandering import FREE, STICKY, TS, recorded
 
 N = 12_000
