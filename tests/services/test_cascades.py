@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.engine.plant_wide.cascades import Cascade
+from app.engine.plant_wide.cascades import Cascade, cascades
 from app.engine.plant_wide.excerpts import excerpts_of
 from app.engine.plant_wide.groups import Group, Suspect
 from app.engine.recording import Recording
@@ -264,7 +264,7 @@ def test_the_shaker_is_named_of_every_loop_that_is_called_sticky(monkeypatch: py
     source, other = (Suspect(tag, p, p, None, 1.0, 0.0) for tag, p in (("FIC1", 0.99), ("FIC2", 0.9)))
     monkeypatch.setattr(hearing, "groups", lambda _: (Group(100.0, True, 0.0, (source, other)),))
     for said, told in ((SURE["stiction"], True), (UNSURE["stiction"], True), (UNSURE["no_stiction"], False)):
-        heard = hearing.hear({"FIC1": SURE["stiction"], "FIC2": said}, [], {})
+        heard = hearing.hear({"FIC1": SURE["stiction"], "FIC2": said}, [])
         assert ("FIC2" in heard) is told
         assert not told or (heard["FIC2"].doubt or Doubt("", "")).code == hearing.SHAKEN_BY_NEIGHBOUR
 
@@ -272,5 +272,5 @@ def test_the_shaker_is_named_of_every_loop_that_is_called_sticky(monkeypatch: py
 def test_loops_without_a_verdict_are_not_told_of() -> None:
     excerpts = {tag: excerpts_of(one, 0.0) for tag, one in cascade(*STICKS).items()}
     kept = {tag: one for tag, one in excerpts.items() if one is not None}
-    assert set(hear({"FIC2": SURE["stiction"]}, [], kept)) == {"FIC2"}
-    assert hear({}, [], kept) == {}
+    assert set(hear({"FIC2": SURE["stiction"]}, [], cascades(kept))) == {"FIC2"}
+    assert hear({}, [], cascades(kept)) == {}

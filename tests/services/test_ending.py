@@ -5,16 +5,19 @@ to be relied on.
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
 from sqlalchemy import update
 
 from app.engine.plant_wide.excerpts import Excerpts
+from app.engine.plant_wide.groups import Candidate
 from app.engine.simulate import SimulatedLoop
 from app.lab.testbench import neighbours
 from app.lab.testbench.neighbours import SOURCE
 from app.services.audit_json.excerpts import by_tag
+from app.services.audit_json.swings import candidates
 from app.services.auditing import ending
 from app.services.auditing.audits import cancel_audit, get_audit, start_audit
 from app.services.auditing.chunks import audit_chunk
@@ -29,7 +32,7 @@ from app.storage.audits import LoopFilter
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import audit_items, newest_rows
-from app.storage.verdicts import ExcerptsRow
+from app.storage.verdicts import ExcerptsRow, SwingRow
 from tests.table_rows import table_page
 
 START_NS = 1_750_000_000_000_000_000
@@ -130,6 +133,31 @@ def test_who_writes_does_not_wait_while_what_is_kept_of_loops_is_unpacked(
     stored(backend, SOURCE, *SHAKEN_LOOPS[:2])
     audited(backend)
     assert parts == [2, 1]
+
+
+def test_what_is_kept_of_op_and_sp_is_gone_before_the_swings_come(
+    backend: Backend, warm_kernels: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a plant each takes tens of megabytes, and a worker's memory is what both took together."""
+    kept: list[ref[Excerpts]] = []
+    swinging: list[int] = []
+
+    def noted(rows: list[ExcerptsRow]) -> dict[str, Excerpts]:
+        found = by_tag(rows)
+        kept.extend(map(ref, found.values()))
+        return found
+
+    def without_them(rows: list[SwingRow]) -> list[Candidate]:
+        assert not any(one() for one in kept)
+        swinging.append(len(rows))
+        return candidates(rows)
+
+    monkeypatch.setattr(ending, "by_tag", noted)
+    monkeypatch.setattr(ending, "candidates", without_them)
+    stored(backend, SOURCE, *SHAKEN_LOOPS[:2])
+    audited(backend)
+    assert swinging == [3]
+    assert len(kept) == 3
 
 
 def test_the_source_and_a_valve_with_a_swing_of_its_own_keep_their_verdicts(plant: Plant) -> None:

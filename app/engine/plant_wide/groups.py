@@ -148,15 +148,19 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class _Waves:
-    """Narrow-band PV of every candidate: values (M, GRID) complex, zero outside of its record. time_s: (M, GRID), the
-    same for all whose records hang together in time; together: (M,) numbers of those. An old record would stretch one
-    grid for all until few points are left of each.
+    """Narrow-band PV of every candidate: values (M, GRID) complex, zero outside of its record. together: (M,) by number
+    those whose records hang together in time, grids_s: (T, GRID) their times. An old record would stretch one grid for
+    all until few points are left of each.
     """
 
-    time_s: FloatArray
+    grids_s: FloatArray
     values: ComplexArray
     inside: BoolArray
     together: IntArray
+
+    def time_s(self, row: int) -> FloatArray:
+        """(GRID,)"""
+        return self.grids_s[self.together[row]]
 
     @cached_property
     def power(self) -> Array32:
@@ -348,15 +352,15 @@ def _waves(swings: Sequence[Swing]) -> _Waves:
     start = np.array([s.start_s for s in swings])
     end = start + np.array([s.length_s for s in swings])
     together = _together(start, end)
-    time_s = np.empty((len(swings), GRID))
-    for number in range(together.max() + 1):
-        mine = together == number
-        time_s[mine] = np.linspace(start[mine].min(), end[mine].max(), GRID, endpoint=False)
-    inside = (time_s >= start[:, None]) & (time_s < end[:, None])
+    all_of = [together == number for number in range(together.max() + 1)]
+    grids_s = np.array([np.linspace(start[own].min(), end[own].max(), GRID, endpoint=False) for own in all_of])
     values = np.zeros((len(swings), GRID), dtype=np.complex64)
+    inside = np.zeros(values.shape, dtype=bool)
     for row, swing in enumerate(swings):
-        values[row, inside[row]] = _wave(swing, time_s[row, inside[row]])
-    return _Waves(time_s, values, inside, together)
+        time_s = grids_s[together[row]]
+        inside[row] = (time_s >= start[row]) & (time_s < end[row])
+        values[row, inside[row]] = _wave(swing, time_s[inside[row]])
+    return _Waves(grids_s, values, inside, together)
 
 
 def _together(start: FloatArray, end: FloatArray) -> IntArray:
@@ -379,7 +383,7 @@ def _wave(swing: Swing, time_s: FloatArray) -> ComplexArray:
 
 def _group(chosen: Sequence[Candidate], waves: _Waves, company: _Company, members: list[int], in_step: bool) -> Group:
     onsets = [_onset_s(waves, row) for row in members]
-    first_s = float(waves.time_s[members, 0].min())
+    first_s = min(float(waves.time_s(row)[0]) for row in members)
     begun = [first_s if onset is None else onset for onset in onsets]
     resolution_s = max(chosen[row].swing.length_s / len(chosen[row].swing.lines) for row in members)
     scores = [
@@ -478,7 +482,7 @@ def _envelope(waves: _Waves, row: int) -> tuple[FloatArray, FloatArray]:
         return np.empty(0), np.empty(0)
     seen = slice(n // 8, n - n // 8)
     height = np.abs(waves.values[row, inside]).astype(np.float64)
-    return height[seen] / np.hanning(n)[seen], waves.time_s[row, inside[seen]]
+    return height[seen] / np.hanning(n)[seen], waves.time_s(row)[inside[seen]]
 
 
 def _lag_s(link: complex, period_s: float) -> float:

@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from app.engine.audit import audit
+from app.engine.plant_wide.cascades import cascades
 from app.engine.plant_wide.excerpts import excerpts_of
 from app.engine.plant_wide.groups import Candidate
 from app.engine.recording import FloatArray, Recording
@@ -269,7 +270,7 @@ def said_beside(seed: int, sticks: bool) -> dict[str, str]:
     }
     swinging = [Candidate(t, a.swing, said[t].stiction_probability) for t, a in audits.items() if a.swing is not None]
     kept = {tag: excerpts for tag, one in records.items() if (excerpts := excerpts_of(one, 0.0)) is not None}
-    heard = hear(said, swinging, kept)
+    heard = hear(said, swinging, cascades(kept))
     doubted = {tag for tag, one in heard.items() if one.doubt is not None}
     return {
         f"{tag}, beside the other": _marked(one.verdict, reliable=one.relied_on and tag not in doubted)

@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from app.engine.plant_wide.cascades import cascades
 from app.engine.plant_wide.excerpts import Excerpts
 from app.json_texts import stored_json
 from app.services.audit_json.excerpts import by_tag
@@ -23,7 +24,7 @@ from app.storage import audits, verdicts
 from app.storage.details import details_of, pack_detail
 from app.storage.unanswered import unanswered, unanswered_before
 from app.storage.verdict_writing import Reworded, reword
-from app.storage.verdicts import ExcerptsRow
+from app.storage.verdicts import ExcerptsRow, SwingRow
 
 AT_ONCE = 250  # verdicts whose details are read together, and are in memory unpacked
 
@@ -84,21 +85,27 @@ def _heard(backend: Backend, audit_id: int) -> list[Reworded]:
 def _told(backend: Backend, audit_id: int) -> list[Reworded]:
     """The verdicts of the run of which other loops tell something."""
     with backend.database.read() as connection:
-        newest, swinging = verdicts.said(connection), verdicts.swings(connection)
+        newest = verdicts.said(connection)
         unmoved = unanswered(connection)
         stood_before = unanswered_before(connection, unknown_since(unmoved))
-    moving = _moving(backend)
-    # Worked out between two looks: who reads keeps writers waiting on SQLite.
     said = {row.tag: Said(row.verdict, row.reliability, row.stiction_probability) for row in newest}
     ids = {row.tag: row.loop_id for row in newest if row.audit_id == audit_id}
     asked = None if len(ids) == len(newest) else ids.keys()
     stated = {row.tag: row.moves_valve for row in newest if row.moves_valve is not None}
     stand = of_plant(unmoved, stood_before)
-    found = hearing.hear(said, candidates(swinging), moving, asked, stated, stand)
-    wanted = sorted((ids[tag], tag) for tag in found if tag in ids)
+    # Worked out between looks: who reads keeps writers waiting on SQLite. What is kept of OP and SP goes before the
+    # swings come: of a plant each takes tens of megabytes.
+    found = cascades(_moving(backend), asked)
+    heard = hearing.hear(said, candidates(_swings(backend)), found, asked, stated, stand)
+    wanted = sorted((ids[tag], tag) for tag in heard if tag in ids)
     parts = (dict(wanted[at : at + AT_ONCE]) for at in range(0, len(wanted), AT_ONCE))
     with backend.database.read() as connection:
-        return [one for some in parts for one in _all_reworded(connection, audit_id, some, found, backend.clock)]
+        return [one for some in parts for one in _all_reworded(connection, audit_id, some, heard, backend.clock)]
+
+
+def _swings(backend: Backend) -> list[SwingRow]:
+    with backend.database.read() as connection:
+        return verdicts.swings(connection)
 
 
 def _moving(backend: Backend) -> dict[str, Excerpts]:
