@@ -234,6 +234,9 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
     options = (
         f"-c statement_timeout={int(statement_timeout_s * 1000)} -c timezone=UTC"
         " -c idle_in_transaction_session_timeout=60000"
+        # Statements that join many tables were compiled for half a second and ran for a tenth: PostgreSQL decides by
+        # what all rows would cost, of which ours look at few.
+        " -c jit=off"
     )
     if not writes:
         options += " -c default_transaction_read_only=on"

@@ -71,6 +71,15 @@ def test_sqlite_is_opened_safely(tmp_path: Path) -> None:
     database.close()
 
 
+def test_no_statement_is_compiled_before_it_runs(database: Database) -> None:
+    """It took longer than most of them run."""
+    if database.is_sqlite:
+        pytest.skip("compiles none")
+    with database.read() as reading, database.write() as writing:
+        told = [connection.exec_driver_sql("SHOW jit").scalar() for connection in (reading, writing)]
+    assert told == ["off", "off"]
+
+
 def test_a_reading_transaction_cannot_write(database: Database) -> None:
     with database.read() as connection, pytest.raises(Exception, match=r"(?i)read-?only"):
         connection.execute(text("DELETE FROM loops"))
