@@ -27,6 +27,8 @@ from app.storage.tables import loops, newest_rows, verdicts
 
 UNJUDGED = ("inconclusive", "not_auditable")
 TEXTS = ("reasons_text", "reasons_text_before", "extra_json", "extra_json_before")
+LOOKED_BACK = 28
+"""Verdicts of a loop among which that of a night before is looked for: four weeks of nights."""
 
 rows = newest_rows
 newest = verdicts.alias("newest")
@@ -174,13 +176,14 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Sec
 
 
 def _before(row: Any, mine: FromClause) -> ScalarSelect[Any]:
-    """The run of the loop's verdict before this one: of the same samples, one is no other night's. mine: an alias of
-    `verdicts` of its own."""
-    earlier = (mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
-    other = mine.c.input_end_ns.is_distinct_from(row.c.input_end_ns)
-    # The last one ends the search: the greatest of all would have a year of nights looked at.
-    query = select(mine.c.audit_id).where(*earlier, other).order_by(mine.c.audit_id.desc()).limit(1)
-    return query.correlate(row).scalar_subquery()
+    """The run of the loop's verdict before this one, of the last LOOKED_BACK: of the same samples, one is no other
+    night's. mine: an alias of `verdicts` of its own."""
+    earlier = select(mine.c.audit_id, mine.c.input_end_ns)
+    earlier = earlier.where(mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
+    # Of loops that get no samples any more, all are of the same ones: there may be years of them.
+    last = earlier.order_by(mine.c.audit_id.desc()).limit(LOOKED_BACK).correlate(row).subquery()
+    other = select(last.c.audit_id).where(last.c.input_end_ns.is_distinct_from(row.c.input_end_ns)).correlate(row)
+    return other.order_by(last.c.audit_id.desc()).limit(1).scalar_subquery()
 
 
 def first_news(verdict_before: Any, verdict: ColumnElement[Any]) -> ColumnElement[bool]:

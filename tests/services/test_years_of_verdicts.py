@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, insert, select, update
 
 from app.engine.codes import UNANSWERED
 from app.services.backend import Backend
@@ -55,10 +55,13 @@ AN_EARLIER_RUN = {
     **{"window_h": 24.0, "window_samples": 1000, "created_at": datetime(2025, 1, 1, tzinfo=UTC)},
 }
 """Leaves the numbers before its own to the nights that are behind."""
+EARLIER = {"verdict": "no_stiction", "likely_cause": UNANSWERED}
+WAVERS = {"verdict": "stiction", "reliability": "not_reliable"}
+"""Of it is asked what the night before said, of other samples."""
 
 
 def _add_nights(backend: Backend, first: int, last: int) -> None:
-    """Runs with these numbers, in each of which every loop has the verdict that it has in the newest run."""
+    """Runs with these numbers, in each of which every loop has a verdict as in the newest run, but that none sticks."""
     with backend.database.write() as connection:
         newest = connection.execute(select(audits).order_by(audits.c.id.desc()).limit(1)).mappings().one()
         day = datetime(2024, 1, 1, tzinfo=UTC)
@@ -66,9 +69,7 @@ def _add_nights(backend: Backend, first: int, last: int) -> None:
         connection.execute(insert(audits), runs)
         said = connection.execute(select(verdicts).where(verdicts.c.audit_id == newest["id"])).mappings().all()
         earlier = [
-            {**row, "audit_id": run["id"], "audited_at": run["created_at"], "likely_cause": UNANSWERED}
-            for run in runs
-            for row in said
+            {**row, "audit_id": run["id"], "audited_at": run["created_at"], **EARLIER} for run in runs for row in said
         ]
         connection.execute(insert(verdicts), earlier)
 
@@ -82,6 +83,8 @@ def years(backend: Backend, add_loops: AddLoops) -> tuple[list[int], int]:
     with backend.database.write() as connection:
         connection.execute(insert(audits), {**AN_EARLIER_RUN, "id": MANY + 1})
     run = audited(backend)
+    with backend.database.write() as connection:
+        connection.execute(update(verdicts).values(**WAVERS))
     _add_nights(backend, 1, SOME)
     return list(ids.values()), run
 
