@@ -35,8 +35,7 @@ class SetApart(NamedTuple):
 
 def of_newest(connection: Connection, old: OldFrom) -> list[SetApart]:
     """Of the newest verdicts of loops in service, by what is written now."""
-    mine = and_(verdicts.c.loop_id == newest_rows.c.loop_id, verdicts.c.audit_id == newest_rows.c.audit_id)
-    return _counted(connection, newest_rows, NEWEST_ROWS.join(verdicts, mine), old, None)
+    return _counted(connection, newest_rows, NEWEST_ROWS, old, None)
 
 
 def of_run(
@@ -62,10 +61,10 @@ def _counted(
     standing = and_(notes.c.repaired_at.is_not(None), stands(notes, until))
     last = select(func.max(notes.c.id).label("id"), notes.c.loop_id).where(standing).group_by(notes.c.loop_id)
     repair = last.subquery("last_repair")
-    source = source.join(audits, audits.c.id == verdicts.c.audit_id)
+    source = source.join(audits, audits.c.id == said.c.audit_id)
     source = source.outerjoin(repair, repair.c.loop_id == loops.c.id).outerjoin(notes, notes.c.id == repair.c.id)
     why: ColumnElement[Any] = case(
-        (judged_before(verdicts, notes.c.repaired_at), "before_repair"), (_of_old_record(old), "old_record")
+        (judged_before(said, notes.c.repaired_at), "before_repair"), (_of_old_record(said, old), "old_record")
     )
     relied = select(loops.c.unit, said.c.verdict, why.label("why")).select_from(source)
     apart = relied.where(said.c.reliability == "reliable", counts).subquery()
@@ -74,7 +73,7 @@ def _counted(
     return [SetApart._make(row) for row in connection.execute(query)]
 
 
-def _of_old_record(old: OldFrom) -> ColumnElement[bool]:
+def _of_old_record(said: FromClause, old: OldFrom) -> ColumnElement[bool]:
     at_work = audits.c.newest_ns >= whole_ms_ns(audits.c.created_at) - old.of_the_past
-    ends = verdicts.c.input_end_ns
+    ends = said.c.input_end_ns
     return and_(at_work, ends >= old.dated, ends < audits.c.newest_ns - old.late)

@@ -299,11 +299,14 @@ newest_rows = Table(
     Column("health", Float),
     Column("before_audit_id", Id),  # of the verdict that this one took the place of; its run may be gone
     Column("verdict_before", Text),
+    Column("audited_at", UtcDateTime),  # of the verdict, which record it is of
+    Column("window_end", UtcDateTime),
+    Column("input_end_ns", BigInteger),
     # What the pages ask of all loops is read from here: 2 MB, not the hundred of rows with their texts.
     Index(
         "ix_newest_rows_board",
         *("loop_id", "audit_id", "verdict", "reliability", "likely_cause", "stiction_probability", "health"),
-        *("verdict_before", "before_audit_id"),
+        *("verdict_before", "before_audit_id", "audited_at", "window_end", "input_end_ns"),
     ),
 )
 

@@ -12,6 +12,9 @@ from app.storage.asked_rows import KEPT
 from app.storage.bulk import Rows, among, columns_of, from_arrays, insert_new_rows
 from app.storage.tables import loops, newest_rows, verdict_details, verdicts
 
+BESIDE = (*KEPT, "audited_at", "window_end", "input_end_ns")
+"""Columns of a verdict that its loop's newest row has too."""
+
 
 @dataclass(frozen=True)
 class NewVerdict:
@@ -66,7 +69,7 @@ def _keep_rows(connection: Connection, new: Sequence[NewVerdict]) -> None:
         v.loop_id: {"loop_id": v.loop_id, "audit_id": v.audit_id}
         | {"form": v.form, "row_json": v.row_json, "figures_json": v.figures_json}
         | {"swing_json": v.swing_json, "excerpts_json": v.excerpts_json}
-        | {name: v.columns[name] for name in KEPT}
+        | {name: v.columns[name] for name in BESIDE}
         for v in sorted(new, key=lambda v: v.loop_id)
     }
     _keep(connection, list(rows.values()))
@@ -107,7 +110,7 @@ def reword(connection: Connection, changed: Sequence[Reworded]) -> None:
 
 
 def _kept(columns: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in columns.items() if name in KEPT}
+    return {name: value for name, value in columns.items() if name in BESIDE}
 
 
 def _rewrite(

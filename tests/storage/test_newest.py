@@ -46,7 +46,7 @@ def said(loop_id: int, audit_id: int, verdict: str, health: float | None, end_ns
         **{"audited_at": now(), "samples": 1, "verdict": verdict, "reliability": "reliable", "health": health},
         **{"engine_version": "", "elapsed_s": 0.0, "input_fingerprint": "", "config_fingerprint": ""},
         **{"reasons": "", "reasons_text": "why", "likely_cause": None, "table2_reading": None},
-        **{"stiction_probability": None, "input_end_ns": end_ns},
+        **{"stiction_probability": None, "window_end": None, "input_end_ns": end_ns},
     }
     swing = json.dumps({"audit": audit_id})
     return NewVerdict(loop_id, audit_id, columns, pack_detail({}), "{}", "{}", "f", swing)

@@ -22,6 +22,7 @@ from sqlalchemy import (
     inspect,
     select,
     text,
+    update,
 )
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.schema import Column
@@ -266,6 +267,25 @@ def test_uploads_that_wait_are_numbered_before_all_that_come(empty: Database) ->
         numbers = connection.scalars(text("SELECT receipt_number FROM uploads ORDER BY id")).all()
         assert (numbers, receipts.next_number(connection)) == ([0, 3, 7, 0], 10)
         assert [receipts.unread_before(connection, number) for number in (10, 7, 3)] == [7, 3, 0]
+
+
+def test_newest_rows_of_before_know_of_which_record_their_verdicts_are(empty: Database) -> None:
+    schema.migrate(empty, "0033")
+    fill(empty)
+    tables = found(empty)
+    said = {"audit_id": 2, "input_end_ns": 77, "window_end": None}
+    with empty.write() as connection:
+        row = {c.name: value(c, 1) for c in tables["verdicts"].columns}
+        connection.execute(insert(tables["verdicts"]), row | said)
+        connection.execute(update(tables["newest_rows"]).values(audit_id=2).where(tables["newest_rows"].c.loop_id == 1))
+    schema.migrate(empty, "0034")
+    rows = found(empty)["newest_rows"]
+    told = (rows.c.loop_id, rows.c.input_end_ns, rows.c.window_end, rows.c.audited_at)
+    with empty.read() as connection:
+        first, second, *_ = connection.execute(select(*told).order_by(rows.c.loop_id)).all()
+    assert first[:3] == (1, 77, None)
+    assert second[1] == 2
+    assert None not in (first.audited_at, second.audited_at, second.window_end)
 
 
 def test_runs_of_before_know_how_far_the_records_of_their_plant_reached(empty: Database) -> None:

@@ -50,13 +50,14 @@ INDEXED = (
 ROWS = """
 INSERT INTO newest_rows (loop_id, audit_id, form, figures_json, verdict, reliability, likely_cause, table2_reading,
     stiction_probability, health, swing_json, row_json,
-    before_audit_id, verdict_before)
+    before_audit_id, verdict_before, audited_at, window_end, input_end_ns)
 SELECT l.id, l.newest_audit_id, t.form, t.figures_json, t.verdict, t.reliability, t.likely_cause, t.table2_reading,
     t.stiction_probability, t.health, t.swing_json, replace(
     replace(t.row_json, '"' || t.tag || '"', '"' || l.tag || '"'),
     '"audit_id":"' || t.audit_id || '"', '"audit_id":"' || l.newest_audit_id || '"'),
-    l.newest_audit_id - 1, t.verdict
-FROM loops l JOIN twin_row t ON t.kind = mod(l.id, (SELECT count(*) FROM twin_row))
+    l.newest_audit_id - 1, t.verdict, a.created_at, t.window_end, t.input_end_ns
+FROM loops l JOIN audits a ON a.id = l.newest_audit_id
+    JOIN twin_row t ON t.kind = mod(l.id, (SELECT count(*) FROM twin_row))
 """
 
 
