@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, Select, Subquery, and_, case, func, select
+from sqlalchemy import ColumnElement, Connection, FromClause, Select, Subquery, and_, case, func, or_, select
 
 from app.nanoseconds import EVER_NS
 from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
 from app.storage.tables import audits, loops, series, uploads, verdicts
 
-earlier_verdict = verdicts.alias("earlier")
+earlier_verdict, given_then = verdicts.alias("earlier"), verdicts.alias("given_then")
+FIRST_FEW = 100
+"""Loops of a run that are asked by themselves whether they were given anything new."""
 
 
 class EndRow(NamedTuple):
@@ -81,17 +83,39 @@ def earlier(
 
 def anything_new(connection: Connection, audit_id: int) -> bool:
     """Whether a loop of this run was given samples that its verdict before was not, or has none before."""
+    of_run = select(verdicts.c.loop_id, verdicts.c.input_end_ns).where(verdicts.c.audit_id == audit_id)
+    # The first few tell after any export; of a night without one all loops are to be asked.
+    return _any_newer(connection, audit_id, of_run.limit(FIRST_FEW)) or _any_newer(
+        connection, audit_id, _newer_than_in_a_run_before(of_run, audit_id)
+    )
+
+
+def _newer_than_in_a_run_before(of_run: Select[Any], audit_id: int) -> Select[Any]:
+    """Without those that the last run before of half as many loops, or more, was given as new ones: two runs are
+    compared in one pass, where each loop's verdict before is a search of its own."""
+    this, earlier = audits.alias("this"), audits.alias("run_before")
+    as_large = (earlier.c.id < audit_id, 2 * earlier.c.total >= this.c.total)
+    run = select(func.max(earlier.c.id)).select_from(earlier.join(this, this.c.id == audit_id)).where(*as_large)
+    mine = and_(given_then.c.loop_id == verdicts.c.loop_id, given_then.c.audit_id == run.scalar_subquery())
+    newer = given_then.c.input_end_ns < func.coalesce(verdicts.c.input_end_ns, -EVER_NS)
+    joined = verdicts.outerjoin(given_then, mine)
+    return of_run.select_from(joined).where(or_(given_then.c.input_end_ns.is_(None), newer))
+
+
+def _any_newer(connection: Connection, audit_id: int, of_run: Select[Any]) -> bool:
+    """Whether one of these verdicts of the run was given more than all before it."""
+    # Apart from what is asked of each: PostgreSQL would ask it of all that are left out as well.
+    these = of_run.cte("these").prefix_with("MATERIALIZED", dialect="postgresql")
     given = (
-        earlier_verdict.c.loop_id == verdicts.c.loop_id,
+        earlier_verdict.c.loop_id == these.c.loop_id,
         earlier_verdict.c.audit_id < audit_id,
         earlier_verdict.c.input_end_ns.is_not(None),
     )
     last = select(earlier_verdict.c.input_end_ns).where(*given).order_by(earlier_verdict.c.audit_id.desc()).limit(1)
     ever = select(func.max(earlier_verdict.c.input_end_ns)).where(*given)
     # The last one leaves few to ask for all before, which is a row a night.
-    newer = and_(_beyond(last), _beyond(ever))
-    query = select(verdicts.c.loop_id).where(verdicts.c.audit_id == audit_id, newer)
-    return connection.scalar(query.limit(1)) is not None
+    newer = and_(_beyond(these, last), _beyond(these, ever))
+    return connection.scalar(select(these.c.loop_id).where(newer).limit(1)) is not None
 
 
 def anything_given(connection: Connection, audit_id: int) -> bool:
@@ -99,11 +123,11 @@ def anything_given(connection: Connection, audit_id: int) -> bool:
     return connection.scalar(select(_ends(audit_id).c.id).limit(1)) is not None
 
 
-def _beyond(before: Select[tuple[int | None]]) -> ColumnElement[bool]:
+def _beyond(said: FromClause, before: Select[tuple[int | None]]) -> ColumnElement[bool]:
     """Whether a verdict was given samples after that time of its loop, or there is no such time, which goes before a
     verdict that was given none."""
-    known = func.coalesce(before.correlate(verdicts).scalar_subquery(), -EVER_NS - 1)
-    return known < func.coalesce(verdicts.c.input_end_ns, -EVER_NS)
+    known = func.coalesce(before.correlate(said).scalar_subquery(), -EVER_NS - 1)
+    return known < func.coalesce(said.c.input_end_ns, -EVER_NS)
 
 
 def _ends(audit_id: int | None) -> Subquery:

@@ -12,6 +12,7 @@ import pytest
 from sqlalchemy import Connection, event
 from zstandard import ZstdError
 
+from app.services.recency import OLD_FROM
 from app.storage import (
     Database,
     arrivals,
@@ -26,6 +27,7 @@ from app.storage import (
     receipts,
     retention,
     series,
+    set_apart,
     standstill,
     unanswered,
     uploads,
@@ -165,7 +167,11 @@ def test_the_whole_table_reads_no_verdict(plant: Connection) -> None:
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
 
 
-@pytest.mark.parametrize("ask", [figures.waiting, verdicts.swings, verdicts.said], ids=["waiting", "swings", "said"])
+@pytest.mark.parametrize(
+    "ask",
+    [figures.waiting, verdicts.swings, verdicts.said, lambda c: set_apart.of_newest(c, OLD_FROM)],
+    ids=["waiting", "swings", "said", "set apart"],
+)
 def test_a_probe_and_the_end_of_a_night_read_no_verdict(database: Database, ask: Callable[[Connection], Any]) -> None:
     told: list[str] = []
     with database.write() as connection:
@@ -182,6 +188,27 @@ def test_what_changed_is_found_without_the_wide_rows(database: Database) -> None
     with database.write() as connection:
         told = _steps(connection, lambda c: changes.since_run(c, 1, 10))
     assert "SCAN newest_rows USING COVERING INDEX ix_newest_rows_board" in told
+
+
+def test_what_is_set_apart_is_counted_without_the_wide_rows(database: Database) -> None:
+    if not database.is_sqlite:
+        pytest.skip("plans of SQLite")
+    with database.write() as connection:
+        told = _steps(connection, lambda c: set_apart.of_newest(c, OLD_FROM))
+    assert [step for step in told if "COVERING INDEX ix_newest_rows_board" in step], told
+
+
+def test_whether_anything_is_new_is_asked_of_few_loops_by_themselves(plant: Connection) -> None:
+    """On a night without an export nothing is; two runs are compared as a whole then."""
+    plant.exec_driver_sql("UPDATE verdicts SET input_end_ns = 1000")
+    walks = [
+        node["Actual Loops"]
+        for plan in _plans(plant, lambda c: arrivals.anything_new(c, NIGHTS), "ANALYZE, ")
+        for node in _nodes(plan)
+        if node.get("Alias", "").startswith("earlier")
+    ]
+    assert walks
+    assert max(walks) <= arrivals.FIRST_FEW
 
 
 def test_tags_are_found_without_comparing_each_with_each(plant: Connection) -> None:
