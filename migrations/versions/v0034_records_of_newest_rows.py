@@ -1,5 +1,7 @@
 """The newest rows know of which record their verdicts are: how many are set apart is asked of one small table."""
 
+from typing import Any
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -8,7 +10,7 @@ down_revision = "0033"
 branch_labels = None
 depends_on = None
 
-COLUMNS = {
+COLUMNS: dict[str, sa.types.TypeEngine[Any]] = {
     "audited_at": sa.DateTime(timezone=True),
     "window_end": sa.DateTime(timezone=True),
     "input_end_ns": sa.BigInteger(),
