@@ -158,6 +158,29 @@ def test_a_full_disk_on_stdout_is_one_sentence_and_2(arguments, recording):
     assert not any("Traceback" in line or "ignored" in line for line in told)
 
 
+def written_as_it_ends(stdout: object) -> subprocess.CompletedProcess[str]:
+    """A command by itself, of which all that it wrote is still to be written when it is done: what is forked ends
+    without the last flush of an interpreter."""
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = in_a_process("--version", stdout=stdout, env=buffered)
+    return subprocess.CompletedProcess(done.args, stderr=done.communicate(timeout=60)[1], returncode=done.returncode)
+
+
+def test_what_found_no_room_is_not_written_once_more_as_the_interpreter_ends():
+    with FULL.open("w") as full:
+        done = written_as_it_ends(full)
+    told = "loopaudit: the results could not be written: No space left on device [output]\n"
+    assert (done.returncode, done.stderr) == (2, told)
+
+
+def test_what_found_no_reader_is_not_written_once_more_as_the_interpreter_ends():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as nobody:
+        done = written_as_it_ends(nobody)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize("form", ["table", "csv", "jsonl"])
 def test_a_full_disk_under_out_is_one_sentence_and_2(form, recording):
     done = forked.run("audit", recording, "--format", form, "--out", FULL, timeout=240)
