@@ -91,3 +91,11 @@ def test_two_lags_that_are_given_are_no_resonance(plant: Plant) -> None:
     given = LinearSimulation(gain=1.45, time_constants_s=(plant.tau, plant.tau2), dead_time_s=THETA)
     answer = explain(Comparison("lags", TS, 40.0 + u, pv, simulation=given))
     assert not any("process.resonance" in (effect.code, *effect.alternatives) for effect in answer.effects)
+
+
+def test_poles_that_are_complex_but_do_not_swing_are_one_lag_more() -> None:
+    u = moves()
+    pv = 50.0 + 1.4 * second_order(late(u), 25.0, 0.85) + noise()
+    answer = explain(Comparison("lags", TS, 40.0 + u, pv, simulation=GIVEN))
+    assert [effect.code for effect in answer.effects] == ["process.extra_lag"]
+    assert "process.resonance" not in answer.effects[0].alternatives
