@@ -120,6 +120,12 @@ GOOD = {
 }
 
 
+def test_plants_that_run_close_to_each_other(read: Read) -> None:
+    """Apart by a hundredth of what their signals reach over: more than any rounding."""
+    near = NOISE[0] + 0.01 * np.ptp(NOISE[0], axis=1, keepdims=True)
+    refused(read, text("Plant,Tag,Time,Value", long(PLACES["words"], lambda s, k: near[s, k])))
+
+
 @pytest.mark.parametrize("case", GOOD)
 def test_what_comes_again_is_no_other_plant(read: Read, case: str) -> None:
     name, words, later, second = GOOD[case]
