@@ -107,3 +107,12 @@ def test_rows_of_codes_alone_are_judged_by_the_rows_before(read: Read) -> None:
     content = read(table("wide", values), options=IngestOptions(chunk_bytes=300))
     assert missing(content) == list(range(40, 80))
     assert content.rejects.counts["sentinel"] == 40
+
+
+def test_rows_of_codes_alone_are_judged_by_the_rows_behind_them(read: Read) -> None:
+    """A set point may stand on such a number, and is known not to from the first value that is far away."""
+    values = ["32767"] * 40 + around(50, 5, 60)
+    text = table("wide", values).replace("A.OP", "A.PV2").replace("A.PV,", "A.SP,").replace("A.PV2", "A.PV")
+    content = read(text, options=IngestOptions(chunk_bytes=300))
+    assert np.flatnonzero(np.isnan(content.loops["A"].sp)).tolist() == list(range(40))
+    assert (content.rejects.counts["sentinel"], content.summary.values_kept) == (40, 160)
