@@ -86,8 +86,9 @@ def test_hundreds_of_them_below_the_names_or_above_are_passed_over(
     assert [(reject.line, reject.code) for reject in content.rejects.listed] == [(line, "bad_time")]
 
 
-def test_the_line_of_units_below_them_is_told(read: Read) -> None:
-    content = read(100 * "\n" + HEADER + ",t/h,%\n" + "".join(map(row, range(50))))
+@pytest.mark.parametrize("text", [100 * "\n" + HEADER, HEADER + 100 * "\n"], ids=["below the names", "below blanks"])
+def test_the_line_of_units_below_them_is_told(read: Read, text: str) -> None:
+    content = read(text + ",t/h,%\n" + "".join(map(row, range(50))))
     assert any("line 102 was read as units" in note for note in content.summary.notes)
 
 
