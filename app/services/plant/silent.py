@@ -86,4 +86,4 @@ def _stopped(loop: int, end_ns: int, plant_ns: int, ends: Ends, middles: Mapping
     before = [lag for end, lag in lags if end < end_ns]
     last = [lag for end, lag in lags if end == end_ns]
     usual = [*before, *([min(last)] if last else [])]
-    return bool(usual) and plant_ns - end_ns > max(0, *usual) + span_ns(STOPPED)
+    return bool(usual) and plant_ns - end_ns > max(usual) + span_ns(STOPPED)
