@@ -11,10 +11,12 @@ from app.services.auditing.nightly import nightly
 from app.services.backend import Backend
 from app.services.digests.making import digest_of, run_to_tell
 from app.services.digests.telling import as_text
+from app.services.moments import UTC_CLOCK
 from app.services.plant import changes, worst
 from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health
 from app.services.telling.wording import headline, probability
+from app.storage.changes import ChangedRow, SecondNight
 from app.storage.tables import audits, newest_rows
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
 from tests.services.conftest import START_NS
@@ -109,12 +111,15 @@ def test_valves_that_are_newly_said_to_stick_are_told_before_worse_loops(
 ) -> None:
     ids, first = two_runs
     second = int(loop_health(backend, "B")["audit_id"])
-    for tag, now, was, health in (("B", "stiction", "no_stiction", 60.0), ("C", "inconclusive", "stiction", 5.0)):
+    worse = (("C", "inconclusive", "stiction", 5.0), ("D", "inconclusive", "stiction", 4.0))
+    for tag, now, was, health in (("B", "stiction", "no_stiction", 60.0), *worse):
         rewrite(backend, second, ids[tag], verdict=now, reliability="reliable", health=health)
         rewrite_newest(backend, ids[tag], verdict=now, reliability="reliable", health=health)
         rewrite(backend, first, ids[tag], verdict=was)
-    assert [change.loop for change in changes.changes(backend).rows] == ["B", "C"]
-    assert [change.loop for change in changes.changes(backend, 1).rows] == ["B"]
+    assert [change.loop for change in changes.changes(backend).rows] == ["B", "D", "C"]
+    told = changes.changes(backend, 1)
+    assert ([change.loop for change in told.rows], told.more) == (["B"], True)
+    assert not changes.changes(backend, 3).more
 
 
 def test_what_wavered_is_news_where_it_stands_for_a_second_night(
@@ -330,3 +335,46 @@ def test_a_change_of_what_can_be_audited_names_the_cause(
     measured = probability(loop_health(backend, "B")["stiction_probability"])
     told = because.format(before=measured, now=measured)
     assert (found["B"].why, found["B"].because) == (why, told)
+
+
+def turned(**told: object) -> ChangedRow:
+    """A loop whose verdict has become another one, of a record like that of before."""
+    edge: dict[str, object] = dict.fromkeys(ChangedRow._fields[:-4])
+    edge |= {"tag": "A", "verdict_before": "no_stiction", "verdict": "stiction", "reliability": "not_reliable"}
+    edge |= {"reasons": "shape_x", "reasons_before": "shape_x", "probability": 0.55, "probability_before": 0.5}
+    edge |= {"engine_changed": False, "config_changed": False}
+    return ChangedRow(**edge | {"filled_more": 0.0, "samples_ratio": 1.0, "interval_ratio": 1.0} | told)
+
+
+RECORD_CHANGED = "the record changed (gaps, length or sampling)"
+
+
+@pytest.mark.parametrize(
+    ("told", "because"),
+    [
+        ({"filled_more": 0.06}, RECORD_CHANGED),
+        ({"filled_more": 0.04}, ""),
+        ({"samples_ratio": 0.79}, RECORD_CHANGED),
+        ({"samples_ratio": 0.81}, ""),
+        ({"samples_ratio": 1.26}, "more data than before"),
+        ({"samples_ratio": 1.24}, ""),
+        ({"interval_ratio": 1.02}, RECORD_CHANGED),
+        ({"interval_ratio": 1.005}, ""),
+    ],
+)
+def test_how_far_a_record_must_differ_to_be_why(told: dict[str, float], because: str) -> None:
+    change = changes.change_of(turned(**told, probability=None), UTC_CLOCK)
+    loop = "what was seen differs a little from the previous record"
+    assert (change.why, change.because) == (("data", because) if because else ("loop", loop))
+
+
+def test_a_pv_that_answers_no_more_is_news_though_its_probability_has_not_moved() -> None:
+    told = {"verdict": "inconclusive", "likely_cause": "stuck_valve_or_dead_transmitter"}
+    assert changes.kind_of(turned(**told)) == "flipped"
+    assert changes.kind_of(turned(verdict="inconclusive")) == "wavers"
+
+
+def test_of_a_loop_that_changed_since_the_second_night_the_change_alone_is_told() -> None:
+    night = SecondNight(turned(), 0.55)
+    assert [one.loop for one in changes.second_night([night], [], UTC_CLOCK)] == ["A"]
+    assert changes.second_night([night], [turned(verdict="no_stiction")], UTC_CLOCK) == []

@@ -117,6 +117,13 @@ def test_what_moved_is_told_in_the_figures_that_are_stored():
     assert moved(changed(STANDS, STANDS)).startswith("PV stands still while OP moves, then follows it, for 60 % of the")
 
 
+@pytest.mark.parametrize(("before", "tells"), [(0.88, True), (0.9, False)])
+def test_of_a_probability_that_hardly_moved_no_evidence_is_why(before, tells):
+    row = changed(STANDS, CLEARED)
+    row.probability_before = before
+    assert bool(moved(row)) is tells
+
+
 def test_what_speaks_against_a_verdict_is_no_news_of_it():
     assert moved(changed(CLEARED, STANDS)) == "probability 0.10 -> 0.99"
 
