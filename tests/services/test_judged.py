@@ -69,6 +69,8 @@ def test_it_is_what_changed(backend: Backend, left: tuple[int, int]) -> None:
     assert [one.loop for one in changes.changes(backend).to_manual] == ["A"]
     third = run(backend, start_audit(backend).id)
     assert to_manual(backend, third) == []  # news once
+    record(backend, loop_id_of(backend, "A"), 500, 100, 0.0)
+    assert to_manual(backend, run(backend, start_audit(backend).id)) == []  # though it goes on in manual
     with backend.database.write() as connection:
         connection.execute(update(loops).where(loops.c.tag == "A").values(retired=True))
     assert to_manual(backend, left[1]) == []

@@ -27,6 +27,7 @@ from app.storage import series
 from app.storage.samples import Samples
 from app.storage.series import Stretch
 from app.storage.tables import newest_rows, verdicts
+from tests.services.audited_plant import rewrite
 
 START = datetime(2026, 3, 1, 6, tzinfo=UTC)
 REPAIRED = START + timedelta(hours=2)
@@ -292,6 +293,26 @@ def test_what_may_not_have_helped_is_looked_at_first() -> None:
 )
 def test_what_a_repair_came_to(before: str | None, now: str | None, reliable: bool, outcome: str) -> None:
     assert repaired._outcome(repaired.Said(before), repaired.Said(now), reliable=reliable) == outcome
+
+
+def test_a_pv_that_answers_no_more_since_its_repair_does_not_say_that_the_repair_was_in_vain() -> None:
+    dead = repaired.Said("inconclusive", UNANSWERED)
+    assert repaired._outcome(repaired.Said("stiction"), dead, reliable=False) == "open"
+    assert repaired._outcome(dead, dead, reliable=False) == "unanswered"
+
+
+def test_repairs_that_did_not_help_are_listed_first(backend: Backend, add_loops, monkeypatch) -> None:
+    ids = add_loops("A", "B", "C", "D", n=150)
+    run = int(audits.start_audit(backend).id)
+    chunks.audit_chunk(backend, run, "w")
+    said = {"A": ("no_stiction", "reliable"), "C": ("inconclusive", "not_reliable"), "D": ("stiction", "reliable")}
+    for tag, (verdict, relied_on) in said.items():
+        notes.add_note(backend, tag, "packing renewed", repaired_at=datetime(2025, 6, 1, tzinfo=UTC))
+        told = {"verdict": verdict, "reliability": relied_on, "likely_cause": None}
+        rewrite(backend, run, ids[tag], **told)
+    notes.add_note(backend, "B", "packing renewed", repaired_at=datetime.now(UTC))
+    listed = [(tag, outcome) for tag, outcome, *_ in fortnight(backend, monkeypatch)]
+    assert listed == [("D", "sticks"), ("C", "open"), ("A", "clean"), ("B", "waiting")]
 
 
 def unanswered(backend: Backend, run: str | None = None) -> None:
