@@ -194,6 +194,7 @@ def test_the_age_of_one_loop() -> None:
 
     assert newest_in_words(None, UTC_CLOCK) == ""
     assert told(timedelta(days=1)) == ""
+    assert told(timedelta(seconds=30)) == told(timedelta(minutes=-30)) == ""
     assert told(LATE + timedelta(hours=1)) == ", 2 days ago"
     assert told(timedelta(hours=-24)) == ", ahead of the clock: is its time zone right?"
     assert newest_in_words("1970-01-01T00:16:39Z", UTC_CLOCK).startswith("time of day not known")

@@ -39,6 +39,26 @@ def test_a_night_without_new_samples_is_marked(backend: Backend, add_loops: AddL
     assert found[2].words == "2026-03-03 valve sticks (rely on it, nothing new was recorded)"
 
 
+def test_another_verdict_of_the_same_samples_is_marked_as_what_it_says(backend: Backend, add_loops: AddLoops) -> None:
+    """As where a repair was written down, or the method changed."""
+    add_loops("A")
+    for day, verdict in enumerate(("stiction", "no_stiction", "no_stiction")):
+        audited(backend, FIRST + timedelta(days=day), fresh=False, verdict=verdict, reliability="reliable")
+    assert [night.mark for night in nights(backend, ["A"])["A"]] == ["S", "–", "="]
+
+
+def test_a_night_that_was_caught_up_stands_where_it_was_said(backend: Backend, add_loops: AddLoops) -> None:
+    add_loops("A", n=120)
+    for day in range(2):
+        audited(backend, FIRST + timedelta(days=day), verdict="no_stiction", reliability="reliable")
+    audited(backend, FIRST + timedelta(days=1, hours=5), verdict="stiction", reliability="reliable")
+    with backend.database.write() as connection:
+        last = audits.c.created_at == FIRST + timedelta(days=1, hours=5)
+        connection.execute(update(audits).where(last).values(nightly_for="2026-02-28"))
+    told = [(night.date, night.mark) for night in nights(backend, ["A"])["A"]]
+    assert told == [("2026-03-01", "–"), ("2026-03-02", "–"), ("2026-02-28", "S")]
+
+
 def test_a_loop_without_a_verdict_has_no_nights(backend: Backend, add_loops: AddLoops) -> None:
     add_loops("A")
     assert nights(backend, ["A", "unknown"]) == {}

@@ -80,6 +80,7 @@ def test_it_is_told_no_more_once_it_came_and_was_not_before(backend: Backend, ni
         pytest.param([night(1, E=0), night(2, E=1), night(3, E=2)], id="always a day late"),
         pytest.param([night(1), night(2, E=1), night(3), night(4, E=3)], id="every other day"),
         pytest.param([night(3, E=2.6)], id="some hours"),
+        pytest.param([night(3, E=2)], id="a day late when it was first heard of"),
         pytest.param([night(5), night(6, C=5, D=5, E=5)], id="half of the plant did not come"),
     ],
 )
