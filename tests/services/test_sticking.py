@@ -25,6 +25,7 @@ def test_all_of_them_are_listed_with_what_a_work_order_needs(backend: Backend, a
     assert (found.units[0][1][0].row["description"], found.units[0][1][0].row["work_order"]) == ("Reflux", "WO-7")
     assert found.more == 2
     assert sticking(backend, shelf(backend), 3, most=1).more == 2
+    assert sticking(backend, shelf(backend), 2).more == 0, "one more came to stick since they were counted"
     html = plant_report(backend)
     assert "U1: 2</h3>" in html
     assert "WO-7" in html

@@ -23,7 +23,7 @@ from app.services.plant.listing import listing
 from app.services.plant.loop_sheet import loop_sheet
 from app.services.plant.loop_verdicts import loop_health, verdict_detail
 from app.services.plant.reliability import in_parts
-from app.services.plant.stood_together import as_one
+from app.services.plant.stood_together import _listed_alike, as_one
 from app.services.plant.work_list import Work, work_list
 from app.services.plant.worst import listed_first, look_today, worst_tags
 from app.services.reports.documents import loop_report, plant_report
@@ -33,7 +33,7 @@ from app.services.telling.next_steps import Ask
 from app.services.telling.wording import UNANSWERED
 from app.storage.audits import LoopFilter
 from app.storage.tables import newest_rows, verdicts
-from app.storage.unanswered import unanswered
+from app.storage.unanswered import StoodRow, unanswered
 from tests.services.audited_plant import rewrite, rewrite_newest
 from tests.services.kept_rows import made_once
 from tests.services.standing_plant import SAMPLES, later, stored
@@ -323,6 +323,19 @@ def test_groups_that_one_run_tells_apart_stay_apart(plant: Backend) -> None:
             changed = update(verdicts).where(verdicts.c.loop_id == row.loop_id)
             connection.execute(changed.values(extra_json=json.dumps(extra)))
     assert sorted(one.loops for one in as_one(plant).by_tag.values()) == [("D0", "D1"), ("D2", "D3")]
+
+
+def test_what_another_run_tells_is_of_a_group_up_to_where_the_last_of_it_came_to_stand() -> None:
+    """Loops may follow one another for longer than half an hour."""
+
+    def stood(number: int, run: int, since: str, together: str) -> StoodRow:
+        told = {"unanswered_since": f"2026-03-01T{since}:00Z", "stood_together_since": f"2026-03-01T{together}:00Z"}
+        return StoodRow(number, f"D{number}", None, None, run, 60.0, json.dumps(told))
+
+    rows = [stood(1, 1, "06:00", "06:00"), stood(2, 1, "07:00", "06:00")]
+    rows += [stood(3, 2, "06:50", "06:50"), stood(4, 2, "07:05", "06:50")]
+    rows += [stood(5, 3, "07:10", "07:10"), stood(6, 3, "07:12", "07:10")]
+    assert [[row.id for row in group] for group in _listed_alike(rows, None)] == [[1, 2, 3, 4], [5, 6]]
 
 
 def test_without_the_others_its_verdict_is_the_same_and_retired_loops_are_not_heard(plant: Backend) -> None:

@@ -6,9 +6,14 @@ from sqlalchemy import update
 from app.services.auditing.audits import start_audit
 from app.services.auditing.chunks import audit_chunk
 from app.services.moments import UTC_CLOCK
+from app.services.plant import work_list
+from app.services.plant.listing import listing
 from app.services.plant.nights import NIGHTS, Night, Onset, onsets
+from app.services.plant.repaired import Repairs, RepairView
 from app.services.plant.work_list import _since, _size
+from app.services.telling.wording import UNANSWERED
 from app.storage.tables import verdicts
+from tests.services.audited_plant import audited, rewrite, rewrite_newest
 
 
 def row(verdict="stiction", **told):
@@ -124,3 +129,43 @@ def test_the_onset_is_that_of_the_first_verdict_after_another_one(backend, add_l
         connection.execute(update(verdicts).where(verdicts.c.loop_id == ids["B"]).values(verdict="no_stiction"))
     assert onsets(backend, ["A", "B"]) == {"A": Onset("2026-03-03T00:22:00Z", True, False)}
     assert onsets(backend, ["A"], until=1) == {"A": Onset("2026-03-01T00:01:00Z", True, True)}
+
+
+def listed(backend, most):
+    return [one.loop for one in work_list.work_list(backend, listing(backend), most)]
+
+
+def said_of(backend, ids, run, told):
+    for tag, values in told.items():
+        for write in (rewrite_newest, lambda backend, loop, **values: rewrite(backend, run, loop, **values)):
+            write(backend, ids[tag], **values)
+
+
+@pytest.fixture
+def sticking(backend, add_loops):
+    """A, B and C stick, to be relied on, and the first is the worst: their ids and run."""
+    ids, run = add_loops("A", "B", "C", n=150), audited(backend)
+    sticks = {"verdict": "stiction", "reliability": "reliable"}
+    said_of(backend, ids, run, {tag: sticks | {"health": 10.0 * k} for k, tag in enumerate("ABC", 1)})
+    return ids, run
+
+
+def test_what_a_repair_did_not_help_stands_first_and_takes_no_place_from_the_others(backend, sticking, monkeypatch):
+    failed = RepairView("A", None, "2026-03-01T00:00:00Z", "sticks", "stiction", "stiction", "reliable")
+    monkeypatch.setattr(work_list, "repairs", lambda *_: Repairs([failed], more=False))
+    assert listed(backend, 2) == ["A", "B"]
+    assert listed(backend, 3) == ["A", "B", "C"]
+
+
+def test_what_wants_a_look_today_begins_with_the_newest_and_leaves_room(backend, sticking, add_loops, monkeypatch):
+    monkeypatch.setattr(work_list, "MOST_TODAY", 2)
+    ids = add_loops("D", "E", "F", n=150)
+    run = audited(backend)
+    dead = {"verdict": "not_auditable", "likely_cause": UNANSWERED, "reliability": "not_reliable"}
+    for tag, day in {"D": 1, "E": 3, "F": 2}.items():
+        since = f'{{"unanswered_since":"2026-03-0{day}T00:00:00Z"}}'
+        said_of(backend, ids, run, {tag: dead})
+        rewrite(backend, run, ids[tag], extra_json=since)
+    sticks = {"verdict": "stiction", "reliability": "reliable"}
+    said_of(backend, sticking[0], run, {tag: sticks | {"health": 10.0 * k} for k, tag in enumerate("ABC", 1)})
+    assert listed(backend, 4) == ["E", "F", "A", "B"]
