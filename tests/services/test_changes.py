@@ -145,6 +145,7 @@ def test_what_wavered_is_news_where_it_stands_for_a_second_night(
     assert [row.loop for row in changes.changes(backend).rows if row.kind == "new" and row.loop == "C"] == []
     sticks = {"verdict": "stiction", "reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
     rewrite(backend, fourth, ids["B"], input_end_ns=START_NS + 4, **sticks)
+    assert "B" not in [one.loop for one in digest_of(backend, str(fourth)).changes], "it is the third night"
     rewrite(backend, third, ids["B"], input_end_ns=START_NS + 2)
     assert "B" not in [one.loop for one in digest_of(backend, str(third)).changes], (
         "nothing was recorded for a second night"
@@ -378,3 +379,15 @@ def test_of_a_loop_that_changed_since_the_second_night_the_change_alone_is_told(
     night = SecondNight(turned(), 0.55)
     assert [one.loop for one in changes.second_night([night], [], UTC_CLOCK)] == ["A"]
     assert changes.second_night([night], [turned(verdict="no_stiction")], UTC_CLOCK) == []
+
+
+def test_another_verdict_without_a_known_cause_is_news_though_neither_judges(
+    backend: Backend, two_runs: tuple[dict[str, int], int]
+) -> None:
+    ids, first = two_runs
+    rewrite(backend, first, ids["B"], verdict="inconclusive", likely_cause=None)
+    now = {"verdict": "not_auditable", "likely_cause": None}
+    rewrite(backend, first + 1, ids["B"], **now)
+    rewrite_newest(backend, ids["B"], **now)
+    assert [change.loop for change in changes.changes(backend).rows] == ["B"]
+    assert [change.loop for change in digest_of(backend, str(first + 1)).changes] == ["B"]
