@@ -125,6 +125,14 @@ def test_claims_of_one_owner_hold_by_the_attempt_of_each(database: Database, run
         assert items.hand_back(connection, held) == 0
 
 
+def test_loops_that_nobody_began_are_as_if_nobody_had_claimed_them(database: Database, run: int) -> None:
+    """Not tried, so that they are claimed together, and no worker is lost by them."""
+    held = claim(database, run, "a", 20)
+    with database.write() as connection:
+        assert items.hand_back(connection, held) == 20
+    assert claim(database, run, "b", 20) == [replace(one, owner="b") for one in held]
+
+
 def test_lost_workers_are_counted_by_run(database: Database, run: int) -> None:
     """Those too of which all loops are given up; each once, whatever it held."""
     with database.write() as connection:
@@ -187,6 +195,24 @@ def test_a_cancelled_run_gives_out_nothing(database: Database, run: int) -> None
         assert audits.by_id(connection, run).state == "cancelled"
     assert claim(database, run, "b", 5) == []
     assert progress(database, run) == Progress(cancelled=20)
+
+
+def test_what_was_called_off_is_told_behind_what_failed_and_of_a_loop_not_at_all(database: Database, run: int) -> None:
+    with database.write() as connection:
+        last = items.claim(connection, run, "a", 20, 60.0)[-1]
+        items.fail(connection, [Failure(last, "fault", "it broke")])
+        audits.cancel(connection, run)
+        assert [one.code for one in items.failures(connection, run, 2)] == ["fault", items.CANCELLED]
+        assert items.newest_failure(connection, last.loop_id, 0) == (run, "it broke")
+        assert items.newest_failure(connection, last.loop_id, run) is None
+        assert items.newest_failure(connection, last.loop_id - 1, 0) is None
+
+
+def test_of_a_reason_without_an_end_the_beginning_is_kept(database: Database, run: int) -> None:
+    with database.write() as connection:
+        (held,) = items.claim(connection, run, "a", 1, 60.0)
+        items.fail(connection, [Failure(held, "fault", 5000 * "x")])
+        assert [one.text for one in items.failures(connection, run, 2)] == [2000 * "x"]
 
 
 def test_the_progress_of_several_runs_is_told_apart(database: Database, run: int) -> None:

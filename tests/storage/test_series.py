@@ -179,6 +179,27 @@ def test_whatever_is_read_first_the_one_that_was_received_later_holds(database: 
             assert all(np.array_equal(whole.signals[name], held.signals[name], equal_nan=True) for name in held.signals)
 
 
+def test_two_that_are_read_at_the_same_time_take_no_key_from_each_other(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the first one said, the second corrected and the third said again: the third holds, though it found nothing
+    stored under its key when it looked."""
+    monkeypatch.setattr(series, "_known", lambda *_: {})
+    add_as(database, "FIC1", ramp(0, 10), Place(1))
+    add_as(database, "FIC1", ramp(0, 10), Place(3, unread_before=2))
+    add_as(database, "FIC1", ramp(0, 10, offset=0.5), Place(2))
+    assert window(database, "FIC1").signals["pv"].tolist() == list(range(10))
+
+
+def test_pieces_of_a_time_lie_within_it_and_are_cut_once_at_a_place(database: Database) -> None:
+    for number, (first, last) in enumerate(((0, 100), (10, 90), (60, 120), (60, 130)), 1):
+        add_as(database, "FIC1", ramp(first, last, offset=number), Place(number))
+    start, cut, end = ((START + second) * SECOND for second in (50, 60, 125))
+    with database.read() as connection:
+        assert series.pieces(connection, 1, start, end, 1) == [(start, cut - 1), (cut, end)]
+        assert series.pieces(connection, 1, start, end, 10**6) == [(start, end)]
+
+
 def test_the_set_point_that_was_received_later_held_before_the_window(database: Database) -> None:
     """Though its stretch was stored first. Of the other one a sample is stored that it does not have."""
     add_as(database, "FIC1", steps("sp", (-9000, 2.0)), Place(2, 1))
