@@ -482,6 +482,8 @@ def test_the_newest_sample_that_is_not_ahead_of_the_clock(database: Database) ->
             told = (connection, loop.id, loop.newest_ns)
             assert series.newest_before(*told, UNTIL_NS) == (START + newest) * SECOND
             assert series.newest_before(*told, loop.newest_ns) == loop.newest_ns
+            until = {"FIC1": 2000, "FIC2": newest, "FIC3": 1999}[tag]  # itself, where there is a sample of that time
+            assert series.newest_before(*told, (START + 2000) * SECOND) == (START + until) * SECOND
     damage(database, "FIC1", (START + 2000) * SECOND)
     with database.read() as connection:
         assert series.newest_before(connection, 1, (START + STRAY) * SECOND, UNTIL_NS) == (START + 1999) * SECOND
