@@ -15,6 +15,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from starlette.exceptions import HTTPException
 
 from app.http import bodies, connections, crowding, receiving
 from app.main import create_app
@@ -74,6 +75,36 @@ def test_a_sender_that_trickles_is_turned_away_at_the_deadline(client, settings)
     answer = slowly(client, head("/v1/uploads", 1000), [b"x"] * 30, 0.1)
     assert answer.startswith(b"HTTP/1.1 408 ")
     assert not list(settings.uploads_dir.iterdir())
+
+
+def test_parts_that_come_in_time_do_not_move_the_deadline():
+    async def trickle():
+        await asyncio.sleep(0.02)
+        return {"type": "http.request", "body": b"x", "more_body": True}
+
+    async def taken() -> None:
+        receive = bodies.timely(trickle, idle_s=10.0, deadline_s=0.2)
+        for _ in range(100):
+            await receive()
+
+    with pytest.raises(HTTPException) as refused:
+        asyncio.run(taken())
+    assert refused.value.status_code == 408
+
+
+def test_a_body_without_a_length_may_be_as_long_as_the_limit_and_no_longer():
+    async def part():
+        return {"type": "http.request", "body": b"1234", "more_body": True}
+
+    async def taken(limit: int) -> None:
+        receive = bodies.counted(part, limit)
+        for _ in range(2):
+            await receive()
+
+    asyncio.run(taken(8))
+    with pytest.raises(HTTPException) as refused:
+        asyncio.run(taken(7))
+    assert refused.value.status_code == 413
 
 
 def test_above_the_limit_uploads_are_asked_to_come_again_and_others_go_on(client):
@@ -160,6 +191,17 @@ def test_slow_logins_of_one_address_shut_out_neither_the_styles_nor_the_other_ad
     finally:
         for connection in held:
             connection.close()
+
+
+def test_addresses_that_have_been_answered_are_not_kept(settings):
+    async def answered(*_) -> None:
+        return
+
+    crowd = crowding.LimitCrowd(answered, settings)
+    for number in range(20):
+        asked = {"type": "http", "method": "GET", "path": "/login", "client": (f"10.0.{number}.1", 80)}
+        asyncio.run(crowd(asked, answered, answered))
+    assert not crowd._of_address
 
 
 def test_a_login_has_few_bytes(client):

@@ -5,12 +5,14 @@ import signal
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import httpx
 import pytest
 from fastapi.concurrency import run_in_threadpool
 
 from app import main
+from app.http import probing
 from app.http.probing import Probe
 from app.main import create_app
 from app.services.upkeep.tables import migrate
@@ -100,6 +102,31 @@ def test_what_does_not_answer_is_not_waited_for_and_asked_once() -> None:
 
     asyncio.run(impatient())
     assert len(asked) == 1
+
+
+def test_an_answer_of_long_ago_is_not_given_while_the_next_is_awaited(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, goes_on = 1000.0, threading.Event()
+    monkeypatch.setattr(probing, "time", SimpleNamespace(monotonic=lambda: now_s))
+    asked: list[int] = []
+
+    def hang_later() -> str:
+        asked.append(1)
+        if len(asked) > 1:
+            goes_on.wait(30)
+        return "ready"
+
+    async def asks() -> None:
+        nonlocal now_s
+        probe = Probe(hang_later, 1.0, late="no answer", patience_s=0.05)
+        assert await probe.found() == "ready"
+        now_s += probing.LONGEST_KEPT_S - 1.0
+        assert await probe.found() == "ready"
+        now_s += 2.0
+        assert await probe.found() == "no answer"
+        goes_on.set()
+
+    asyncio.run(asks())
+    assert len(asked) == 2
 
 
 def test_requests_that_take_all_threads_keep_no_probe_waiting() -> None:
