@@ -37,7 +37,8 @@ def test_other_sites_change_nothing_even_where_no_key_is_asked(open_client, head
 
 def test_own_pages_and_other_programs_do(open_client):
     own = {"Origin": str(open_client.base_url).rstrip("/"), "Sec-Fetch-Site": "same-origin"}
-    for headers in ({}, own):
+    by_origin = [{"Origin": own["Origin"]}, {"Origin": "http://LOCALHOST:1", "Host": "localhost:1"}]  # all they say
+    for headers in ({}, own, *by_origin):
         assert open_client.post("/v1/audits", json={}, headers=headers).status_code == 202
 
 
@@ -49,7 +50,9 @@ def test_a_name_that_others_may_point_at_us_is_refused(open_client, host):
     assert (answer.status_code, answer.json()["code"]) == (421, "host_not_allowed")
 
 
-@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8000", "127.0.0.1", "[::1]:8000", "127.8.0.1"])
+@pytest.mark.parametrize(
+    "host", ["localhost", "LOCALHOST:8000", "localhost.:8000", "127.0.0.1", "[::1]:8000", "127.8.0.1"]
+)
 def test_names_of_this_machine_are_taken(open_client, host):
     assert open_client.get("/v1/loops", headers={"Host": host}).status_code == 200
 

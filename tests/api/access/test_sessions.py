@@ -1,9 +1,11 @@
 """Sessions of people: login, cookies, the token of their forms, and when they end."""
 
+import asyncio
 from datetime import timedelta
 
 import pytest
 
+from app.http import forms
 from app.services.access import authentication, keys
 from app.services.access.identity import Role
 from app.storage import keys as stored_keys
@@ -66,6 +68,16 @@ def test_a_form_carries_the_token_and_its_body_arrives_whole(browser, texts):
     answer = browser.post("/v1/uploads", data={"csrf_token": token}, files=file)
     assert answer.status_code == 202, answer.text
     assert answer.json()["size_bytes"] == 11 + 6 * 20_000
+
+
+def test_of_a_long_body_no_more_than_its_beginning_is_held():
+    parts = iter(range(100))
+
+    async def receive():
+        return {"type": "http.request", "body": bytes(forms.LOOKED_AT_BYTES // 4), "more_body": next(parts) < 99}
+
+    messages = asyncio.run(forms.beginning(receive))
+    assert (len(messages), next(parts)) == (4, 4)
 
 
 @pytest.mark.parametrize("token", ["", "x", "a" * 44, "é" * 43, "a" * 42 + "!"])

@@ -59,6 +59,12 @@ def test_a_body_arrives_whole_and_the_trail_has_the_address(client, backend, tex
     assert (row.subject, row.outcome) == (answer.headers["location"], "done")
 
 
+def test_an_encoded_slash_at_the_end_is_of_the_tag(client, texts):
+    problem = client.get("/v1/loops/FIC1%2F", headers=bearer(texts[Role.read])).json()
+    assert problem["code"] == "unknown_loop"
+    assert "'FIC1/'" in problem["detail"]
+
+
 def test_files_figures_probes_and_what_is_no_address(client, texts, caplog):
     assert client.get("/static/loopaudit.css/").headers["cache-control"] == "no-cache"
     assert client.get("/static/").status_code == client.get("/static//").status_code == 404

@@ -107,3 +107,20 @@ def test_wrong_keys_from_one_address_are_slowed_down_and_good_ones_are_not(serve
         assert [answer.status_code for answer in answers] == [401] * 20 + [429] * 5
         assert answers[-1].headers["retry-after"]
         assert client.get("/v1/loops", headers=bearer(texts[Role.read])).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("run-812.night_2", True),
+        ("x" * 64, True),
+        ("x" * 65, False),
+        ("too-few", False),
+        ("run-812.night\t2", False),
+        ("run-812.night status=200", False),
+    ],
+)
+def test_a_request_keeps_its_own_name_where_that_cannot_break_a_line_of_a_log(client, given, kept):
+    named = client.get("/healthz", headers={"X-Request-Id": given}).headers["x-request-id"]
+    assert (named == given) is kept
+    assert kept or len(named) == 32
