@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Connection, FromClause, Select, Subquery, and_, case, func, or_, select
 
 from app.nanoseconds import EVER_NS
+from app.storage.audits import WITH_RESULTS
 from app.storage.bulk import among
 from app.storage.loops import IN_SERVICE
-from app.storage.tables import audits, loops, series, uploads, verdicts
+from app.storage.tables import audits, in_words, loops, series, uploads, verdicts
 
 earlier_verdict, given_then = verdicts.alias("earlier"), verdicts.alias("given_then")
 FIRST_FEW = 100
@@ -82,7 +83,7 @@ def earlier(
 
 
 def anything_new(connection: Connection, audit_id: int) -> bool:
-    """Whether a loop of this run was given samples that its verdict before was not, or has none before."""
+    """Whether a loop of this run was given samples that none of its verdicts before was, or has none before."""
     of_run = select(verdicts.c.loop_id, verdicts.c.input_end_ns).where(verdicts.c.audit_id == audit_id)
     # The first few tell after any export; of a night without one all loops are to be asked.
     return _any_newer(connection, audit_id, of_run.limit(FIRST_FEW)) or _any_newer(
@@ -91,11 +92,14 @@ def anything_new(connection: Connection, audit_id: int) -> bool:
 
 
 def _newer_than_in_a_run_before(of_run: Select[Any], audit_id: int) -> Select[Any]:
-    """Without those that the last run before of half as many loops, or more, was given as new ones: two runs are
-    compared in one pass, where each loop's verdict before is a search of its own."""
-    this, earlier = audits.alias("this"), audits.alias("run_before")
-    as_large = (earlier.c.id < audit_id, 2 * earlier.c.total >= this.c.total)
-    run = select(func.max(earlier.c.id)).select_from(earlier.join(this, this.c.id == audit_id)).where(*as_large)
+    """Of these verdicts those that may be new: not the loops whose verdict in an earlier run ends as late. That is the
+    last run of half as many loops or more, because two runs are compared in one pass, where each loop's verdicts before
+    are a search of their own."""
+    this, run_before = audits.alias("this"), audits.alias("run_before")
+    as_large = (run_before.c.id < audit_id, 2 * run_before.c.total >= this.c.total)
+    both = run_before.join(this, this.c.id == audit_id)
+    with_results = in_words(run_before.c.state, *WITH_RESULTS)
+    run = select(func.max(run_before.c.id)).select_from(both).where(*as_large, with_results)
     mine = and_(given_then.c.loop_id == verdicts.c.loop_id, given_then.c.audit_id == run.scalar_subquery())
     newer = given_then.c.input_end_ns < func.coalesce(verdicts.c.input_end_ns, -EVER_NS)
     joined = verdicts.outerjoin(given_then, mine)

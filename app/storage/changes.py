@@ -27,8 +27,9 @@ from app.storage.tables import loops, newest_rows, verdicts
 
 UNJUDGED = ("inconclusive", "not_auditable")
 TEXTS = ("reasons_text", "reasons_text_before", "extra_json", "extra_json_before")
-LOOKED_BACK = 28
-"""Verdicts of a loop among which that of a night before is looked for: four weeks of nights."""
+LOOKED_BACK, FURTHER_BACK = 28, 400
+"""Verdicts of a loop among which that of a night before is looked for: four weeks of nights, and a year of them for the
+night before that one, because a stop of the plant may lie between the two."""
 
 rows = newest_rows
 newest = verdicts.alias("newest")
@@ -164,9 +165,10 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Sec
     """Loops that a run and the one before said to stick, both not to be relied on, after they were said to do
     otherwise: as `since_run`, against the verdict before both."""
     sticks = (newest.c.verdict == "stiction", newest.c.reliability == "not_reliable")
-    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == _before(newest, before_newest))
+    one, two = _before(newest, before_newest, LOOKED_BACK), _before(between, before_between, FURTHER_BACK)
+    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == one)
     so = (between.c.verdict == "stiction", between.c.reliability == "not_reliable")
-    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == _before(between, before_between))
+    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == two)
     joined = loops.join(newest, newest.c.loop_id == loops.c.id).join(between, first).join(third, ground)
     told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
     query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
@@ -175,13 +177,13 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Sec
     return [SecondNight(ChangedRow(*row[:-1]), row[-1]) for row in found]
 
 
-def _before(row: Any, mine: FromClause) -> ScalarSelect[Any]:
-    """The run of the loop's verdict before this one, of the last LOOKED_BACK: of the same samples, one is no other
+def _before(row: Any, mine: FromClause, looked_back: int) -> ScalarSelect[Any]:
+    """The run of the loop's verdict before this one, of the last `looked_back`: of the same samples, one is no other
     night's. mine: an alias of `verdicts` of its own."""
-    earlier = select(mine.c.audit_id, mine.c.input_end_ns)
-    earlier = earlier.where(mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
+    earlier = (mine.c.loop_id == row.c.loop_id, mine.c.audit_id < row.c.audit_id)
     # Of loops that get no samples any more, all are of the same ones: there may be years of them.
-    last = earlier.order_by(mine.c.audit_id.desc()).limit(LOOKED_BACK).correlate(row).subquery()
+    query = select(mine.c.audit_id, mine.c.input_end_ns).where(*earlier).order_by(mine.c.audit_id.desc())
+    last = query.limit(looked_back).correlate(row).subquery()
     other = select(last.c.audit_id).where(last.c.input_end_ns.is_distinct_from(row.c.input_end_ns)).correlate(row)
     return other.order_by(last.c.audit_id.desc()).limit(1).scalar_subquery()
 

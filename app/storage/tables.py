@@ -299,7 +299,7 @@ newest_rows = Table(
     Column("health", Float),
     Column("before_audit_id", Id),  # of the verdict that this one took the place of; its run may be gone
     Column("verdict_before", Text),
-    Column("audited_at", UtcDateTime),  # of the verdict, which record it is of
+    Column("audited_at", UtcDateTime),  # of the verdict, as the two after it: which record it is of
     Column("window_end", UtcDateTime),
     Column("input_end_ns", BigInteger),
     # What the pages ask of all loops is read from here: 2 MB, not the hundred of rows with their texts.

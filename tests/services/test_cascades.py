@@ -264,7 +264,7 @@ def test_the_shaker_is_named_of_every_loop_that_is_called_sticky(monkeypatch: py
     source, other = (Suspect(tag, p, p, None, 1.0, 0.0) for tag, p in (("FIC1", 0.99), ("FIC2", 0.9)))
     monkeypatch.setattr(hearing, "groups", lambda _: (Group(100.0, True, 0.0, (source, other)),))
     for said, told in ((SURE["stiction"], True), (UNSURE["stiction"], True), (UNSURE["no_stiction"], False)):
-        heard = hearing.hear({"FIC1": SURE["stiction"], "FIC2": said}, [])
+        heard = hearing.hear({"FIC1": SURE["stiction"], "FIC2": said}, [], [])
         assert ("FIC2" in heard) is told
         assert not told or (heard["FIC2"].doubt or Doubt("", "")).code == hearing.SHAKEN_BY_NEIGHBOUR
 

@@ -16,6 +16,7 @@ from app.services.plant import changes, worst
 from app.services.plant.listing import listing
 from app.services.plant.loop_verdicts import loop_health
 from app.services.telling.wording import headline, probability
+from app.storage import changes as stored
 from app.storage.changes import ChangedRow, SecondNight
 from app.storage.tables import audits, newest_rows
 from tests.services.audited_plant import AddLoops, audited, rewrite, rewrite_newest
@@ -152,6 +153,36 @@ def test_what_wavered_is_news_where_it_stands_for_a_second_night(
     )
     rewrite_newest(backend, ids["B"], verdict="stiction", verdict_before="stiction")
     assert ("B", "new") in [(one.loop, one.kind) for one in digest_of(backend, str(fourth)).changes]
+
+
+def test_a_second_night_is_told_across_a_stop_of_the_plant(
+    backend: Backend, two_runs: tuple[dict[str, int], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After the first one nothing was recorded for four nights. Where nothing is recorded after the second one either,
+    it is told as long as that one is looked back to."""
+    ids, before = two_runs
+    nights = [before + 1, *(audited(backend) for _ in range(5))]
+    told = {"reliability": "not_reliable", "reasons": "shape_x", "stiction_probability": 0.55}
+    ground = told | {"verdict": "no_stiction", "stiction_probability": 0.4}
+    rewrite(backend, before, ids["B"], input_end_ns=START_NS, **ground)
+    for night in nights[:-1]:
+        rewrite(backend, night, ids["B"], input_end_ns=START_NS + 1, verdict="stiction", **told)
+
+    def known(run: int, looked_back: int, further_back: int) -> list[str]:
+        rewrite(backend, run, ids["B"], input_end_ns=START_NS + 2, verdict="stiction", **told)
+        rewrite_newest(backend, ids["B"], verdict="stiction")
+        monkeypatch.setattr(stored, "LOOKED_BACK", looked_back)
+        monkeypatch.setattr(stored, "FURTHER_BACK", further_back)
+        shown = [one.loop for one in changes.changes(backend).rows]
+        assert [one.loop for one in digest_of(backend, str(run)).changes] == shown
+        return shown
+
+    assert known(nights[-1], stored.LOOKED_BACK, stored.FURTHER_BACK) == ["B"]
+    assert known(nights[-1], 1, 5) == ["B"]
+    assert known(nights[-1], 1, 4) == [], "the verdict of the ground is the fifth before the first night's last"
+    without_samples = audited(backend)
+    assert known(without_samples, 2, 5) == ["B"]
+    assert known(without_samples, 1, 5) == []
 
 
 def test_a_changed_verdict_names_the_evidence_that_moved_most(

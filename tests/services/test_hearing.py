@@ -96,9 +96,9 @@ def told_of() -> dict[str, Said]:
 @pytest.mark.parametrize("tag", [SOURCE, *SHAKEN])
 def test_of_a_loop_that_is_asked_for_alone_the_same_is_told(tag: str) -> None:
     _, swinging = audited()
-    of_all = hear(told_of(), swinging)
+    of_all = hear(told_of(), swinging, [])
     assert set(of_all) == set(SHAKEN[:2])
-    assert hear(told_of(), swinging, asked={tag}).get(tag) == of_all.get(tag)
+    assert hear(told_of(), swinging, [], asked={tag}).get(tag) == of_all.get(tag)
 
 
 @pytest.mark.parametrize(("tag", "looked_for"), [(SHAKEN[0], 1), (SHAKEN[2], 0)])
@@ -108,7 +108,7 @@ def test_who_swings_together_is_found_only_for_loops_that_it_could_say_something
     """It takes seconds in a plant, and ends the audit of one loop."""
     calls: list[Sequence[Candidate]] = []
     monkeypatch.setattr(hearing, "groups", lambda all_of_them: calls.append(all_of_them) or groups(all_of_them))
-    hear(told_of(), audited()[1], asked={tag})
+    hear(told_of(), audited()[1], [], asked={tag})
     assert len(calls) == looked_for
 
 

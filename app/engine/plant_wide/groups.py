@@ -149,8 +149,8 @@ class Group:
 @dataclass(frozen=True, eq=False)
 class _Waves:
     """Narrow-band PV of every candidate: values (M, GRID) complex, zero outside of its record. together: (M,) by number
-    those whose records hang together in time, grids_s: (T, GRID) their times. An old record would stretch one grid for
-    all until few points are left of each.
+    those whose records hang together in time, grids_s: (numbers, GRID) their times. An old record would stretch one
+    grid for all until few points are left of each.
     """
 
     grids_s: FloatArray
@@ -352,8 +352,8 @@ def _waves(swings: Sequence[Swing]) -> _Waves:
     start = np.array([s.start_s for s in swings])
     end = start + np.array([s.length_s for s in swings])
     together = _together(start, end)
-    all_of = [together == number for number in range(together.max() + 1)]
-    grids_s = np.array([np.linspace(start[own].min(), end[own].max(), GRID, endpoint=False) for own in all_of])
+    reach = ((start[own].min(), end[own].max()) for n in range(together.max() + 1) for own in [together == n])
+    grids_s = np.array([np.linspace(first, last, GRID, endpoint=False) for first, last in reach])
     values = np.zeros((len(swings), GRID), dtype=np.complex64)
     inside = np.zeros(values.shape, dtype=bool)
     for row, swing in enumerate(swings):

@@ -79,18 +79,18 @@ class Heard:
 def hear(
     said: Mapping[str, Said],
     candidates: Sequence[Candidate],
-    found: Iterable[Cascade] = (),
+    shown: Sequence[Cascade],
     asked: Collection[str] | None = None,
     moves_valve: Mapping[str, bool] | None = None,
     standing: Mapping[str, Standing] | None = None,
 ) -> dict[str, Heard]:
-    """The loops of which others tell something, by tag. candidates: those that swing. found: the cascades that a loop
+    """The loops of which others tell something, by tag. candidates: those that swing. shown: the cascades that a loop
     asked about is a part of. asked: the loops of which alone is asked; None: of all. moves_valve: of loops of which
     somebody states it, whether OP moves a valve and not the set point of another loop: whatever was found. standing:
     the loops in which PV does not answer OP; with which others it came to stand goes before what else others tell.
     """
     stated = moves_valve or {}
-    found = [cascade for cascade in found if not stated.get(cascade.outer)]
+    found = [cascade for cascade in shown if not stated.get(cascade.outer)]
     without_valve = {tag for tag, has in stated.items() if not has}
     called = {tag for tag, one in said.items() if one.verdict == "stiction"}
     if asked is not None:
