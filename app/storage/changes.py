@@ -165,10 +165,11 @@ def second_nights(connection: Connection, audit_id: int, limit: int) -> list[Sec
     """Loops that a run and the one before said to stick, both not to be relied on, after they were said to do
     otherwise: as `since_run`, against the verdict before both."""
     sticks = (newest.c.verdict == "stiction", newest.c.reliability == "not_reliable")
-    one, two = _before(newest, before_newest, LOOKED_BACK), _before(between, before_between, FURTHER_BACK)
-    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == one)
+    night_before = _before(newest, before_newest, LOOKED_BACK)
+    first = and_(between.c.loop_id == newest.c.loop_id, between.c.audit_id == night_before)
     so = (between.c.verdict == "stiction", between.c.reliability == "not_reliable")
-    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == two)
+    before_both = _before(between, before_between, FURTHER_BACK)
+    ground = and_(third.c.loop_id == newest.c.loop_id, third.c.audit_id == before_both)
     joined = loops.join(newest, newest.c.loop_id == loops.c.id).join(between, first).join(third, ground)
     told = (loops.c.tag, loops.c.unit, third.c.verdict.label("verdict_before"), newest.c.verdict, newest.c.health)
     query = select(*told, *told_of_both(newest, third), between.c.stiction_probability.label("probability_between"))
