@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.ingest import IngestOptions
-from app.ingest.times.doubled_hour import HOUR_NS, hours_apart
+from app.ingest.times.doubled_hour import hours_apart
+from app.nanoseconds import NS_PER_H
 
 from .conftest import Read
 
@@ -63,7 +64,7 @@ def test_half_hourly_samples_of_a_zone_whose_clock_is_put_back_by_half_an_hour(r
 
 
 def test_where_both_passes_are_known_already(read: Read) -> None:
-    twice = HOUR_NS * np.array([0, 1, 2, 3, 3, 4, 5])
+    twice = NS_PER_H * np.array([0, 1, 2, 3, 3, 4, 5])
     assert hours_apart(AT[9] + twice, "Europe/Berlin").tolist() == (AT[9] + twice).tolist()
     assert hours_apart(AT[9] + twice, "UTC").tolist() == (AT[9] + twice).tolist()
 

@@ -17,8 +17,8 @@ from app.ingest.model import NO_TIME, IngestOptions
 from app.ingest.numbers.units import as_number
 from app.ingest.tags.modes import UNKNOWN_MODE, automatic_flags
 from app.ingest.tags.quality import holds_quality_words
-from app.ingest.times.half_clock import HOUR_NS
 from app.ingest.times.time_reader import TimeReader
+from app.nanoseconds import NS_PER_H
 
 _ALL = 0.98  # of the rows, at least
 _NUMBERED = re.compile("[A-Za-z][0-9]+")  # M1 and M2 are machines, though M is manual
@@ -224,4 +224,4 @@ def _fill_holes(holed: list[int], filling: list[int]) -> bool:
 
 def _is_hour_of_autumn(back_ns: int, longest_ns: int) -> bool:
     """Whether clocks were put back by an hour: its last row and the first one behind may each be a step off."""
-    return HOUR_NS - 2 * longest_ns <= back_ns <= HOUR_NS
+    return NS_PER_H - 2 * longest_ns <= back_ns <= NS_PER_H

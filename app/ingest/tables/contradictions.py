@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.ingest.model import FloatArray, TimeArray
-from app.ingest.times.half_clock import HOUR_NS
+from app.nanoseconds import NS_PER_DAY, NS_PER_H
 
 MANY, MANY_SHARE = 10, 0.2  # pairs of rows at least, in so many of the rows of their tags: corrections are fewer
 _APART = 1e-3  # of a signal's range: two historians round the same value otherwise
 _OF_ALL_TAGS = 0.01  # of the rows of all tags, where one alone was corrected throughout
 _OF_REPEATS = 0.25  # of the rows whose time comes again: most of those that were sent twice are the same
-DAY_NS = 24 * HOUR_NS
 _WEEK, _THURSDAY, _SATURDAY = 7, 3, 5  # days; 1970 began on a Thursday
 MOST_HELD = 1 << 16  # pairs, which tell as much as all
 
@@ -74,7 +73,7 @@ class Contradictions:
         if self._span_ns is None:
             return False
         first, last = self._span_ns
-        return first // HOUR_NS == last // HOUR_NS and (first // DAY_NS + _THURSDAY) % _WEEK >= _SATURDAY
+        return first // NS_PER_H == last // NS_PER_H and (first // NS_PER_DAY + _THURSDAY) % _WEEK >= _SATURDAY
 
 
 def _ranges(matrix: FloatArray) -> FloatArray:

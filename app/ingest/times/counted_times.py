@@ -9,7 +9,7 @@ import numpy as np
 from app.ingest.model import FloatArray
 from app.ingest.times.told_units import ToldUnit, told_unit, unknown_unit
 from app.ingest.times.told_zones import told_utc_offset_ns
-from app.nanoseconds import NS_PER_S
+from app.nanoseconds import NS_PER_DAY, NS_PER_S
 
 NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?([eE][+-]?\d+)?")
 _FEW_DIGITS = re.compile(r"[+-]?\d+([.](?P<decimals>\d*))?[eE][+](?P<exponent>\d+)")
@@ -19,9 +19,8 @@ _NAME_OF_DATES = re.compile(r"(?i)\W*(?:date|datum|fecha|日期)\W*(?:[(\[].*)?"
 _MOST_STAMPS = 0.9  # of a sample
 STAMP_OF_DIGITS = re.compile(rf"{_DATE}(?:[01]\d|2[0-4])(?:[0-5]\d(?:[0-5]\d\d{{3}})?)?")
 """To the hour, the minute or the millisecond: as counts since 1970 they would be of 2034, 1976 or no time."""
-DAY_NS = 86_400 * NS_PER_S
-MILLIONTH_OF_DAY_NS = DAY_NS / 1e6
-WALL_SCALES = (DAY_NS, MILLIONTH_OF_DAY_NS)  # in which clocks on the wall are counted
+MILLIONTH_OF_DAY_NS = NS_PER_DAY / 1e6
+WALL_SCALES = (NS_PER_DAY, MILLIONTH_OF_DAY_NS)  # in which clocks on the wall are counted
 SHORTEST_STEP_S = 0.02  # what a historian keeps of a loop is slower: such a step at such a time is one of days
 FINEST_NS, COARSEST_NS = 100_000, NS_PER_S  # to which days are rounded: what a double leaves of them, whole seconds
 TICK_NS = 100.0
@@ -102,13 +101,13 @@ def _millionths_of_days(values: FloatArray, texts: list[str], unit: ToldUnit) ->
     """What WinCC calls Time_ms: of our time, with fractions, which a count of ms from a start a year ago has not. Under
     another name, as Uptime [ms] is, it may have."""
     zero = _DAYS[0][2]
-    seconds = (values / 1e6 + zero) * DAY_NS / NS_PER_S
+    seconds = (values / 1e6 + zero) * NS_PER_DAY / NS_PER_S
     ours = np.all((seconds > OURS_FROM_S) & (seconds < OURS_TO_S))
     if unit.seconds != 1e-3 or unit.bare != "time" or not ours or np.mean(values % 1 > 0.0) < 0.5:
         return None
     note = f"times are millionths of days since 1899-12-30, as WinCC counts them, though their name tells {unit.word}"
     step_ns = _step_ns(MILLIONTH_OF_DAY_NS, texts)
-    return Count(MILLIONTH_OF_DAY_NS, zero * DAY_NS, _rounding_ns(step_ns), (note,))
+    return Count(MILLIONTH_OF_DAY_NS, zero * NS_PER_DAY, _rounding_ns(step_ns), (note,))
 
 
 def _step_ns(unit_ns: float, texts: list[str]) -> float:
@@ -134,10 +133,10 @@ def _sharp(count: Count, texts: list[str]) -> Count | None:
 def _days(values: FloatArray, texts: list[str], name: str, unit: ToldUnit | None) -> Count | None:
     for low, high, zero, note in _DAYS:
         if low < float(np.median(values)) < high and _steps_are_of_days(values, name, unit):
-            step_ns = _step_ns(DAY_NS, texts)
+            step_ns = _step_ns(NS_PER_DAY, texts)
             cut = (f"times are written to {step_ns / NS_PER_S:.3g} s only",) if step_ns > NS_PER_S else ()
             note = _with_1904(_first_between(low, high, values) + zero) if note == _OF_SPREADSHEETS else note
-            return Count(float(DAY_NS), zero * DAY_NS, _rounding_ns(step_ns), (note, *cut))
+            return Count(float(NS_PER_DAY), zero * NS_PER_DAY, _rounding_ns(step_ns), (note, *cut))
     return None
 
 
@@ -154,7 +153,7 @@ def _with_1904(first_day: float) -> str:
 
 def _steps_are_of_days(values: FloatArray, name: str, unit: ToldUnit | None) -> bool:
     """By their fractions and their step, where the name does not tell another unit."""
-    if not np.any(values % 1) or (unit and unit.seconds * NS_PER_S != DAY_NS):
+    if not np.any(values % 1) or (unit and unit.seconds * NS_PER_S != NS_PER_DAY):
         return False
     steps = np.diff(np.unique(values))  # a long table has a stamp once a tag
     step = float(np.median(steps)) if len(steps) else np.inf

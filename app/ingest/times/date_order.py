@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.ingest.model import IngestOptions, TimeArray
-from app.nanoseconds import NS_PER_S
+from app.nanoseconds import NS_PER_DAY, NS_PER_S
 
 DAY_FIRST = ("%d/%m/%Y", "%d/%m/%y", "%d-%m-%Y", "%d-%m-%y")
 MONTH_FIRST = ("%m/%d/%Y", "%m/%d/%y", "%m-%d-%Y", "%m-%d-%y")
 YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d")
 AMBIGUOUS = (*DAY_FIRST, *MONTH_FIRST, *YEAR_FIRST)
-CLOCKS_APART_NS = 86_400 * NS_PER_S  # another clock, another zone
+CLOCKS_APART_NS = NS_PER_DAY  # another clock, another zone
 _DATE = 8  # characters of a format
 EXAMPLES = {"day": "03/04/2026 is 3 April", "month": "03/04/2026 is 4 March", "year": "26/04/03 is 3 April 2026"}
 

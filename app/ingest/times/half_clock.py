@@ -3,9 +3,8 @@
 import numpy as np
 
 from app.ingest.model import TimeArray
-from app.nanoseconds import NS_PER_S
+from app.nanoseconds import NS_PER_H
 
-HOUR_NS = 3600 * NS_PER_S
 NOON, FIRST = 12, 1
 
 
@@ -44,4 +43,4 @@ class HalfClock:
 
 
 def _hours(wall_ns: TimeArray) -> TimeArray:
-    return wall_ns // HOUR_NS % 24
+    return wall_ns // NS_PER_H % 24

@@ -5,16 +5,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.model import NO_TIME, TimeArray
-from app.nanoseconds import NS_PER_S
+from app.nanoseconds import NS_PER_DAY
 
-DAY_NS = 86_400 * NS_PER_S
 MIDNIGHT = r"^(\S.*\d[ T])24((?:[:.]00(?:[:.]00(?:[.,]0+)?)?)?(?:Z|[+-]\d{2}:?\d{2})?)$"
 
 
 def without_begins(texts: pl.Series, time_ns: TimeArray) -> TimeArray:
     """The times (n,), ns, of texts in the order of the rows, but for those of 24:00 that stand between the day before
     theirs and their own: they may begin it, as some loggers count. Where most do, none is left."""
-    at = np.flatnonzero((time_ns != NO_TIME) & (time_ns % DAY_NS == 0))
+    at = np.flatnonzero((time_ns != NO_TIME) & (time_ns % NS_PER_DAY == 0))
     at = at[texts[at].str.contains(MIDNIGHT).fill_null(False).to_numpy()] if len(at) else at
     if not len(at):
         return time_ns
@@ -30,7 +29,7 @@ def _may_begin(time_ns: TimeArray) -> NDArray[np.bool_]:
     one time stand together."""
     starts = np.flatnonzero(np.concatenate(([True], time_ns[1:] != time_ns[:-1])))
     each = time_ns[starts]
-    days = each // DAY_NS
+    days = each // NS_PER_DAY
     beside = np.sort(np.stack((days[:-2] - days[1:-1], days[2:] - days[1:-1])), axis=0)
     may = np.zeros(len(each), dtype=bool)
     may[1:-1] = (beside[0] == -2) & (beside[1] == -1)  # -1 is the day that it ends

@@ -16,10 +16,10 @@ from app.ingest.times.counted_times import NUMBER, WALL_SCALES, are_stamps_of_di
 from app.ingest.times.date_order import AMBIGUOUS, Reading, choose
 from app.ingest.times.digit_clocks import BEHIND_DATE, UNKNOWN, digits_of, go_one_way, with_clock
 from app.ingest.times.formats import OF_HOURS, formats, of_shape, with_minutes
-from app.ingest.times.midnights import DAY_NS, MIDNIGHT
+from app.ingest.times.midnights import MIDNIGHT
 from app.ingest.times.spelled_times import respelled, tells_utc
 from app.ingest.times.told_zones import told_utc_offset_ns, told_zone, zone_in_letters
-from app.nanoseconds import NS_PER_S
+from app.nanoseconds import NS_PER_DAY, NS_PER_S
 
 FIRST_YEAR, LAST_YEAR = 1971, 2199
 FIRST_NS, END_NS = (np.datetime64(f"{year}", "ns").astype(np.int64) for year in (FIRST_YEAR, LAST_YEAR + 1))
@@ -298,7 +298,7 @@ def parse_text(texts: pl.Series, form: str, zoned: bool) -> TimeArray:
         left = np.flatnonzero(times == NO_TIME)
         ends = left[texts[left].str.contains(MIDNIGHT).fill_null(False).to_numpy()]
         begins = _parsed(texts[ends].str.replace(MIDNIGHT, "${1}00${2}"), form, zoned)
-        times[ends] = np.where(begins == NO_TIME, NO_TIME, begins + DAY_NS)
+        times[ends] = np.where(begins == NO_TIME, NO_TIME, begins + NS_PER_DAY)
     return times
 
 

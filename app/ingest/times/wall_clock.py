@@ -8,14 +8,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from app.ingest.model import NO_TIME, TimeArray
-from app.nanoseconds import NS_PER_S
+from app.nanoseconds import NS_PER_H, NS_PER_S
 
 DISORDER_NS = 600 * NS_PER_S  # rows may be so much out of order; a larger step within the doubled hour is the clock's
-HOUR_NS = 3600 * NS_PER_S
-FAR_NS = 2 * HOUR_NS  # steps of more than that come from outside of the hour
+FAR_NS = 2 * NS_PER_H  # steps of more than that come from outside of the hour
 FIRST, SECOND = 1, 2
 OUTSIDE = 0
-ABOUT_AN_HOUR_NS = HOUR_NS // 2, 2 * HOUR_NS
+ABOUT_AN_HOUR_NS = NS_PER_H // 2, 2 * NS_PER_H
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class WallClock:
         for row, end in zip(events.tolist(), bounds[1:].tolist(), strict=True):
             if not entered[row]:
                 which = FIRST if steps[row] > 0 or which == SECOND else SECOND
-            elif abs(steps[row]) > HOUR_NS or (row == 0 and self.before.local is None):
+            elif abs(steps[row]) > NS_PER_H or (row == 0 and self.before.local is None):
                 next_step = int(steps[end]) if end < len(local) and stepped[end] else 0
                 which = _of_beginning(local[row:], twice[row:], next_step)
             else:
