@@ -13,6 +13,7 @@ from app.engine.mismatch.fit.closed_loop import close_again
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.refitting import offered_beside
 from app.engine.mismatch.fit.stems import shown_stems
+from app.engine.mismatch.judge.between_samples import by_prediction
 from app.engine.mismatch.location import locate
 from app.engine.mismatch.loop.block import Context
 from app.engine.mismatch.loop.experiment import experiment
@@ -44,6 +45,7 @@ def compile_kernels() -> None:
     base = prepare(first).base
     close_again(base, base, ())
     shown_stems(base.record, base.noise)
+    by_prediction(base.record)
 
 
 def scan_all(base: Fit) -> None:
