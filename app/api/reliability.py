@@ -23,8 +23,7 @@ from app.services.cursors import LONGEST as LONGEST_CURSOR
 from app.services.cursors import identifier
 from app.services.loops import RETIRED
 from app.services.plant import reliability as service
-from app.services.spreadsheet import csv_lines, csv_text
-from app.services.stating.loop_list import BYTE_ORDER_MARK
+from app.services.spreadsheet import BYTE_ORDER_MARK, csv_lines, csv_text
 from app.services.telling.health_classes import BOUNDS, HEALTH_WORDS, HealthClass
 
 COLUMNS = tuple(TableRow.model_fields)

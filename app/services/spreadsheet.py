@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+BYTE_ORDER_MARK = "\ufeff"  # by which spreadsheets know UTF-8
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")  # also in full width
 # Where a semicolon parts cells (Excel in many languages), quotes around a cell of ours protect nothing in it. An
 # apostrophe that stands there by itself gets another one, so that `plain_cell` knows which was ours.

@@ -10,7 +10,7 @@ from app.ingest import BEYOND, MAY_PART_THOUSANDS, Listed, list_rows, list_text
 from app.services.backend import Backend
 from app.services.loops import list_loops
 from app.services.outward import FailureOut, LoopsChangedOut
-from app.services.spreadsheet import csv_lines, plain_cell
+from app.services.spreadsheet import BYTE_ORDER_MARK, csv_lines, plain_cell
 from app.services.stating.properties import WORDS, change_loops, refusal
 from app.storage.loops import SETTABLE, ListFilter
 
@@ -25,7 +25,6 @@ SAID = {
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 THOUSANDS = re.compile(r"[+-]?\d{1,3}([., '\u2019\xa0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
 PAGE = 1000
-BYTE_ORDER_MARK = "\ufeff"
 MOST_LOOPS = 20_000
 
 _LIST = ("the loop list", "bad_loop_list")
