@@ -1,18 +1,23 @@
 """Every error is a problem with a stable code, and tags arrive as they were meant."""
 
+import asyncio
 import errno
+import json
 from collections.abc import Iterator
 from urllib.parse import quote
 
 import httpx
 import pytest
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel
+from sqlalchemy.exc import OperationalError
 
 from app.errors import DataError, NotFoundError, RequestError
 from app.http import problems
 from app.http.headers import SecurityHeaders
 from app.http.paths import KeepTagsEncoded, LoopTag, decoded_tag, tag_of_loop
+from app.storage.database import CommitLostError
 
 
 class Body(BaseModel):
@@ -133,3 +138,19 @@ def test_security_headers_are_on_every_answer(client):
         headers = client.get(path).headers
         assert "default-src 'none'" in headers["content-security-policy"], path
         assert headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_commit_without_an_answer_is_in_doubt_though_the_disk_was_full():
+    """As where the server of the database ended for it: what was written may stand, and is not said to be undone."""
+    scope = {"type": "http", "method": "POST", "path": "/v1/audits", "headers": [], "state": {"action": "audit.start"}}
+    full = Exception("PANIC: could not write to file: No space left on device")
+    lost, refused = CommitLostError("COMMIT", None, full), OperationalError("COMMIT", None, full)
+    answers = [asyncio.run(problems.answer_to(Request(scope), error)) for error in (lost, refused)]
+    assert [json.loads(answer.body)["code"] for answer in answers] == ["outcome_unknown", "disk_full"]
+
+
+def test_of_a_body_with_many_errors_the_first_are_told():
+    scope = {"type": "http", "method": "POST", "path": "/v1/loops", "headers": []}
+    wrong = [{"type": "missing", "loc": ("body", number), "msg": "Field required"} for number in range(50)]
+    answer = asyncio.run(problems._invalid_request(Request(scope), RequestValidationError(wrong)))
+    assert [item["where"] for item in json.loads(answer.body)["errors"]] == [f"body.{number}" for number in range(20)]
