@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import Connection, event, insert
 
 from app.storage import Database, tables
-from app.storage.audits import ENDED, WITH_RESULTS, newest_night, progress
+from app.storage.audits import ENDED, WITH_RESULTS, newest_night, newest_whole, progress, whole_going_on
 from app.storage.types import now
 
 RUN = {
@@ -61,3 +61,26 @@ def test_the_progress_of_runs_counts_no_loop_that_is_done(database: Database) ->
         progress(connection, range(1, 101))
     read = [step.split("INDEX ")[1].split()[0] for step in told if " audit_items " in step]
     assert read == [f"ix_audit_items_{state}" for state in ("open", "claimed", "failed")]
+
+
+@pytest.mark.parametrize(
+    ("state", "ended_minutes_ago", "goes_on"), [("done", 90, True), ("done", 30, False), ("failed", 30, True)]
+)
+def test_a_run_of_the_whole_plant_is_joined_unless_samples_came_since_it_began(
+    database: Database, state: str, ended_minutes_ago: int, goes_on: bool
+) -> None:
+    with database.write() as connection:
+        run = night(connection, "running", trigger="nightly", hours_ago=1.0)
+        ended_at = now() - timedelta(minutes=ended_minutes_ago)
+        told = {"content_key": "a", "fingerprint": "a", "filename": "a", "size_bytes": 1, "received_at": ended_at}
+        connection.execute(insert(tables.uploads).values(told | {"state": state, "ended_at": ended_at}))
+        assert whole_going_on(connection) == (run if goes_on else None)
+
+
+def test_the_run_that_goes_on_is_the_newest_of_the_whole_plant_though_a_later_one_has_ended(database: Database) -> None:
+    with database.write() as connection:
+        going_on = night(connection, "running", hours_ago=2.0)
+        night(connection, "done")
+        found = newest_whole(connection)
+    assert found is not None
+    assert found.id == going_on
