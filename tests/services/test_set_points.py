@@ -1,21 +1,26 @@
 """Loops whose set points move at the same times are told so, and not sent to look for what shakes them."""
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from app.engine.plant_wide.set_points import BIN_NS, Moves, moves_in, together
 from app.services.backend import Backend
 from app.services.outward import GroupMemberOut
-from app.services.plant import groups
+from app.services.plant import groups, set_points
 from app.services.plant.groups import _asked_of_set_points
 from app.services.plant.set_points import set_points_together
 from app.storage import loops, series
-from app.storage.samples import Samples
+from app.storage.samples import DamagedStretchError, Samples
 from app.storage.series import Stretch
 from tests.services.conftest import MINUTE, START_NS
 from tests.told_groups import group_of
 
 HOURS = 20
+ASKED_OF_NOBODY: Any = SimpleNamespace(database=SimpleNamespace(read=nullcontext))
 AT, ELSEWHERE = [1, 4, 7, 11, 15, 18], [2, 5, 9, 12, 16, 19]
 
 
@@ -87,3 +92,31 @@ def test_a_sample_ahead_of_the_clock_hides_no_set_point(backend: Backend) -> Non
             signals = dict.fromkeys(("pv", "op", "sp"), given[1])
             series.add(connection, [Stretch(ids[tag], Samples(given[0], signals))], None)
     assert set_points_together(backend, ["A", "B"])
+
+
+def test_of_a_large_group_some_are_asked_and_of_these_the_newest_day(monkeypatch: pytest.MonkeyPatch) -> None:
+    end_ns, asked = START_NS + 10**15, []
+    times, sp = recorded(AT)
+    read = SimpleNamespace(time_ns=times, signals={"sp": sp})
+
+    def between(_: Any, loop_id: int, first_ns: int, last_ns: int) -> Any:
+        asked.append((loop_id, last_ns, last_ns - first_ns))
+        return read
+
+    row = SimpleNamespace(id=7, newest_ns=end_ns)
+    monkeypatch.setattr(set_points, "loops", SimpleNamespace(by_tag=lambda _, tag: row))
+    newest = {"newest_before": lambda *_: end_ns, "between": between}
+    monkeypatch.setattr(set_points, "series", SimpleNamespace(**newest))
+    assert set_points_together(ASKED_OF_NOBODY, [f"FIC{number}" for number in range(40)])
+    assert asked == [(7, end_ns, 24 * 60 * MINUTE)] * 12
+
+
+def test_set_points_that_cannot_be_read_are_not_said_to_move_together(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def damaged(*_: Any) -> Moves:
+        raise DamagedStretchError("stretch 3 of the stored samples cannot be read")
+
+    monkeypatch.setattr(set_points, "_moves_of", damaged)
+    assert set_points_together(ASKED_OF_NOBODY, ["A", "B"]) is False
+    assert "set points of ['A', 'B'] cannot be read" in caplog.text
