@@ -154,3 +154,9 @@ def test_of_a_body_with_many_errors_the_first_are_told():
     wrong = [{"type": "missing", "loc": ("body", number), "msg": "Field required"} for number in range(50)]
     answer = asyncio.run(problems._invalid_request(Request(scope), RequestValidationError(wrong)))
     assert [item["where"] for item in json.loads(answer.body)["errors"]] == [f"body.{number}" for number in range(20)]
+
+
+def test_after_a_fault_a_client_is_told_that_the_connection_ends():
+    scope = {"type": "http", "method": "GET", "path": "/v1/loops", "headers": []}
+    answer = asyncio.run(problems._fault(Request(scope), RuntimeError("ours")))
+    assert (answer.status_code, answer.headers["connection"]) == (500, "close")

@@ -1,14 +1,17 @@
 """A service that is stopped amid a request that it waits no longer for: told as what it is, and nothing is left."""
 
+import asyncio
 import json
 import socket
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from app.http.stopping import AnswerWhenStopped
 from app.main import create_app
 from app.services.access import trail
 from app.services.backend import Backend
@@ -59,3 +62,38 @@ def test_what_the_service_waits_no_longer_for_is_told(tmp_path: Path, monkeypatc
     backend = Backend.open(settings)
     assert {row.outcome for row in trail.list_trail(backend).rows} == {"not_known"}
     backend.close()
+
+
+@pytest.mark.parametrize(("begun_to_answer", "statuses"), [(True, [200]), (False, [503])])
+def test_what_has_begun_to_be_answered_is_not_answered_twice(begun_to_answer: bool, statuses: list[int]) -> None:
+    sent: list[Any] = []
+
+    async def keep(message: Any) -> None:
+        sent.append(message)
+
+    async def nothing() -> Any:
+        return {}
+
+    async def answer(scope: Any, receive: Any, send: Any) -> None:
+        if begun_to_answer:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+        await asyncio.sleep(60)
+
+    async def stopped_amid_it() -> set[Any]:
+        state = SimpleNamespace(under_way=set())
+        scope = {
+            "type": "http",
+            "method": "GET",
+            "path": "/v1/loops",
+            "headers": [],
+            "app": SimpleNamespace(state=state),
+        }
+        task = asyncio.create_task(AnswerWhenStopped(answer)(scope, nothing, keep))
+        await asyncio.sleep(0)
+        assert state.under_way == {task}
+        task.cancel()
+        await task
+        return state.under_way
+
+    assert asyncio.run(stopped_amid_it()) == set()
+    assert [message["status"] for message in sent if message["type"] == "http.response.start"] == statuses
