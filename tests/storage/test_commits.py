@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from sqlalchemy import Connection, create_engine, delete, text
-from sqlalchemy.exc import IntegrityError, OperationalError
+from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
 
 from app.storage import Database
 from app.storage.database import CommitLostError
@@ -124,3 +124,9 @@ def test_sqlite_says_what_it_did(database: Database, monkeypatch: pytest.MonkeyP
     with pytest.raises(OperationalError) as raised, database.write():
         pass
     assert isinstance(raised.value, CommitLostError) == unknown
+
+
+def test_what_is_written_where_one_reads_is_a_fault_of_ours_and_no_server_that_is_away(database: Database) -> None:
+    with pytest.raises(DBAPIError) as refused, database.read() as connection:
+        connection.execute(delete(notes))
+    assert isinstance(refused.value, OperationalError) is database.is_sqlite  # which has one class for both
