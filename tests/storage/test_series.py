@@ -270,6 +270,19 @@ def test_a_window_begins_with_what_held_then(database: Database, name: str) -> N
     assert np.isnan(found.signals[name][1:]).all()
 
 
+@pytest.mark.parametrize(("hold_days", "held"), [(2.0, 40.0), (1.99, None)])
+def test_what_was_stated_longer_before_than_it_holds_is_not_known(
+    database: Database, hold_days: float, held: float | None
+) -> None:
+    add(database, "FIC1", steps("sp", (-2 * 86_400, 40.0)))
+    add(database, "FIC1", ramp(0, 4000))
+    with database.read() as connection:
+        (found,) = series.windows(
+            connection, loops.ids_of(connection, ["FIC1"]).values(), 24.0, 10**6, hold_days=hold_days
+        ).values()
+    assert found.signals.get("sp", [None])[0] == held
+
+
 def test_what_held_is_found_in_a_stretch_that_reaches_into_the_window(database: Database) -> None:
     add(database, "FIC1", steps("sp", (-900, 40.0), (100, 41.0), (3900, 42.0)), ramp(0, 4000))
     add(database, "FIC1", steps("sp", (-500, 40.5)))
