@@ -10,7 +10,7 @@ from app.engine.mismatch.judge.validation import simulate_again
 from app.engine.recording import FloatArray
 from app.errors import DataError
 
-CLOSE = 0.01
+_CLOSE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def as_fitted(model: ExplainedModel, comparison: Comparison) -> Comparison:
         )
     ratio = model.sampling_interval_s / comparison.sampling_interval_s
     factor = max(round(ratio), 1)
-    if abs(ratio / factor - 1.0) > CLOSE:
+    if abs(ratio / factor - 1.0) > _CLOSE:
         fitted, got = model.sampling_interval_s, comparison.sampling_interval_s
         raise DataError("interval_differs", f"the model was fitted at {fitted:g} s, the recording has {got:g} s")
     return at_interval(comparison, factor)

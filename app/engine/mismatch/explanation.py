@@ -51,7 +51,7 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
     prepared = replace(prepare(comparison, taken), acted=acted)
     competed = compete(prepared)
     prepared = replace(prepared, base=competed.base, off=(*prepared.off, *competed.off))
-    told = assemble(comparison, prepared, weighed(prepared, competed.selection))
+    told = _assemble(comparison, prepared, _weighed(prepared, competed.selection))
     if second is None:
         return told.explanation
     by_model = comparison.simulation is not None
@@ -59,25 +59,25 @@ def explain(comparison: Comparison, validation: Comparison | None = None) -> Exp
 
 
 @dataclass(frozen=True, eq=False)
-class Weighed:
+class _Weighed:
     """A selection that stands on the record that it was fitted to, and why what was named before it does not."""
 
     selection: Selection
     refused: tuple[Reason, ...] = ()
 
 
-def weighed(prepared: Prepared, selection: Selection) -> Weighed:
+def _weighed(prepared: Prepared, selection: Selection) -> _Weighed:
     """The selection, its names less sure for what they leave, its numbers by its free run where noise took that up;
     nothing of it where OP does not move PV.
     """
     asked = selection if prepared.unrelated else reviewed(prepared.base, selection)
     asked = replace(asked, fit=settle(asked.fit))
     doubts = prepared.unrelated or (op_moves_nothing(asked.fit) if asked.effects else ())
-    return Weighed(Selection(prepared.base, (), asked.ranking), doubts) if doubts else Weighed(asked)
+    return _Weighed(Selection(prepared.base, (), asked.ranking), doubts) if doubts else _Weighed(asked)
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class _Told:
     """An explanation, and the selection that it tells of."""
 
     explanation: Explanation
@@ -85,7 +85,7 @@ class Told:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
+class _HeldOut:
     """How a selection does on samples that it was not fitted to.
 
     seen: its runs with the first stretch left out. runs: these, and those with others left out where the first refuses
@@ -98,7 +98,7 @@ class HeldOut:
     doubts: tuple[Reason, ...]
 
 
-def held_out_of(pv: FloatArray, prepared: Prepared, selection: Selection) -> HeldOut:
+def _held_out_of(pv: FloatArray, prepared: Prepared, selection: Selection) -> _HeldOut:
     """pv: (N,) as it was recorded."""
     final, usable = selection.fit, prepared.record.usable
     held = kept_out(final, usable)
@@ -106,20 +106,20 @@ def held_out_of(pv: FloatArray, prepared: Prepared, selection: Selection) -> Hel
     errors = unseen_errors(pv, seen)
     doubts = unseen_data_refuse(selection, errors, seen.gain)
     others = [other for other in stretches(usable) if doubts and not np.array_equal(other, held)]
-    return HeldOut(seen, (seen, *(free_runs(prepared, final, other) for other in others)), errors, doubts)
+    return _HeldOut(seen, (seen, *(free_runs(prepared, final, other) for other in others)), errors, doubts)
 
 
-def assemble(comparison: Comparison, prepared: Prepared, tried: Weighed) -> Told:
+def _assemble(comparison: Comparison, prepared: Prepared, tried: _Weighed) -> _Told:
     """The explanation by a selection; by what is left of it where unseen data refuse it."""
     selection = tried.selection
-    held_out = held_out_of(comparison.pv, prepared, selection)
+    held_out = _held_out_of(comparison.pv, prepared, selection)
     if held_out.doubts and mostly_worse(comparison.pv, held_out.runs):
-        left = left_of(prepared, selection)
-        return assemble(comparison, prepared, replace(left, refused=(*tried.refused, *held_out.doubts, *left.refused)))
-    return Told(explanation_by(comparison, prepared, tried, held_out), selection)
+        left = _left_of(prepared, selection)
+        return _assemble(comparison, prepared, replace(left, refused=(*tried.refused, *held_out.doubts, *left.refused)))
+    return _Told(_explanation_by(comparison, prepared, tried, held_out), selection)
 
 
-def explanation_by(comparison: Comparison, prepared: Prepared, tried: Weighed, held_out: HeldOut) -> Explanation:
+def _explanation_by(comparison: Comparison, prepared: Prepared, tried: _Weighed, held_out: _HeldOut) -> Explanation:
     """Held-out figures, effects, windows, model and traces of a selection."""
     selection, seen = tried.selection, held_out.seen
     given = given_run(comparison, prepared, seen.held)
@@ -133,11 +133,11 @@ def explanation_by(comparison: Comparison, prepared: Prepared, tried: Weighed, h
         improvement,
     )
     worse = [ran_worse(comparison.pv, run) for run in held_out.runs]
-    closed = closed_by(comparison, prepared, selection.fit)
+    closed = _closed_by(comparison, prepared, selection.fit)
     return Explanation(
         name=comparison.name,
         verdict=conclusion.verdict,
-        effects=merged(conclusion.effects),
+        effects=_merged(conclusion.effects),
         located=location_of(conclusion.effects) if conclusion.effects else at_the_controller(prepared.record, closed),
         fit=improvement,
         validation=None,
@@ -147,7 +147,7 @@ def explanation_by(comparison: Comparison, prepared: Prepared, tried: Weighed, h
             *comparison.notes,
             *conclusion.reasons,
             *held_out_worse(conclusion.effects, improvement, held_out.errors, seen.gain, worse),
-            *evidence_of(prepared, selection),
+            *_evidence_of(prepared, selection),
             *controller_evidence(prepared.record, closed),
             *yper_evidence(closed),
         ),
@@ -157,22 +157,22 @@ def explanation_by(comparison: Comparison, prepared: Prepared, tried: Weighed, h
     )
 
 
-def closed_by(comparison: Comparison, prepared: Prepared, final: Fit) -> ClosedLoop | None:
+def _closed_by(comparison: Comparison, prepared: Prepared, final: Fit) -> ClosedLoop | None:
     sensors = tuple(pattern.part for pattern in prepared.patterns)
     controller = None if comparison.simulation is None else comparison.simulation.controller
     return close_again(prepared.base, final, sensors, prepared.acted, prepared.given, controller)
 
 
-def left_of(prepared: Prepared, selection: Selection) -> Weighed:
+def _left_of(prepared: Prepared, selection: Selection) -> _Weighed:
     """What is left of a selection that unseen data refuse: the first of two effects alone, weighed as any selection is;
     else the bare refit.
     """
     if selection.alone is not None:
-        return weighed(prepared, selection.alone)
-    return Weighed(Selection(prepared.base, (), selection.ranking))
+        return _weighed(prepared, selection.alone)
+    return _Weighed(Selection(prepared.base, (), selection.ranking))
 
 
-def merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+def _merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
     """Effects of one code as one, with all its windows; the first of each keeps its figures."""
     first: dict[str, Effect] = {}
     for effect in effects:
@@ -186,19 +186,19 @@ def merged(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
     return tuple(first.values())
 
 
-def in_words(found: Fit) -> str:
+def _in_words(found: Fit) -> str:
     """The linear loop of a fit."""
     return ", ".join(f"{e.name} {e.value:.4g} {e.unit}" for e in refit_estimates(found))
 
 
-def evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
+def _evidence_of(prepared: Prepared, selection: Selection) -> tuple[Reason, ...]:
     """What the refit alone explained, and how near the best effect that was not believed came."""
     base = prepared.base
     own = base.given.own
     whose = "no simulation was given; our own linear loop" if own else "the simulation's own parameters, fitted"
-    said = [*prepared.off, Reason("refit", f"{whose}: {in_words(base)}")]
+    said = [*prepared.off, Reason("refit", f"{whose}: {_in_words(base)}")]
     if selection.fit.given.behind_stem:
-        said.append(Reason("own_loop", f"driven by the stem, our own linear loop differs: {in_words(selection.fit)}"))
+        said.append(Reason("own_loop", f"driven by the stem, our own linear loop differs: {_in_words(selection.fit)}"))
     if base.parts:
         said.append(Reason("own_dynamics", "no simulation was given, and our own loop needed more than two lags"))
     best = selection.ranking[0] if selection.ranking and not selection.effects else None

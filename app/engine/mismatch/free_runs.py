@@ -23,8 +23,8 @@ def free_runs(prepared: Prepared, final: Fit, held: BoolArray) -> FreeRuns:
     base_seen = refit_without(bent_without(prepared.base, prepared.bent, held), held)
     given = base_seen.given if final.given is prepared.base.given else None
     final_seen = refit_without(bent_without(final, prepared.bent, held), held, given)
-    sensors = sensors_of(final_seen, prepared.patterns)
-    explained = seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
+    sensors = _sensors_of(final_seen, prepared.patterns)
+    explained = _seen_through(final_seen.simulated, sensors, Context(final.record, final.plant))
     mid = prepared.record.pv_mid
     gain = unseen_gain(base_seen, final_seen, held)
     return FreeRuns(base_seen.simulated + mid, explained + mid, held, gain, final_seen, sensors)
@@ -54,27 +54,27 @@ def improvement_of(traces: Traces, base: Fit) -> Improvement:
     return Improvement(given, refitted, explained, windows_along(record, held))
 
 
-def sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:
+def _sensors_of(found: Fit, patterns: tuple[Pattern, ...]) -> tuple[Part, ...]:
     """What sensor and historian do to the free run; rounding and compression only where that comes nearer to what was
     fitted.
     """
     signal, context = found.simulated, Context(found.record, found.plant)
     kept = []
     for pattern in patterns:
-        through = seen_through(signal, (pattern.part,), context)
-        if pattern.hides_pv or variance_left(found.record, through) <= variance_left(found.record, signal):
+        through = _seen_through(signal, (pattern.part,), context)
+        if pattern.hides_pv or _variance_left(found.record, through) <= _variance_left(found.record, signal):
             signal = through
             kept.append(pattern.part)
     return tuple(kept)
 
 
-def variance_left(record: Experiment, signal: FloatArray) -> float:
+def _variance_left(record: Experiment, signal: FloatArray) -> float:
     """Variance of what a simulation (N,) leaves of PV where it is compared; 0 where nothing is."""
     left = (record.pv_deviation - signal)[record.usable]
     return float(np.var(left)) if len(left) else 0.0
 
 
-def seen_through(signal: FloatArray, sensors: tuple[Part, ...], context: Context) -> FloatArray:
+def _seen_through(signal: FloatArray, sensors: tuple[Part, ...], context: Context) -> FloatArray:
     for part in sensors:
         if part.block.apply is not None:
             signal = part.block.apply(signal, part.values, context)

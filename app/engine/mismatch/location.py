@@ -23,11 +23,11 @@ from app.engine.mismatch.report import location_of, pattern_effect
 def locate(comparison: Comparison) -> Location:
     """A first answer without a competition: where the two differ, from scans alone, of a long record thinned."""
     comparison = without_read_backs(mended(comparison))
-    found = first_location(comparison)
+    found = _first_location(comparison)
     return replace(found, evidence=(*comparison.notes, *found.evidence))
 
 
-def first_location(comparison: Comparison) -> Location:
+def _first_location(comparison: Comparison) -> Location:
     record = record_of(comparison)
     patterns = find_patterns(record)
     if patterns:
@@ -41,16 +41,16 @@ def first_location(comparison: Comparison) -> Location:
     return replace(found, evidence=(*said, *found.evidence))
 
 
-def paying_in_a_scan(base: Fit, blocks: tuple[Block, ...]) -> list[Scanned]:
+def _paying_in_a_scan(base: Fit, blocks: tuple[Block, ...]) -> list[Scanned]:
     return [scanned for scanned in glance(base, blocks) if scanned.gain > scanned.block.penalty]
 
 
 def quick_location(base: Fit, blocks: tuple[Block, ...]) -> Location:
     """The place, windows and condition of the block whose scan gains most, or nowhere where none pays."""
-    paying = paying_in_a_scan(base, blocks)
+    paying = _paying_in_a_scan(base, blocks)
     answering = tuple(scanned.block for scanned in paying if scanned.block.place in ANSWERING)
     if answering and not base.given.own:
-        richer = {scanned.block.name for scanned in paying_in_a_scan(base.beside_richer_noise, answering)}
+        richer = {scanned.block.name for scanned in _paying_in_a_scan(base.beside_richer_noise, answering)}
         paying = [s for s in paying if s.block.place not in ANSWERING or s.block.name in richer]
     if not paying:
         return Location(None, (), "nowhere", None)

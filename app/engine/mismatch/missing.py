@@ -25,7 +25,7 @@ from app.engine.mismatch.loop.block import Block
 from app.engine.mismatch.physics import fixed, library
 from app.engine.mismatch.physics.generic import DYNAMIC
 
-NEARLY = 0.5
+_NEARLY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +48,21 @@ def compete(prepared: Prepared) -> Competed:
     base, already = prepared.base, tuple(pattern.part.block.code for pattern in prepared.patterns)
     if prepared.unrelated or too_few(base.record) or nothing_left(base):
         return Competed(base, Selection(base, (), ()))
-    coarse = shortened_for(base)
+    coarse = _shortened_for(base)
     blocks = library(coarse.fit.record)
     selection = select(coarse.fit, (*blocks, *offered_beside(base)), already, coarse.stems)
     off = parameters_of(selection.fit) if selection.effects else None
     if off is None:
-        return beside_own_dynamics(base, coarse, selection, blocks, already)
+        return _beside_own_dynamics(base, coarse, selection, blocks, already)
     given = freed(selection.fit, off)
     again = fit_linear(base.record, given)
     coarse = coarse_of(again, factor_for(again))
     selection = select(coarse.fit, blocks, already)
-    fine = finely(again, coarse, selection)
+    fine = _finely(again, coarse, selection)
     return Competed(again, fine.selection, (off_in_words(base.given, given), *fine.lost))
 
 
-def shortened_for(base: Fit) -> Coarse:
+def _shortened_for(base: Fit) -> Coarse:
     """What of a long record the names compete on: its beginning as sampled, where our own loop follows a stem there,
     whose slips no block means hold; the record thinned otherwise.
     """
@@ -78,32 +78,32 @@ def shortened_for(base: Fit) -> Coarse:
     return replace(coarse, stems=restarted(coarse.fit, fixed()))
 
 
-def finely(base: Fit, coarse: Coarse, selection: Selection) -> Refined:
+def _finely(base: Fit, coarse: Coarse, selection: Selection) -> Refined:
     return Refined(selection) if coarse.factor == 1 else refined(base, selection)
 
 
-def competed(base: Fit, fine: Refined) -> Competed:
+def _competed(base: Fit, fine: Refined) -> Competed:
     return Competed(base, fine.selection, fine.lost)
 
 
-def beside_own_dynamics(
+def _beside_own_dynamics(
     base: Fit, coarse: Coarse, selection: Selection, blocks: tuple[Block, ...], already: tuple[str, ...]
 ) -> Competed:
     """Where no simulation was given, linear dynamics that our own simple structures lack are no missing physics: they
     become part of our own loop, and what is missing beside them is looked for again.
     """
-    own = lacking_dynamics(selection)
+    own = _lacking_dynamics(selection)
     if own is None:
-        return competed(base, finely(base, coarse, selection))
+        return _competed(base, _finely(base, coarse, selection))
     named = tuple(block for block in blocks if block.name != own.block.name)
-    if any(worth(r) > NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
+    if any(worth(r) > _NEARLY * worth(own) for r in selection.ranking if r.block.code != own.block.code):
         # A name with one or two parameters explains nearly what four lags without a name do: it goes before them.
-        return competed(base, finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
+        return _competed(base, _finely(base, coarse, select(coarse.fit, named, already, coarse.stems)))
     richer = own.fit if coarse.factor == 1 else refined(base, Selection(own.fit, selection.effects, ())).selection.fit
-    return competed(richer, finely(richer, coarse, select(own.fit, named, already)))
+    return _competed(richer, _finely(richer, coarse, select(own.fit, named, already)))
 
 
-def lacking_dynamics(selection: Selection) -> Contender | None:
+def _lacking_dynamics(selection: Selection) -> Contender | None:
     """The generic linear dynamics, where they came first beside a linear loop of our own."""
     if not selection.ranking or not selection.effects:
         return None

@@ -27,14 +27,14 @@ from app.engine.recording import FloatArray
 CERTAIN = 0.995
 # Without a given simulation about two of three names of a competition were what the plant said (docs/EXPLAINED.md).
 OWN_CERTAIN = 0.7
-UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
-OF_ONE_STEM = (HE.name, CHOUDHURY.name, DEADBAND.name)  # the same all along the record
-MOMENTS = ("start", "end", "lasting")
-LIMIT = "limit"
-PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
+_UNUSED_PLANT = Plant(K=1.0, tau=1.0, theta=0.0)  # what PV shows by itself asks nothing of the plant
+_OF_ONE_STEM = (HE.name, CHOUDHURY.name, DEADBAND.name)  # the same all along the record
+_MOMENTS = ("start", "end", "lasting")
+_LIMIT = "limit"
+_PLANT_UNITS = {"K": "PV/OP", "tau": "s", "tau2": "s", "tau3": "s", "theta": "s", "damping": "ratio"}
 
 
-def effect_of(effect: Believed, final: Fit) -> Effect:
+def _effect_of(effect: Believed, final: Fit) -> Effect:
     """A believed effect as it stands in the final fit."""
     part = next(p for p in final.parts if p.block.name == effect.contender.block.name)
     mask = active_mask(final, part)
@@ -47,14 +47,14 @@ def effect_of(effect: Believed, final: Fit) -> Effect:
         parameters=estimates(final, part),
         windows=windows,
         condition=part.block.condition,
-        evidence=evidence_of(effect, final),
+        evidence=_evidence_of(effect, final),
         gain=effect.gain,
     )
 
 
 def effects_of(effect: Believed, final: Fit) -> tuple[Effect, ...]:
     """The effect, and those that its block stands for as well."""
-    first = effect_of(effect, final)
+    first = _effect_of(effect, final)
     return (first, *(replace(first, code=code, alternatives=()) for code in effect.contender.block.brings))
 
 
@@ -71,7 +71,7 @@ def probability_of(effect: Believed) -> float:
     return float(min(presence * name, OWN_CERTAIN if own else CERTAIN, effect.most))
 
 
-def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
+def _evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
     said = [
         Reason(
             "likelihood",
@@ -92,10 +92,10 @@ def evidence_of(effect: Believed, final: Fit) -> tuple[Reason, ...]:
 
 def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     block = pattern.part.block
-    context = Context(record, UNUSED_PLANT)
+    context = Context(record, _UNUSED_PLANT)
     known = block.parameters(context)
-    values = absolute(known, pattern.part.values, record)
-    parameters = tuple(pattern_estimate(p, value, record, pattern) for p, value in zip(known, values, strict=True))
+    values = _absolute(known, pattern.part.values, record)
+    parameters = tuple(_pattern_estimate(p, value, record, pattern) for p, value in zip(known, values, strict=True))
     windows = windows_along(record, pattern.shows)
     return Effect(
         block.code,
@@ -110,22 +110,22 @@ def pattern_effect(pattern: Pattern, record: Experiment) -> Effect:
     )
 
 
-def pattern_estimate(parameter: Parameter, value: float, record: Experiment, pattern: Pattern) -> Estimate:
+def _pattern_estimate(parameter: Parameter, value: float, record: Experiment, pattern: Pattern) -> Estimate:
     """A size of what PV shows by itself, as closely as PV was kept: a limit to half of its last decimal, a moment to
     the sample before; the width of a historian as far as PV tells it.
     """
     if pattern.width is not None:
-        return Estimate(parameter.name, value, pattern.width.low, pattern.width.high, plain_unit(parameter))
+        return Estimate(parameter.name, value, pattern.width.low, pattern.width.high, _plain_unit(parameter))
     sooner = record.sampling_interval_s if parameter.name in BETWEEN_SAMPLES else 0.0
-    rounded = 0.5 * decimals_of(record.pv[record.usable]) if parameter.name == LIMIT else 0.0
-    return Estimate(parameter.name, value, value - sooner - rounded, value + rounded, plain_unit(parameter))
+    rounded = 0.5 * decimals_of(record.pv[record.usable]) if parameter.name == _LIMIT else 0.0
+    return Estimate(parameter.name, value, value - sooner - rounded, value + rounded, _plain_unit(parameter))
 
 
-def plain_unit(parameter: Parameter) -> str:
+def _plain_unit(parameter: Parameter) -> str:
     return parameter.unit.removesuffix(" level")
 
 
-def absolute(parameters: tuple[Parameter, ...], values: FloatArray, record: Experiment) -> list[float]:
+def _absolute(parameters: tuple[Parameter, ...], values: FloatArray, record: Experiment) -> list[float]:
     """Levels with the record's means added; all else as it is."""
     mids = {"OP level": record.op_mid, "PV level": record.pv_mid}
     return [float(v + mids.get(p.unit, 0.0)) for p, v in zip(parameters, values, strict=True)]
@@ -138,21 +138,21 @@ def estimates(found: Fit, part: Part) -> tuple[Estimate, ...]:
     mids = {"OP level": found.record.op_mid, "PV level": found.record.pv_mid}
     said, sticks = [], part.block.code == STICTION  # whose sizes are tried together
     for p in part.block.parameters(Context(found.record, found.given.plant)):
-        bends = p.name in MOMENTS or (part.block.rough and not (p.linear or sticks))
+        bends = p.name in _MOMENTS or (part.block.rough and not (p.linear or sticks))
         ends = interval_tried if bends else interval
-        said.append(ends(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), plain_unit(p), p.name, spread))
+        said.append(ends(found, f"{index}.{p.name}", mids.get(p.unit, 0.0), _plain_unit(p), p.name, spread))
     if sticks:
         said[:3] = size_of_stiction(found, index)
     elif said and said[-1].name == STEM_START:
         # Half of a band, or of the share of it that a growing one began with.
         reach = 1.0 if said[-1].unit == "OP" else 0.5 * float(np.prod([estimate.value for estimate in said[:-1]]))
-        said[-1] = scaled(said[-1], float(found.record.op[0]), reach, "OP")
-    if part.block.name in OF_ONE_STEM:
+        said[-1] = _scaled(said[-1], float(found.record.op[0]), reach, "OP")
+    if part.block.name in _OF_ONE_STEM:
         said[0] = between_samples_too(said[0], found.record.as_sampled)
     return tuple(said)
 
 
-def scaled(share: Estimate, zero: float, whole: float, unit: str) -> Estimate:
+def _scaled(share: Estimate, zero: float, whole: float, unit: str) -> Estimate:
     """A share of a whole as a quantity: zero + share * whole."""
     value, low, high = (zero + whole * number for number in (share.value, share.low, share.high))
     return Estimate(share.name, value, low, high, unit)
@@ -161,8 +161,8 @@ def scaled(share: Estimate, zero: float, whole: float, unit: str) -> Estimate:
 def refit_estimates(base: Fit) -> tuple[Estimate, ...]:
     """The simulation's own parameters after the refit, with 95 % intervals."""
     spread = deviations(base)
-    names = [f.name for f in base.free if f.name in PLANT_UNITS]
-    units = PLANT_UNITS | ({"K": "PV/OP/s"} if base.plant.leak == 0.0 else {})
+    names = [f.name for f in base.free if f.name in _PLANT_UNITS]
+    units = _PLANT_UNITS | ({"K": "PV/OP/s"} if base.plant.leak == 0.0 else {})
     return tuple(interval(base, name, 0.0, units[name], name, spread) for name in names)
 
 

@@ -33,7 +33,7 @@ def mended_second(validation: Comparison) -> Comparison:
 
 
 @contextmanager
-def of_second() -> Iterator[None]:
+def _of_second() -> Iterator[None]:
     """What is raised inside is of the second recording, and says so by its kind; its words do by themselves."""
     try:
         yield
@@ -41,7 +41,7 @@ def of_second() -> Iterator[None]:
         raise SecondRecordingError(error.code, error.message) from error
 
 
-@of_second()
+@_of_second()
 def validated(
     explanation: Explanation, prepared: Prepared, selection: Selection, second: Comparison, *, by_model: bool
 ) -> Explanation:
@@ -64,16 +64,18 @@ def validated(
     record = record if rest is None else record.resting(rest)
     judged = None if lacking.too_much else validate(prepared.base, selection.fit, sensors, record, given)
     said = tuple(Reason(note.code, f"in the second recording: {note.text}") for note in second.notes)
-    said += far_apart(prepared.record, record)
-    said += given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
+    said += _far_apart(prepared.record, record)
+    said += _given_on_one_alone(prepared.given_trace is not None, given is not None or second.trace is not None)
     return replace(explanation, validation=judged, evidence=(*explanation.evidence, *said, *lacking.said))
 
 
-def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
+def _far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
     """That a second recording is hardly of the same loop in the same units, by its OP and PV."""
     sides = (("OP", first.op, second.op), ("PV", first.pv, second.pv))
     said = [
-        f"{name} runs {in_range(two)}, in the first {in_range(one)}" for name, one, two in sides if elsewhere(one, two)
+        f"{name} runs {_in_range(two)}, in the first {_in_range(one)}"
+        for name, one, two in sides
+        if _elsewhere(one, two)
     ]
     if not said:
         return ()
@@ -81,18 +83,18 @@ def far_apart(first: Experiment, second: Experiment) -> tuple[Reason, ...]:
     return (Reason("second_elsewhere", text),)
 
 
-def elsewhere(one: FloatArray, other: FloatArray) -> bool:
+def _elsewhere(one: FloatArray, other: FloatArray) -> bool:
     """Whether two signals go OTHER_UNIT times as far as each other, or are farther apart than that."""
     wide, narrow = sorted((span(one), span(other)), reverse=True)
     return wide > OTHER_UNIT * narrow or abs(float(np.median(one) - np.median(other))) > OTHER_UNIT * wide
 
 
-def in_range(signal: FloatArray) -> str:
+def _in_range(signal: FloatArray) -> str:
     low, high = np.quantile(signal, (0.01, 0.99))
     return f"from {low:.4g} to {high:.4g}"
 
 
-def given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
+def _given_on_one_alone(first: bool, second: bool) -> tuple[Reason, ...]:
     """Why nothing is said of a simulation as it came on the second recording, where it is there of one alone."""
     if first == second:
         return ()

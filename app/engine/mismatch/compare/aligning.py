@@ -9,7 +9,7 @@ from app.engine.evidence import Reason
 from app.engine.recording import FloatArray
 from app.errors import DataError
 
-SLACK_INTERVALS = 1.5
+_SLACK_INTERVALS = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def covering(time: FloatArray, at: FloatArray) -> tuple[Reason, ...]:
     Raises DataError("no_overlap", "simulation_length") where it does not cover the recording.
     """
     begin, end = float(time[0]), float(time[-1])
-    slack = SLACK_INTERVALS * float(np.median(np.diff(time)))
+    slack = _SLACK_INTERVALS * float(np.median(np.diff(time)))
     first, last = float(at[0]), float(at[-1])
     if first > end or last < begin:
         raise DataError(
@@ -73,7 +73,7 @@ def covering(time: FloatArray, at: FloatArray) -> tuple[Reason, ...]:
             f"simulation ({first:.12g} to {last:.12g} s) and recording ({begin:.12g} to {end:.12g} s) do not overlap",
         )
     if first > begin + slack or last < end - slack:
-        raise DataError("simulation_length", covered(begin, end, first, last))
+        raise DataError("simulation_length", _covered(begin, end, first, last))
     return beyond(begin, end, at, slack)
 
 
@@ -82,12 +82,12 @@ def beyond(begin: float, end: float, at: FloatArray, slack: float = 0.0) -> tupl
     outside = int(np.sum((at < begin - slack) | (at > end + slack)))
     if not outside:
         return ()
-    text = covered(begin, end, float(np.min(at)), float(np.max(at)))
+    text = _covered(begin, end, float(np.min(at)), float(np.max(at)))
     left_out = counted(outside, "of its samples lies outside and is", "of its samples lie outside and are")
     return (Reason("simulation_cut", f"{text}; {left_out} not compared"),)
 
 
-def covered(begin: float, end: float, first: float, last: float) -> str:
+def _covered(begin: float, end: float, first: float, last: float) -> str:
     return (
         f"the simulation covers {first - begin:.6g} to {last - begin:.6g} s from the recording's start, the recording "
         f"0 to {end - begin:.6g} s"

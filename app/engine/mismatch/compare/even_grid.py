@@ -15,12 +15,12 @@ from app.engine.recording import BoolArray, FloatArray, IntArray, Recording
 from app.engine.signals.sampled import held
 from app.errors import DataError
 
-GAP_INTERVALS = 3.0
-SAME_STAMP = 0.01  # of an interval: so near a stamp a grid point is the sample
-STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
-SPARSE = 3.0
-HOLE_INTERVALS = 40.0  # as long as what an audit fills at most
-FEW_HOLES = 0.01
+_GAP_INTERVALS = 3.0
+_SAME_STAMP = 0.01  # of an interval: so near a stamp a grid point is the sample
+_STAMP_ROUNDING = 1e-6  # of an interval: by so much a grid may miss the stamp that it was laid on
+_SPARSE = 3.0
+_HOLE_INTERVALS = 40.0  # as long as what an audit fills at most
+_FEW_HOLES = 0.01
 
 
 def comparison_of(
@@ -48,7 +48,7 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     time: (N,) s, in any order. signals: (N,) each by name, "pv" and "op", and "sp" and "trace" (a simulated PV) where
     there are any; others: further ones, left out where they have no values; NaN where a value is missing. Raises
     DataError("too_short") below LEAST_SAMPLES samples with time, PV and OP, and "simulation_is_pv",
-    "simulation_length" as `refuse_a_copy` and `whole_trace` do.
+    "simulation_length" as `_refuse_a_copy` and `_whole_trace` do.
     """
     present = np.isfinite(time) & np.isfinite(signals["pv"]) & np.isfinite(signals["op"])
     if present.sum() < LEAST_SAMPLES:
@@ -62,11 +62,11 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
     notes = faults_of_the_clock(time[present], int(np.sum(~kept)))
     order = order[kept]
     if "trace" in signals:
-        refuse_a_copy(signals["pv"][order], signals["trace"][order])
-        notes += whole_trace(time, order, signals["trace"])
-    grid = grid_over(time[order] - time[order[0]])
-    on_grid = {each: resampled(signal[order], grid, steps=each == "sp") for each, signal in signals.items()}
-    further = ((each, resampled(signal[order], grid)) for each, signal in others.items())
+        _refuse_a_copy(signals["pv"][order], signals["trace"][order])
+        notes += _whole_trace(time, order, signals["trace"])
+    grid = _grid_over(time[order] - time[order[0]])
+    on_grid = {each: _resampled(signal[order], grid, steps=each == "sp") for each, signal in signals.items()}
+    further = ((each, _resampled(signal[order], grid)) for each, signal in others.items())
     sp = on_grid.get("sp")
     return Comparison(
         name=name,
@@ -75,14 +75,14 @@ def uniform(name: str, time: FloatArray, signals: dict[str, FloatArray], others:
         pv=on_grid["pv"],
         sp=None if sp is None or not np.all(np.isfinite(sp)) else sp,
         measured=tuple((each, signal) for each, signal in further if np.all(np.isfinite(signal))),
-        known=None if grid.even else known_at(grid.points_s, grid.sampled_s, grid.interval_s),
+        known=None if grid.even else _known_at(grid.points_s, grid.sampled_s, grid.interval_s),
         trace=on_grid.get("trace"),
         notes=notes,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class _Grid:
     """Points (M,) an interval apart, in s from the first sample, and the times (N,) s at which samples came; even:
     whether those are the points.
     """
@@ -93,12 +93,12 @@ class Grid:
     even: bool
 
 
-def grid_over(at: FloatArray) -> Grid:
+def _grid_over(at: FloatArray) -> _Grid:
     """The grid for samples at the times (N,) s, N > 1, increasing from 0, at the interval of `_interval_of`."""
     interval = _interval_of(at)
     points = np.arange(int(np.floor(at[-1] / interval + 1e-6)) + 1, dtype=np.float64) * interval
-    even = len(points) == len(at) and bool(np.allclose(points, at, atol=SAME_STAMP * interval))
-    return Grid(interval, points, at, even)
+    even = len(points) == len(at) and bool(np.allclose(points, at, atol=_SAME_STAMP * interval))
+    return _Grid(interval, points, at, even)
 
 
 def _interval_of(at: FloatArray) -> float:
@@ -107,15 +107,15 @@ def _interval_of(at: FloatArray) -> float:
     """
     steps = np.diff(at)
     usual, average = float(np.median(steps)), float(np.mean(steps))
-    if average <= SPARSE * usual:
+    if average <= _SPARSE * usual:
         return usual
-    within = steps[steps <= HOLE_INTERVALS * usual]
-    few = len(steps) - len(within) <= FEW_HOLES * len(steps)
+    within = steps[steps <= _HOLE_INTERVALS * usual]
+    few = len(steps) - len(within) <= _FEW_HOLES * len(steps)
     few_points = at[-1] <= MOST_POINTS * len(at) * usual
-    return usual if few and few_points and float(np.mean(within)) <= SPARSE * usual else average
+    return usual if few and few_points and float(np.mean(within)) <= _SPARSE * usual else average
 
 
-def resampled(values: FloatArray, grid: Grid, *, steps: bool = False) -> FloatArray:
+def _resampled(values: FloatArray, grid: _Grid, *, steps: bool = False) -> FloatArray:
     """Values (N,) at the grid's samples as (M,) at its points: on straight lines, or held where the signal steps; NaN
     throughout where fewer than two are known.
     """
@@ -126,21 +126,21 @@ def resampled(values: FloatArray, grid: Grid, *, steps: bool = False) -> FloatAr
         return np.full(len(grid.points_s), np.nan)
     known = grid.sampled_s[finite], values[finite]
     if steps:
-        return held(*known, grid.points_s + STAMP_ROUNDING * grid.interval_s)
+        return held(*known, grid.points_s + _STAMP_ROUNDING * grid.interval_s)
     return np.interp(grid.points_s, *known)
 
 
-def known_at(grid: FloatArray, at: FloatArray, interval: float) -> BoolArray:
+def _known_at(grid: FloatArray, at: FloatArray, interval: float) -> BoolArray:
     """(M,) True where a point of the grid (M,) is no invention: between samples, at the times (N,), that are no gap
     apart, and on a sample at the end of a gap.
     """
     behind = np.clip(np.searchsorted(at, grid), 1, len(at) - 1)
     before, after = at[behind - 1], at[behind]
-    recorded = np.minimum(np.abs(grid - before), np.abs(after - grid)) <= SAME_STAMP * interval
-    return recorded | (after - before < GAP_INTERVALS * interval)
+    recorded = np.minimum(np.abs(grid - before), np.abs(after - grid)) <= _SAME_STAMP * interval
+    return recorded | (after - before < _GAP_INTERVALS * interval)
 
 
-def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
+def _refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
     """Raises DataError("simulation_is_pv") where a simulation (N,) is the recorded PV itself: no loop is simulated to
     the last digit of what was measured, and nothing would ever be missing.
     """
@@ -149,7 +149,7 @@ def refuse_a_copy(pv: FloatArray, trace: FloatArray) -> None:
         raise DataError("simulation_is_pv", text)
 
 
-def whole_trace(time: FloatArray, order: IntArray, trace: FloatArray) -> tuple[Reason, ...]:
+def _whole_trace(time: FloatArray, order: IntArray, trace: FloatArray) -> tuple[Reason, ...]:
     """What is to be said of a simulation (N,) recorded at the times (N,) s, of which the samples `order` are compared.
 
     Raises DataError("simulation_length") where it does not cover them: as a line from its last value on it would be

@@ -27,17 +27,17 @@ from app.engine.mismatch.physics.sensor_pattern import (
 from app.engine.recording import BoolArray, FloatArray, IntArray
 from app.engine.signals.runs import runs_of
 
-LEAST_RUN = 10
-LEAST_AT_LIMIT, LEAST_FREE = 12, 25
-STEP_OVER_NOISE = 1.0
-STEP_OVER_SPAN = 0.003
-STILL = 0.003
-STANDS_STILL = 1e-9  # of PV's span: what a value that is repeated moves
-NEAR_EXTREME = 0.02
-JUMP = 2.0
-MOST_STUCK = 5
-REGULAR, HOLDS = 0.95, 0.4
-LOST_OR = (STUCK.code, LOAD_STEP.code)
+_LEAST_RUN = 10
+_LEAST_AT_LIMIT, _LEAST_FREE = 12, 25
+_STEP_OVER_NOISE = 1.0
+_STEP_OVER_SPAN = 0.003
+_STILL = 0.003
+_STANDS_STILL = 1e-9  # of PV's span: what a value that is repeated moves
+_NEAR_EXTREME = 0.02
+_JUMP = 2.0
+_MOST_STUCK = 5
+_REGULAR, _HOLDS = 0.95, 0.4
+_LOST_OR = (STUCK.code, LOAD_STEP.code)
 LOST = 0.9
 """How sure a lost signal is. Where a process is about as fast as the samples are apart, a sensor that stuck in the
 midst of a move looks the same if PV is elsewhere when it comes free: 17 of 1296 did, of which two thirds stuck where it
@@ -79,7 +79,7 @@ class Run:
         return self.last - self.first + 1
 
 
-def noise_deviation(record: Experiment) -> float:
+def _noise_deviation(record: Experiment) -> float:
     """Standard deviation of PV's sample-to-sample noise where it is known, from second differences; repeated values
     aside.
     """
@@ -88,7 +88,7 @@ def noise_deviation(record: Experiment) -> float:
     return float(np.median(np.abs(moving)) / 0.6745 / np.sqrt(6.0)) if len(moving) > 20 else 0.0
 
 
-def equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:
+def _equal_runs(record: Experiment, tolerance: float) -> tuple[Run, ...]:
     """Runs of at least two samples that repeat the one before within the tolerance; what a gap was bridged with
     repeats nothing.
     """
@@ -104,21 +104,21 @@ def find_patterns(record: Experiment) -> tuple[Pattern, ...]:
     hold = hold_of(record.pv, record.usable)
     if hold is not None:
         return (held(record, hold.interval * record.sampling_interval_s),)
-    noise = noise_deviation(record)
-    runs = equal_runs(record, 0.02 * noise)
+    noise = _noise_deviation(record)
+    runs = _equal_runs(record, 0.02 * noise)
     step = level_spacing(record.pv[record.usable])
-    coarse = step > max(STEP_OVER_NOISE * innovation_floor(record.pv), STEP_OVER_SPAN * record.pv_span)
-    rests = coarse or holds(record)
-    limits = limits_of(record, runs, rests)
+    coarse = step > max(_STEP_OVER_NOISE * _innovation_floor(record.pv), _STEP_OVER_SPAN * record.pv_span)
+    rests = coarse or _holds(record)
+    limits = _limits_of(record, runs, rests)
     explained = np.any([p.shows for p in limits], axis=0) if limits else np.zeros(record.samples, dtype=np.bool_)
-    stuck = stuck_stretches(record, runs, explained, rests)
+    stuck = _stuck_stretches(record, runs, explained, rests)
     if coarse:
-        return (*limits, *stuck, quantised(record, step))
+        return (*limits, *stuck, _quantised(record, step))
     squeezed = None if limits or stuck else compressed(record)
     if squeezed is not None:
         return (squeezed,)
     found = (*limits, *stuck)
-    return found if rests else (*found, *frozen_stretches(record, [pattern.shows for pattern in found]))
+    return found if rests else (*found, *_frozen_stretches(record, [pattern.shows for pattern in found]))
 
 
 def held(record: Experiment, interval_s: float) -> Pattern:
@@ -130,24 +130,24 @@ def held(record: Experiment, interval_s: float) -> Pattern:
     return Pattern(Part(SAMPLE_HOLD, np.array([interval_s])), everywhere, Reason("pv_held", text), False)
 
 
-def holds(record: Experiment) -> bool:
+def _holds(record: Experiment) -> bool:
     """Whether PV repeats itself most of the time, also away from its extremes: a historian that stores changes."""
-    away = away_from_extremes(record) & record.usable
+    away = _away_from_extremes(record) & record.usable
     still = np.abs(np.diff(record.pv)) <= 1e-9 * record.pv_span
-    return bool(np.mean(still[away[1:]]) > HOLDS) if away.sum() > LEAST_RUN else False
+    return bool(np.mean(still[away[1:]]) > _HOLDS) if away.sum() > _LEAST_RUN else False
 
 
-def away_from_extremes(record: Experiment) -> BoolArray:
-    margin = NEAR_EXTREME * record.pv_span
+def _away_from_extremes(record: Experiment) -> BoolArray:
+    margin = _NEAR_EXTREME * record.pv_span
     return (record.pv > np.min(record.pv) + margin) & (record.pv < np.max(record.pv) - margin)
 
 
-def innovation_floor(pv: FloatArray) -> float:
+def _innovation_floor(pv: FloatArray) -> float:
     """Standard deviation of the white noise that would make PV's changes from sample to sample: theirs over sqrt 2."""
     return float(np.std(np.diff(pv)) / np.sqrt(2.0))
 
 
-def quantised(record: Experiment, step: float) -> Pattern:
+def _quantised(record: Experiment, step: float) -> Pattern:
     known = record.pv[record.usable]
     text = f"PV takes {len(np.unique(known))} levels, {step:.4g} apart, wider than its noise"
     everywhere = np.ones(record.samples, dtype=np.bool_)
@@ -155,14 +155,14 @@ def quantised(record: Experiment, step: float) -> Pattern:
     return Pattern(Part(QUANTIZATION, np.array([step, level])), everywhere, Reason("pv_levels", text), False)
 
 
-def limits_of(record: Experiment, runs: tuple[Run, ...], coarse: bool) -> tuple[Pattern, ...]:
+def _limits_of(record: Experiment, runs: tuple[Run, ...], coarse: bool) -> tuple[Pattern, ...]:
     """The ends of the sensor's range; none where PV hardly ever leaves them, for then nothing shows that it would."""
-    found = [p for p in (at_limit(record, runs, 1.0, coarse), at_limit(record, runs, -1.0, coarse)) if p is not None]
+    found = [p for p in (_at_limit(record, runs, 1.0, coarse), _at_limit(record, runs, -1.0, coarse)) if p is not None]
     limited = np.any([p.shows for p in found], axis=0) if found else np.zeros(record.samples, dtype=np.bool_)
-    return tuple(found) if np.sum(record.usable & ~limited) >= LEAST_FREE else ()
+    return tuple(found) if np.sum(record.usable & ~limited) >= _LEAST_FREE else ()
 
 
-def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:
+def _at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: bool) -> Pattern | None:
     """PV that repeats its extreme value, again and again or for long: the end of a range."""
     if coarse:
         return None
@@ -170,15 +170,15 @@ def at_limit(record: Experiment, runs: tuple[Run, ...], sign: float, coarse: boo
     near = record.usable & (np.abs(record.pv - extreme) <= 1e-6 * record.pv_span)
     there = [run for run in runs if near[run.first]]
     repeated = sum(run.length for run in there)
-    if repeated < LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
+    if repeated < _LEAST_AT_LIMIT or (len(there) == 1 and jumps_free(record.pv, there[0])):
         return None
     block: Block = LIMIT_HIGH if sign > 0 else LIMIT_LOW
     text = f"PV is at its {'highest' if sign > 0 else 'lowest'} value {extreme:.5g} for {repeated:,} samples"
-    shows = closed_gaps(near, 15)
+    shows = _closed_gaps(near, 15)
     return Pattern(Part(block, np.array([extreme - record.pv_mid])), shows, Reason("pv_at_limit", text), True)
 
 
-def closed_gaps(mask: BoolArray, longest: int) -> BoolArray:
+def _closed_gaps(mask: BoolArray, longest: int) -> BoolArray:
     """The mask with gaps of at most `longest` samples closed; single samples that stand alone are dropped."""
     at = np.flatnonzero(mask)
     out = np.zeros_like(mask)
@@ -190,53 +190,53 @@ def closed_gaps(mask: BoolArray, longest: int) -> BoolArray:
     return out
 
 
-def stuck_stretches(
+def _stuck_stretches(
     record: Experiment, runs: tuple[Run, ...], explained: BoolArray, coarse: bool
 ) -> tuple[Pattern, ...]:
     """Runs far longer than all others, away from the limits: one sensor that stood still."""
     free = [run for run in runs if not explained[run.first : run.last + 1].any()]
     lengths = np.sort([run.length for run in free])
-    others = lengths[: len(lengths) - min(MOST_STUCK, len(lengths) // 2)]
+    others = lengths[: len(lengths) - min(_MOST_STUCK, len(lengths) // 2)]
     usual = float(np.quantile(others, 0.9)) if len(lengths) > 4 else 2.0
     # Among wide levels PV repeats itself for long whenever the loop is calm: only one stretch far beyond the others
     # counts.
     second = float(lengths[-2]) if coarse and len(lengths) > 1 else 0.0
-    needed = max(LEAST_RUN, 5.0 * usual, 3.0 * second)
+    needed = max(_LEAST_RUN, 5.0 * usual, 3.0 * second)
     found = [run for run in free if run.length >= needed]
-    away = away_from_extremes(record)
-    made = of_a_sensor(record, found, lambda run: bool(away[run.first]))
-    return tuple(dropped(record, run) if jumps_there(record.pv, run) else stuck(record, run) for run in made)
+    away = _away_from_extremes(record)
+    made = _of_a_sensor(record, found, lambda run: bool(away[run.first]))
+    return tuple(_dropped(record, run) if _jumps_there(record.pv, run) else stuck(record, run) for run in made)
 
 
-def of_a_sensor(record: Experiment, runs: list[Run], away: Callable[[Run], bool]) -> list[Run]:
+def _of_a_sensor(record: Experiment, runs: list[Run], away: Callable[[Run], bool]) -> list[Run]:
     """Those of the runs that a sensor makes, the longest first; none where they are too many. away: from the extremes
     of PV.
     """
     # A PV that rests because nothing moves is not stuck.
-    runs = [run for run in runs if np.ptp(record.op[run.first : run.last + 1]) > STILL * record.op_span]
+    runs = [run for run in runs if np.ptp(record.op[run.first : run.last + 1]) > _STILL * record.op_span]
     # Near its extremes PV may rest because a limit presses it: that is for the competition to say. A limit lets go of
     # PV where it is; a sensor that comes free jumps to where PV went.
     runs = [run for run in runs if away(run) or jumps_free(record.pv, run)]
-    return sorted(runs, key=lambda run: -run.length) if len(runs) <= MOST_STUCK else []
+    return sorted(runs, key=lambda run: -run.length) if len(runs) <= _MOST_STUCK else []
 
 
 def jumps_free(pv: FloatArray, run: Run) -> bool:
     """Whether PV (N,) leaves a run by a step such as it hardly ever takes."""
-    return run.last + 1 < len(pv) and jumps_from(pv, run.last)
+    return run.last + 1 < len(pv) and _jumps_from(pv, run.last)
 
 
-def jumps_there(pv: FloatArray, run: Run) -> bool:
+def _jumps_there(pv: FloatArray, run: Run) -> bool:
     """Whether PV (N,) comes to a run by such a step and leaves it by one back: a sensor that is stuck repeats what it
     measured last, and PV goes on from there.
     """
-    if not (run.first > 0 and jumps_from(pv, run.first - 1) and jumps_free(pv, run)):
+    if not (run.first > 0 and _jumps_from(pv, run.first - 1) and jumps_free(pv, run)):
         return False
     return bool((pv[run.first] - pv[run.first - 1]) * (pv[run.last + 1] - pv[run.last]) < 0.0)
 
 
-def jumps_from(pv: FloatArray, at: int) -> bool:
+def _jumps_from(pv: FloatArray, at: int) -> bool:
     steps = np.abs(np.diff(pv))
-    return bool(steps[at] > JUMP * np.quantile(steps, 0.99))
+    return bool(steps[at] > _JUMP * np.quantile(steps, 0.99))
 
 
 def stuck(record: Experiment, run: Run) -> Pattern:
@@ -248,7 +248,7 @@ def stuck(record: Experiment, run: Run) -> Pattern:
     return Pattern(Part(STUCK, values), shows, Reason("pv_repeats", text), True)
 
 
-def dropped(record: Experiment, run: Run) -> Pattern:
+def _dropped(record: Experiment, run: Run) -> Pattern:
     """A signal that was lost, in place of which something else was recorded; where a process is faster than the samples
     are apart, what fell away for a while in it does the same, and a sensor that stuck since before does where the first
     of its samples were lost.
@@ -259,25 +259,25 @@ def dropped(record: Experiment, run: Run) -> Pattern:
         "that is neither the last measured value nor on PV's path"
     )
     part = Part(DROPOUT, np.array([*kept.part.values, value - record.pv_mid]))
-    return replace(kept, part=part, reason=Reason("pv_dropped", text), alternatives=LOST_OR, most=LOST)
+    return replace(kept, part=part, reason=Reason("pv_dropped", text), alternatives=_LOST_OR, most=LOST)
 
 
-def frozen_stretches(record: Experiment, explained: list[BoolArray]) -> tuple[Pattern, ...]:
+def _frozen_stretches(record: Experiment, explained: list[BoolArray]) -> tuple[Pattern, ...]:
     """Stretches in which PV stands beside a little noise of what reads it, while OP moves on: a transmitter that froze
     and repeats no value to the last digit. explained: (N,) each, where PV shows something else.
     """
     runs = [Run(first, last) for first, last in quiet_stretches(record)]
     runs = [run for run in runs if not any(shows[run.first : run.last + 1].any() for shows in explained)]
-    found = of_a_sensor(record, runs, lambda run: within_range(record, run.first, run.last))
-    return tuple(frozen(record, run) for run in found)
+    found = _of_a_sensor(record, runs, lambda run: within_range(record, run.first, run.last))
+    return tuple(_frozen(record, run) for run in found)
 
 
-def frozen(record: Experiment, run: Run) -> Pattern:
+def _frozen(record: Experiment, run: Run) -> Pattern:
     pv = record.pv[run.first : run.last + 1]
     low, high = f"{np.min(pv):.5g}", f"{np.max(pv):.5g}"
     where = f"at {low}" if low == high else f"between {low} and {high}"
     text = f"PV stays {where} for {run.length:,} samples, with less noise than elsewhere, while OP keeps moving"
-    return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=noise_deviation(record), most=FROZEN)
+    return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=_noise_deviation(record), most=FROZEN)
 
 
 def compressed(record: Experiment) -> Pattern | None:
@@ -285,36 +285,36 @@ def compressed(record: Experiment) -> Pattern | None:
     first, second = np.diff(record.pv), np.diff(record.pv, 2)
     typical = float(np.std(first))
     straight = np.abs(second) < 0.02 * typical
-    away = away_from_extremes(record)[1:-1] & between_known(record)
-    share = float(np.mean(straight[away])) if away.sum() > LEAST_RUN else 0.0
+    away = _away_from_extremes(record)[1:-1] & between_known(record)
+    share = float(np.mean(straight[away])) if away.sum() > _LEAST_RUN else 0.0
     if share < 0.4 or typical == 0.0:
         return None
     kept = np.concatenate(([0], np.flatnonzero(~straight) + 1, [record.samples - 1]))
     text = f"{100 * share:.0f} % of PV's samples lie on a straight line between their neighbours"
     everywhere = np.ones(record.samples, dtype=np.bool_)
-    part, width = how_compressed(record, kept)
+    part, width = _how_compressed(record, kept)
     if width is not None and not record.stored_evenly:
         width = unbounded(width, record.pv)
-    told = stored_share(record, part, kept)
+    told = _stored_share(record, part, kept)
     return Pattern(part, everywhere, Reason("pv_straight", text), False, width=width, told_share=told)
 
 
-def stored_share(record: Experiment, part: Part, kept: IntArray) -> float:
+def _stored_share(record: Experiment, part: Part, kept: IntArray) -> float:
     """How many of a historian's samples it stored: those at which PV leaves a line, or to which it moved."""
     if part.block is HELD:
-        kept = np.flatnonzero(np.abs(np.diff(record.pv)) > STANDS_STILL * record.pv_span)
-    return min(max(len(kept), LEAST_RUN) / record.samples, 1.0)
+        kept = np.flatnonzero(np.abs(np.diff(record.pv)) > _STANDS_STILL * record.pv_span)
+    return min(max(len(kept), _LEAST_RUN) / record.samples, 1.0)
 
 
-def how_compressed(record: Experiment, kept: IntArray) -> tuple[Part, Width | None]:
+def _how_compressed(record: Experiment, kept: IntArray) -> tuple[Part, Width | None]:
     """Lines between every m-th sample, values held until they have moved, or a swinging door; with its width."""
     spacing = np.diff(kept)
     usual = float(np.median(spacing))
-    if usual > 1.0 and np.mean(np.abs(spacing / usual - np.round(spacing / usual)) < 0.01) > REGULAR:
+    if usual > 1.0 and np.mean(np.abs(spacing / usual - np.round(spacing / usual)) < 0.01) > _REGULAR:
         return Part(INTERPOLATED, np.array([usual * record.sampling_interval_s])), None
     moves = np.abs(np.diff(record.pv))[record.usable[1:] & record.usable[:-1]]
-    still = moves <= STANDS_STILL * record.pv_span
-    if not still.all() and still.mean() > HOLDS:
+    still = moves <= _STANDS_STILL * record.pv_span
+    if not still.all() and still.mean() > _HOLDS:
         band = band_of(moves[~still])
         return Part(HELD, np.array([band.value])), band
     width = door_of(record.pv, kept)

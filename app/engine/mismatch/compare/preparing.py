@@ -24,8 +24,8 @@ from app.engine.mismatch.physics.sensor_pattern import QUANTIZATION
 from app.engine.recording import FloatArray
 from app.errors import DataError
 
-OTHER_UNIT, LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
-STRETCHES, ALIKE = 12, 0.8
+OTHER_UNIT, _LEAST_ALIKE = 8.0, 0.5  # so many times PV's size, and so much of PV's shape
+_STRETCHES, _ALIKE = 12, 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +60,20 @@ def prepare(comparison: Comparison, taken: Taken | None = None) -> Prepared:
     if taken is not None:
         record = taken.timed(record)
     patterns = find_patterns(record)
-    prepared = beside_patterns(comparison, taken, record, patterns)
-    stand = tuple(pattern for pattern in patterns if not foretold(pattern, record, prepared.base))
+    prepared = _beside_patterns(comparison, taken, record, patterns)
+    stand = tuple(pattern for pattern in patterns if not _foretold(pattern, record, prepared.base))
     if len(stand) < len(patterns):
-        prepared = beside_patterns(comparison, taken, record, stand)
+        prepared = _beside_patterns(comparison, taken, record, stand)
     # Where a pattern hides how PV began, the refit does not know it either.
     for pattern in (p for p in stand if p.hides_pv and p.shows[:FIRST_SAMPLES].any()):
         fewer = tuple(other for other in stand if other is not pattern)
-        shown = beside_patterns(comparison, taken, record, fewer)
-        if foretold(pattern, record, shown.base):
+        shown = _beside_patterns(comparison, taken, record, fewer)
+        if _foretold(pattern, record, shown.base):
             stand, prepared = fewer, shown
     return prepared
 
 
-def foretold(pattern: Pattern, record: Experiment, base: Fit) -> bool:
+def _foretold(pattern: Pattern, record: Experiment, base: Fit) -> bool:
     """Whether PV, where a pattern shows, is where the linear refit is, but for what PV is rounded to: it rests because
     the process does, and no sensor or historian is seen at work. Where PV is quantised that is what is seen.
     """
@@ -84,7 +84,7 @@ def foretold(pattern: Pattern, record: Experiment, base: Fit) -> bool:
     return left <= max(decimals_of(record.pv[record.usable]), ROUNDING * record.pv_span, pattern.within)
 
 
-def beside_patterns(
+def _beside_patterns(
     comparison: Comparison, taken: Taken | None, record: Experiment, patterns: tuple[Pattern, ...]
 ) -> Prepared:
     """The comparison ready where these patterns of PV are believed; as `prepare`."""
@@ -102,20 +102,20 @@ def beside_patterns(
         behind = laid.behind
         record = record.resting(behind.rest)
         record = record.comparing(answers_the_record(record, behind.given.plant))
-        first, share = refit_in_its_unit(record, behind.given, behind.rest)
+        first, share = _refit_in_its_unit(record, behind.given, behind.rest)
         base, bent = bent_with(first, share * behind.rest)
         record = base.record
-        off = (*laid.said, *off_by(behind.given, share))
-        plant = as_pv_begins(record, behind.given)
+        off = (*laid.said, *_off_by(behind.given, share))
+        plant = _as_pv_begins(record, behind.given)
         other = unrelated(behind)
         return Prepared(record, patterns, comparison.trace, base, off, other, plant, laid=laid, share=share, bent=bent)
     if comparison.simulation is not None:
         given = given_of(comparison.simulation, record)
         record = record.comparing(answers_the_record(record, given.plant))
-        base, share = refit_in_its_unit(record, given)
-        plant = as_pv_begins(record, given)
+        base, share = _refit_in_its_unit(record, given)
+        plant = _as_pv_begins(record, given)
         trace = simulate(record, plant) + record.pv_mid
-        return Prepared(record, patterns, trace, base, off_by(given, share), given=plant)
+        return Prepared(record, patterns, trace, base, _off_by(given, share), given=plant)
     return Prepared(record, patterns, None, identify(record))
 
 
@@ -129,7 +129,7 @@ def without_hidden(record: Experiment, patterns: tuple[Pattern, ...]) -> Experim
     return replace(record.comparing(usable), told_share=told)
 
 
-def scale_of(record: Experiment, given: Given) -> float:
+def _scale_of(record: Experiment, given: Given) -> float:
     """By how much the given gain is to be multiplied, roughly, where it is in another unit; 1 where it is of PV's size
     over the record or a stretch of it: where PV follows no further, for a limit, OP and the simulation go far.
     """
@@ -137,15 +137,15 @@ def scale_of(record: Experiment, given: Given) -> float:
         return 1.0
     simulated = run_process(record.op_deviation, given.plant, record.sampling_interval_s)[record.usable]
     pv = record.pv_deviation[record.usable]
-    whole = share_of(simulated, pv)
-    if not whole.tells(LEAST_ALIKE) or whole.of_its_size:
+    whole = _share_of(simulated, pv)
+    if not whole.tells(_LEAST_ALIKE) or whole.of_its_size:
         return 1.0
-    parts = [share_of(*both) for both in zip(*(np.array_split(s, STRETCHES) for s in (simulated, pv)), strict=True)]
-    return 1.0 if any(part.tells(ALIKE) and part.of_its_size for part in parts) else whole.value
+    parts = [_share_of(*both) for both in zip(*(np.array_split(s, _STRETCHES) for s in (simulated, pv)), strict=True)]
+    return 1.0 if any(part.tells(_ALIKE) and part.of_its_size for part in parts) else whole.value
 
 
 @dataclass(frozen=True)
-class Share:
+class _Share:
     """How much of a simulation's moves PV makes (value), and how alike the two are."""
 
     value: float
@@ -159,22 +159,22 @@ class Share:
         return 1.0 / OTHER_UNIT < self.value < OTHER_UNIT
 
 
-def share_of(simulated: FloatArray, pv: FloatArray) -> Share:
+def _share_of(simulated: FloatArray, pv: FloatArray) -> _Share:
     moves, shown = simulated - np.mean(simulated), pv - np.mean(pv)
     power, both = float(moves @ moves), float(moves @ shown)
-    return Share(both / max(power, 1e-300), both / max(np.sqrt(power * float(shown @ shown)), 1e-300))
+    return _Share(both / max(power, 1e-300), both / max(np.sqrt(power * float(shown @ shown)), 1e-300))
 
 
-def refit_in_its_unit(record: Experiment, given: Given, rest: FloatArray | None = None) -> tuple[Fit, float]:
+def _refit_in_its_unit(record: Experiment, given: Given, rest: FloatArray | None = None) -> tuple[Fit, float]:
     """The refit of a given model, and by how much its gain, and what (N,) its trace holds beside it (rest), is
-    multiplied: by a fit under coloured noise where it is in another unit, which `scale_of` only tells.
+    multiplied: by a fit under coloured noise where it is in another unit, which `_scale_of` only tells.
     """
 
     def refit(share: float) -> Fit:
         beside = record if rest is None else record.resting(share * rest)
-        return fit_linear(beside, scaled(given, share))
+        return fit_linear(beside, _scaled(given, share))
 
-    share = scale_of(record, given)
+    share = _scale_of(record, given)
     base = refit(share)
     if share == 1.0:
         return base, share
@@ -182,7 +182,7 @@ def refit_in_its_unit(record: Experiment, given: Given, rest: FloatArray | None 
     return refit(share), share
 
 
-def scaled(given: Given, share: float) -> Given:
+def _scaled(given: Given, share: float) -> Given:
     """The given model with its gain in the unit of PV: our own guess then, from the same record, and short of the true
     one where a load moves PV, because OP works against it.
     """
@@ -191,11 +191,11 @@ def scaled(given: Given, share: float) -> Given:
     return replace(given, plant=given.plant.changed(K=share * given.plant.K), gain_deviation=OWN_DEVIATION)
 
 
-def off_by(given: Given, share: float) -> tuple[Reason, ...]:
-    return () if share == 1.0 else (off_in_words(given, scaled(given, share), "; is it in another unit?"),)
+def _off_by(given: Given, share: float) -> tuple[Reason, ...]:
+    return () if share == 1.0 else (off_in_words(given, _scaled(given, share), "; is it in another unit?"),)
 
 
-def as_pv_begins(record: Experiment, given: Given) -> Plant:
+def _as_pv_begins(record: Experiment, given: Given) -> Plant:
     """The given model, started where PV started and, where it does not integrate, at the level of PV: a model says how
     PV moves, not where it stands.
     """

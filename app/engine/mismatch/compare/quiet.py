@@ -8,14 +8,14 @@ from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.recording import BoolArray, FloatArray
 from app.engine.signals.runs import runs_of
 
-WINDOW = 15  # samples over which noise is looked at
-LEAST = 2 * WINDOW
-QUIET = 0.35  # of the usual noise: over a window white noise itself hardly ever has less than half of it
-STEADY = 0.6  # of the median: elsewhere nine windows in ten have more, or PV's noise comes and goes anyway
-MOST_QUIET = 0.25  # of the record
-STANDS = 8.0  # standard deviations of what is left of the noise, which may be coloured
-TRAVELS = 5.0  # so much farther PV goes in as many samples elsewhere, mostly
-BEYOND = 0.02  # of the record: so much of PV lies above where it stands, and below, or that may be the end of a range
+_WINDOW = 15  # samples over which noise is looked at
+_LEAST = 2 * _WINDOW
+_QUIET = 0.35  # of the usual noise: over a window white noise itself hardly ever has less than half of it
+_STEADY = 0.6  # of the median: elsewhere nine windows in ten have more, or PV's noise comes and goes anyway
+_MOST_QUIET = 0.25  # of the record
+_STANDS = 8.0  # standard deviations of what is left of the noise, which may be coloured
+_TRAVELS = 5.0  # so much farther PV goes in as many samples elsewhere, mostly
+_BEYOND = 0.02  # of the record: so much of PV lies above where it stands, and below, or that may be the end of a range
 
 
 def quiet_stretches(record: Experiment) -> tuple[tuple[int, int], ...]:
@@ -28,14 +28,14 @@ def quiet_stretches(record: Experiment) -> tuple[tuple[int, int], ...]:
     noise = _local_noise(record)
     heard = np.isfinite(noise)
     usual = float(np.median(noise[heard])) if heard.any() else 0.0
-    quiet = noise < QUIET * usual
-    if not quiet.any() or np.mean(quiet) > MOST_QUIET or np.quantile(noise[heard & ~quiet], 0.1) < STEADY * usual:
+    quiet = noise < _QUIET * usual
+    if not quiet.any() or np.mean(quiet) > _MOST_QUIET or np.quantile(noise[heard & ~quiet], 0.1) < _STEADY * usual:
         return ()
     starts, ends = runs_of(quiet)
     cores = zip(starts.tolist(), (ends - 1).tolist(), strict=True)
     found = dict.fromkeys(_grown(record, first, last) for first, last in cores)
-    stand = [(a, b) for a, b in found if b - a >= LEAST and _stands(record, a, b)]
-    most = QUIET * _unforeseen(record, stand) if stand else 0.0
+    stand = [(a, b) for a, b in found if b - a >= _LEAST and _stands(record, a, b)]
+    most = _QUIET * _unforeseen(record, stand) if stand else 0.0
     return tuple((a, b) for a, b in stand if _noise_of(record.pv[a : b + 1]) < most)
 
 
@@ -43,7 +43,7 @@ def within_range(record: Experiment, first: int, last: int) -> bool:
     """Whether PV lies now and then above where it stands from `first` to `last`, and below: it rests at no limit."""
     level, reach = _level_and_reach(record.pv[first : last + 1])
     known_pv = record.pv[record.usable]
-    return bool(min(np.mean(known_pv > level + reach), np.mean(known_pv < level - reach)) > BEYOND)
+    return bool(min(np.mean(known_pv > level + reach), np.mean(known_pv < level - reach)) > _BEYOND)
 
 
 def between_known(record: Experiment) -> BoolArray:
@@ -64,8 +64,8 @@ def _unforeseen(record: Experiment, stretches: list[tuple[int, int]]) -> float:
 
 def _local_noise(record: Experiment) -> FloatArray:
     """(N,) standard deviation of PV's noise around each sample; infinite where fewer samples are known."""
-    around = uniform_filter1d(np.diff(record.pv, 2) ** 2, WINDOW, mode="nearest")
-    heard = uniform_filter1d(between_known(record).astype(np.float64), WINDOW, mode="nearest") > 1.0 - 0.5 / WINDOW
+    around = uniform_filter1d(np.diff(record.pv, 2) ** 2, _WINDOW, mode="nearest")
+    heard = uniform_filter1d(between_known(record).astype(np.float64), _WINDOW, mode="nearest") > 1.0 - 0.5 / _WINDOW
     return np.pad(np.where(heard, np.sqrt(np.maximum(around, 0.0) / 6.0), np.inf), 1, mode="edge")
 
 
@@ -78,7 +78,7 @@ def _grown(record: Experiment, first: int, last: int) -> tuple[int, int]:
 
 
 def _level_and_reach(pv: FloatArray) -> tuple[float, float]:
-    return float(np.median(pv)), STANDS * _noise_of(pv)
+    return float(np.median(pv)), _STANDS * _noise_of(pv)
 
 
 def _noise_of(pv: FloatArray) -> float:
@@ -90,5 +90,5 @@ def _stands(record: Experiment, first: int, last: int) -> bool:
     level, reach = _level_and_reach(pv)
     parts = [record.pv[a : a + samples] for a in range(0, record.samples - samples + 1, samples)]
     return bool(
-        np.max(np.abs(pv - level)) <= reach and float(np.median([np.ptp(x) for x in parts])) > TRAVELS * np.ptp(pv)
+        np.max(np.abs(pv - level)) <= reach and float(np.median([np.ptp(x) for x in parts])) > _TRAVELS * np.ptp(pv)
     )

@@ -14,18 +14,18 @@ from app.engine.mismatch.loop.causing import stands_for_op
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 
-OWN_PAST = 3
-S_SHARES = np.geomspace(0.01, 1.0, 40)  # of the range of OP
-JUMPS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])  # J / S
-MOST_SAMPLES = 20_000  # of a longer record the newest
-LEFT = 0.85
+_OWN_PAST = 3
+_S_SHARES = np.geomspace(0.01, 1.0, 40)  # of the range of OP
+_JUMPS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])  # J / S
+_MOST_SAMPLES = 20_000  # of a longer record the newest
+_LEFT = 0.85
 """Share that the slips of a stem may leave of what a signal's own past does not tell. Measured causes of 120 blind
 loops (noise, sines, triangles, squares) keep 0.93 and more of it, positions of 33 of 36 valves 0.05 to 0.82; slow
 physical valves sampled once a second are missed."""
 
 
 @dataclass(frozen=True)
-class Stem:
+class _Stem:
     """The valve that reads a signal best. S: unit of OP. left: share of the signal's innovations that it leaves;
     left_by_op: share that OP itself leaves.
     """
@@ -36,12 +36,12 @@ class Stem:
 
     @property
     def sticks(self) -> bool:
-        return self.left < LEFT * min(1.0, self.left_by_op)
+        return self.left < _LEFT * min(1.0, self.left_by_op)
 
 
 def without_read_backs(comparison: Comparison) -> Comparison:
     """The comparison without the measured signals that are the position of a valve that sticks, each said in a note."""
-    newest = slice(-MOST_SAMPLES, None)
+    newest = slice(-_MOST_SAMPLES, None)
     op, pv = comparison.op[newest], comparison.pv[newest]
     seen = np.ones(len(pv), dtype=np.bool_) if comparison.known is None else comparison.known[newest]
     moving = [(name, signal[newest]) for name, signal in comparison.measured if np.ptp(signal[newest]) > 0.0]
@@ -59,32 +59,32 @@ def without_read_backs(comparison: Comparison) -> Comparison:
     return replace(comparison, measured=kept, notes=(*comparison.notes, *said))
 
 
-def best_stem(signal: FloatArray, op: FloatArray) -> Stem:
+def best_stem(signal: FloatArray, op: FloatArray) -> _Stem:
     """The valve of a grid whose moves say most of a signal (N,) beyond its own past. op: (N,), moving.
 
     Misleads on a stem that moves less than the noise of its read-back.
     """
-    own = past(signal)
-    surprise = signal[OWN_PAST:] - own @ (own.T @ signal[OWN_PAST:])
+    own = _past(signal)
+    surprise = signal[_OWN_PAST:] - own @ (own.T @ signal[_OWN_PAST:])
     span = float(np.ptp(op))
-    best = Stem(0.0, np.inf, float(left_by(np.diff(op)[None, OWN_PAST - 1 :], own, surprise)[0]))
-    for S in S_SHARES * span:
-        slips = np.diff(two_parameter_he(op, np.full(len(JUMPS), S), S * JUMPS))[:, OWN_PAST - 1 :]
-        left = left_by(slips, own, surprise)
+    best = _Stem(0.0, np.inf, float(_left_by(np.diff(op)[None, _OWN_PAST - 1 :], own, surprise)[0]))
+    for S in _S_SHARES * span:
+        slips = np.diff(two_parameter_he(op, np.full(len(_JUMPS), S), S * _JUMPS))[:, _OWN_PAST - 1 :]
+        left = _left_by(slips, own, surprise)
         if left.min() < best.left:
             best = replace(best, S=float(S), left=float(left.min()))
     return best
 
 
-def past(signal: FloatArray) -> FloatArray:
-    """(N - OWN_PAST, P) orthonormal basis of a constant and a signal's last samples."""
+def _past(signal: FloatArray) -> FloatArray:
+    """(N - _OWN_PAST, P) orthonormal basis of a constant and a signal's last samples."""
     n = len(signal)
     around = signal - np.mean(signal)
-    columns = [np.ones(n - OWN_PAST), *(around[OWN_PAST - k : n - k] for k in range(1, OWN_PAST + 1))]
+    columns = [np.ones(n - _OWN_PAST), *(around[_OWN_PAST - k : n - k] for k in range(1, _OWN_PAST + 1))]
     return np.linalg.qr(np.stack(columns, axis=1))[0]
 
 
-def left_by(moves: FloatArray, own: FloatArray, surprise: FloatArray) -> FloatArray:
+def _left_by(moves: FloatArray, own: FloatArray, surprise: FloatArray) -> FloatArray:
     """(M,) shares of a surprise (N,) that moves (M, N) leave, what its own past (N, P) tells of them taken off."""
     fresh = moves - (moves @ own) @ own.T
     along = (fresh @ surprise) ** 2

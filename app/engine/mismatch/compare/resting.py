@@ -13,7 +13,7 @@ from app.engine.mismatch.loop.experiment import Experiment, alike
 from app.engine.mismatch.loop.plant import run_process
 from app.engine.recording import FloatArray
 
-LITTLE = 0.5  # of what the free run leaves of PV: without so much its error grows by an eighth at most
+_LITTLE = 0.5  # of what the free run leaves of PV: without so much its error grows by an eighth at most
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def rest_unknown(prepared: Prepared, final: Fit) -> Lacking:
     seen = prepared.record.usable
     rest, left = (float(np.sqrt(np.mean(signal[seen] ** 2))) for signal in (prepared.record.rest, final.residual))
     holds = f"the given simulation contains {rest:.3g} (root mean square, unit of PV) beyond a linear model"
-    if rest > LITTLE * left:
+    if rest > _LITTLE * left:
         text = f"{holds}, and the second recording has none: nothing can be simulated there"
         return Lacking(True, (Reason("second_not_simulated", text),))
     text = f"{holds}, and the second recording has none: what is simulated there lacks that part"

@@ -8,17 +8,17 @@ from app.engine.mismatch.compare.comparison import Comparison, record_of, shorte
 from app.engine.mismatch.loop.experiment import Experiment, Finer, alike
 from app.engine.recording import BoolArray, FloatArray, IntArray
 
-LEAST_MOVES, LEAST_VALUES = 20, 10
-SHORTEST = 1.4  # samples: below, PV repeats itself too rarely to show a hold
-LATE = 0.1  # of the interval: how far a change may be off its instant, beyond the sample that shows it
-ON_TIME, MOVED = 0.93, 0.7
-JITTERED = 4.0  # samples: intervals from which on a scan may come a sample late
-RESTS = 5  # intervals: a longer rest is the end of a range, or a stuck sensor
-MOST_SIMULATED = 8000  # samples: beyond, OP's means over the intervals are simulated
+_LEAST_MOVES, _LEAST_VALUES = 20, 10
+_SHORTEST = 1.4  # samples: below, PV repeats itself too rarely to show a hold
+_LATE = 0.1  # of the interval: how far a change may be off its instant, beyond the sample that shows it
+_ON_TIME, _MOVED = 0.93, 0.7
+_JITTERED = 4.0  # samples: intervals from which on a scan may come a sample late
+_RESTS = 5  # intervals: a longer rest is the end of a range, or a stuck sensor
+_MOST_SIMULATED = 8000  # samples: beyond, OP's means over the intervals are simulated
 
 
 @dataclass(frozen=True, eq=False)
-class Hold:
+class _Hold:
     """Equal intervals between which PV stands still. interval, first: in samples, the instants are first + m interval;
     shown: (M,) the sample that shows PV as it was taken at each; moves: how often PV changed.
     """
@@ -33,7 +33,7 @@ class Hold:
         return self.first + self.interval * np.arange(len(self.shown), dtype=np.float64)
 
 
-def hold_of(pv: FloatArray, known: BoolArray | None = None) -> Hold | None:
+def hold_of(pv: FloatArray, known: BoolArray | None = None) -> _Hold | None:
     """At which instants PV (N,) was taken; None where it changes at irregular times, or with nearly every sample.
 
     The changes of PV must fall on instants, and most instants change it, long rests aside: what is compressed changes
@@ -41,25 +41,25 @@ def hold_of(pv: FloatArray, known: BoolArray | None = None) -> Hold | None:
     """
     moved = np.diff(pv) != 0.0
     at = np.flatnonzero(moved if known is None else moved & known[1:] & known[:-1]) + 1
-    if len(at) < LEAST_MOVES or len(np.unique(pv)) < LEAST_VALUES:
+    if len(at) < _LEAST_MOVES or len(np.unique(pv)) < _LEAST_VALUES:
         return None
-    rough = usual_spacing(np.diff(at))
-    if rough < SHORTEST:
+    rough = _usual_spacing(np.diff(at))
+    if rough < _SHORTEST:
         return None
-    count, kept = counted(at, rough)
-    if kept.sum() < LEAST_MOVES:
+    count, kept = _counted(at, rough)
+    if kept.sum() < _LEAST_MOVES:
         return None
-    interval = whole_or_not(float(np.polyfit(count[kept], at[kept], 1)[0]), int(count[-1]))
+    interval = _whole_or_not(float(np.polyfit(count[kept], at[kept], 1)[0]), int(count[-1]))
     beside = at - interval * count
-    on_time = kept & (np.abs(beside - np.median(beside[kept])) <= lateness(interval))
+    on_time = kept & (np.abs(beside - np.median(beside[kept])) <= _lateness(interval))
     passed = np.diff(count[on_time])
-    few = np.sum(passed <= RESTS) < MOVED * np.sum(passed[passed <= RESTS])
-    if interval < SHORTEST or np.mean(on_time) < ON_TIME or few:
+    few = np.sum(passed <= _RESTS) < _MOVED * np.sum(passed[passed <= _RESTS])
+    if interval < _SHORTEST or np.mean(on_time) < _ON_TIME or few:
         return None
-    return laid(at[on_time], count[on_time], interval, float(np.min(beside[on_time])), len(pv))
+    return _laid(at[on_time], count[on_time], interval, float(np.min(beside[on_time])), len(pv))
 
 
-def usual_spacing(between: IntArray) -> float:
+def _usual_spacing(between: IntArray) -> float:
     """The mean of the spacings (M,) about their median; about the less of the two middle ones where the median lies
     between two that are far apart, and none is near it.
     """
@@ -71,12 +71,12 @@ def usual_spacing(between: IntArray) -> float:
     return float(np.mean(near if len(near) else about(float(np.quantile(between, 0.5, method="lower")))))
 
 
-def counted(at: IntArray, interval: float) -> tuple[IntArray, BoolArray]:
+def _counted(at: IntArray, interval: float) -> tuple[IntArray, BoolArray]:
     """How many intervals from the first change each change (M,) is, from one that came on time to the next; and which
     did: a stray one in between counts for none.
     """
     count, kept = np.zeros(len(at), dtype=np.int64), np.zeros(len(at), dtype=np.bool_)
-    before, reached, late = float(at[0]), 0, min(2.0 * lateness(interval), 0.5 * interval)
+    before, reached, late = float(at[0]), 0, min(2.0 * _lateness(interval), 0.5 * interval)
     kept[0] = True
     for k, change in enumerate(at.tolist()):
         more = round((change - before) / interval)
@@ -86,17 +86,17 @@ def counted(at: IntArray, interval: float) -> tuple[IntArray, BoolArray]:
     return count, kept
 
 
-def lateness(interval: float) -> float:
+def _lateness(interval: float) -> float:
     """How far a change may be off its instant, in samples; of long intervals a whole sample, as a scan comes late."""
-    return max(0.5 * (1.0 + LATE * interval), 1.0 if interval >= JITTERED else 0.0)
+    return max(0.5 * (1.0 + _LATE * interval), 1.0 if interval >= _JITTERED else 0.0)
 
 
-def whole_or_not(interval: float, count: int) -> float:
+def _whole_or_not(interval: float, count: int) -> float:
     """The interval, in whole samples where `count` of them are no sample apart from that."""
     return float(round(interval)) if abs(interval - round(interval)) * count < 1.0 else interval
 
 
-def laid(at: IntArray, count: IntArray, interval: float, first: float, samples: int) -> Hold:
+def _laid(at: IntArray, count: IntArray, interval: float, first: float, samples: int) -> _Hold:
     """The hold whose changes `at` (M,) are at these counts of intervals from `first`, from the instant that is nearest
     to the record's start on.
     """
@@ -105,16 +105,16 @@ def laid(at: IntArray, count: IntArray, interval: float, first: float, samples: 
     instants = begin + interval * np.arange(max(int((samples - 1 - begin) / interval), before + int(count[-1])) + 1)
     shown = np.clip(np.ceil(instants), 0, samples - 1).astype(np.int64)
     shown[before + count] = at
-    return Hold(interval, begin, shown, len(at))
+    return _Hold(interval, begin, shown, len(at))
 
 
-def at_instants(comparison: Comparison, hold: Hold) -> Comparison:
+def _at_instants(comparison: Comparison, hold: _Hold) -> Comparison:
     """The comparison at the instants of a hold: PV as it was taken; OP, what it follows and measured causes as means
     until the next, so that a process with this OP is where it was, and the controller's law stays one.
     """
 
     def until_next(signal: FloatArray) -> FloatArray:
-        return means_from(signal, hold.instants, hold.interval)
+        return _means_from(signal, hold.instants, hold.interval)
 
     def at_them(signal: FloatArray) -> FloatArray:
         return np.interp(hold.instants, np.arange(len(signal)), signal)
@@ -131,7 +131,7 @@ class Taken:
 
     comparison: Comparison
     sampled: Comparison
-    hold: Hold
+    hold: _Hold
 
     @property
     def interval_s(self) -> float:
@@ -149,7 +149,7 @@ class Taken:
 
     def simulated_between(self, record: Experiment) -> Experiment:
         """The record of the comparison, simulated along OP as it was sampled where that is no longer than can be."""
-        if len(self.sampled.pv) > MOST_SIMULATED:
+        if len(self.sampled.pv) > _MOST_SIMULATED:
             return record
         return replace(record, finer=Finer(alike(record, record_of(self.sampled)), self.hold.shown))
 
@@ -157,10 +157,10 @@ class Taken:
 def taken_of(comparison: Comparison) -> Taken | None:
     """The comparison where PV was taken; None where it is not held."""
     hold = hold_of(comparison.pv, comparison.known)
-    return None if hold is None else Taken(at_instants(comparison, hold), comparison, hold)
+    return None if hold is None else Taken(_at_instants(comparison, hold), comparison, hold)
 
 
-def means_from(signal: FloatArray, instants: FloatArray, interval: float) -> FloatArray:
+def _means_from(signal: FloatArray, instants: FloatArray, interval: float) -> FloatArray:
     """Means (M,) of a signal (N,), each sample held until the next, over an interval from each instant (M,), in
     samples; before its start it has its first value, after its end its last.
     """

@@ -19,7 +19,7 @@ from app.engine.recording import BoolArray, FloatArray
 
 WANTED_SAMPLES = 4000
 MOST_SAMPLES = 8000
-INTERVALS_A_TIME = 2.0
+_INTERVALS_A_TIME = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +44,12 @@ def factor_for(base: Fit) -> int:
         return 1
     own = plant.tau if plant.leak > 0.0 else 10.0 * record.sampling_interval_s
     slowest = own + plant.tau2 + plant.theta
-    allowed = max(int(slowest / (INTERVALS_A_TIME * record.sampling_interval_s)), 1)
+    allowed = max(int(slowest / (_INTERVALS_A_TIME * record.sampling_interval_s)), 1)
     factor = min(-(-record.samples // WANTED_SAMPLES), allowed)
     return max(factor, -(-record.samples // MOST_SAMPLES))
 
 
-def thinned_op_ahead_pv_centred(record: Experiment, factor: int) -> Experiment:
+def _thinned_op_ahead_pv_centred(record: Experiment, factor: int) -> Experiment:
     """The record (N,) at `factor` times its interval, (N // factor,).
 
     OP and measured causes are means over the coarse interval that a sample begins, for they act through it; PV is the
@@ -94,7 +94,7 @@ def coarse_of(base: Fit, factor: int) -> Coarse:
     """The linear refit of the thinned record, from the same given model."""
     if factor == 1:
         return Coarse(base, 1)
-    return Coarse(fit_linear(thinned_op_ahead_pv_centred(base.record, factor), base.given), factor)
+    return Coarse(fit_linear(_thinned_op_ahead_pv_centred(base.record, factor), base.given), factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +119,13 @@ def refined(base: Fit, selection: Selection) -> Refined:
     alone = None if selection.alone is None else refined(base, selection.alone)
     if fine.score > base.score and no_worse(fine, base):
         return Refined(replace(selection, fit=fine, alone=None if alone is None else alone.selection))
-    lost = (lost_in_words(base, fine, selection),)
+    lost = (_lost_in_words(base, fine, selection),)
     if alone is None:
         return Refined(Selection(base, (), selection.ranking), lost)
     return Refined(alone.selection, (*lost, *alone.lost))
 
 
-def lost_in_words(base: Fit, fine: Fit, selection: Selection) -> Reason:
+def _lost_in_words(base: Fit, fine: Fit, selection: Selection) -> Reason:
     """Why names do not stand on the whole record."""
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     asked, gained = base.score - base.likelihood, fine.likelihood - base.likelihood

@@ -17,12 +17,12 @@ from scipy.special import fdtri
 
 from app.engine.recording import FloatArray, IntArray
 
-NEAREST, LEAST_IN_A_ROW = 10, 4
-LEAST_KEPT = 20  # samples: fewer say no more than that PV did not go much farther than the width
-SURE = 0.95
-ROUGHLY = (0.2, 0.74, 4.5)  # times the median: the lowest width, the likeliest and the highest
-STRAY = 0.8  # of what all but 2 % of moves pass: less is kept for the time that went by
-WHOLE = 0.95  # of the distances between kept samples are whole scans
+_NEAREST, _LEAST_IN_A_ROW = 10, 4
+_LEAST_KEPT = 20  # samples: fewer say no more than that PV did not go much farther than the width
+_SURE = 0.95
+_ROUGHLY = (0.2, 0.74, 4.5)  # times the median: the lowest width, the likeliest and the highest
+_STRAY = 0.8  # of what all but 2 % of moves pass: less is kept for the time that went by
+_WHOLE = 0.95  # of the distances between kept samples are whole scans
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ def unbounded(width: Width, pv: FloatArray) -> Width:
 
 def below(sizes: FloatArray) -> Width:
     """The width below all of some sizes (M,), three or more, that come as near to it as chance allows."""
-    least = np.sort(sizes)[:NEAREST]
+    least = np.sort(sizes)[:_NEAREST]
     apart, first = float(np.mean(np.diff(least))), float(least[0])
-    reach = float(fdtri(2.0, 2.0 * (len(least) - 1.0), SURE)) * apart
+    reach = float(fdtri(2.0, 2.0 * (len(least) - 1.0), _SURE)) * apart
     return Width(max(first - apart, 0.0), max(first - reach, 0.0), first)
 
 
@@ -51,8 +51,8 @@ def band_of(moves: FloatArray) -> Width:
     """The band of a historian that keeps what moved: of its kept moves (M,) in their order, not zero."""
     moves = moves[:-1] if len(moves) > 1 else moves  # the last sample of a record is kept whatever it is
     usual = float(np.quantile(moves, 0.02))
-    beyond = moves[moves > STRAY * usual]
-    return below(beyond) if len(beyond) > LEAST_IN_A_ROW else Width(usual, 0.0, usual)
+    beyond = moves[moves > _STRAY * usual]
+    return below(beyond) if len(beyond) > _LEAST_IN_A_ROW else Width(usual, 0.0, usual)
 
 
 def door_of(pv: FloatArray, kept: IntArray) -> Width:
@@ -62,12 +62,12 @@ def door_of(pv: FloatArray, kept: IntArray) -> Width:
     off = np.abs(np.diff(slopes)) * before * after / (before + after)
     # As the last sample is kept whatever it is, nothing is off for it.
     off, before, after = off[:-1], before[:-1], after[:-1]
-    if len(off) < LEAST_KEPT:
+    if len(off) < _LEAST_KEPT:
         wide = float(np.ptp(pv))  # of what is left of PV: of all of it, a part of twice the width is gone
         return Width(min(float(np.median(np.append(off, wide))), wide), 0.0, 2.0 * wide)
-    low, likeliest, high = (times * float(np.median(off)) for times in ROUGHLY)
+    low, likeliest, high = (times * float(np.median(off)) for times in _ROUGHLY)
     row = off[(before == after) & (before == scan_of(np.diff(kept)))]
-    if len(row) >= LEAST_IN_A_ROW:
+    if len(row) >= _LEAST_IN_A_ROW:
         width = below(row)
         if low < width.value < high:
             return width
@@ -79,6 +79,6 @@ def door_of(pv: FloatArray, kept: IntArray) -> Width:
 def scan_of(apart: IntArray) -> int:
     """The longest interval, in samples, of which the distances (M,) between kept samples are multiples."""
     for scan in range(int(np.quantile(apart, 0.2)), 1, -1):
-        if np.mean(apart % scan == 0) > WHOLE:
+        if np.mean(apart % scan == 0) > _WHOLE:
             return scan
     return 1

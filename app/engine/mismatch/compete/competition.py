@@ -11,11 +11,11 @@ from app.engine.mismatch.fit.unlike import unlike_better_ones
 from app.engine.mismatch.loop.block import Block, Context, Part, values_in
 from app.engine.recording import FloatArray
 
-ADMITTED, SECOND_ADMITTED = (9, 5), (6, 3)
-HOPELESS = 0.35
-POINTS = 6
-NEIGHBOURS = 0.08  # of a parameter's range
-PURSUED_SHARE, PURSUED_WITHIN = 0.35, 25.0
+_ADMITTED, _SECOND_ADMITTED = (9, 5), (6, 3)
+_HOPELESS = 0.35
+_POINTS = 6
+_NEIGHBOURS = 0.08  # of a parameter's range
+_PURSUED_SHARE, _PURSUED_WITHIN = 0.35, 25.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +73,8 @@ def contenders(
             admitted[part.block.name] = replace(scanned, starts=starts)
     begun = [(scanned.block, begin(scanned, found)) for scanned in admitted.values()]
     scores = [fits[0].likelihood - block.penalty for block, fits in begun]
-    sensible = [score for score, (_, fits) in zip(scores, begun, strict=True) if says_what_it_is(fits[0])]
-    asked = pursued_from(max(sensible, default=0.0) - found.likelihood) + found.likelihood
+    sensible = [score for score, (_, fits) in zip(scores, begun, strict=True) if _says_what_it_is(fits[0])]
+    asked = _pursued_from(max(sensible, default=0.0) - found.likelihood) + found.likelihood
     entered = []
     for (block, fits), score in zip(begun, scores, strict=True):
         hard = block.rough or (block.distant and score > found.likelihood)
@@ -83,16 +83,16 @@ def contenders(
     return tuple(sorted(entered, key=lambda contender: -contender.score))
 
 
-def says_what_it_is(found: Fit) -> bool:
+def _says_what_it_is(found: Fit) -> bool:
     """Whether the values of a fit's last part are what its block says."""
     return found.parts[-1].makes_sense(Context(found.record, found.plant))
 
 
-def pursued_from(best: float) -> float:
+def _pursued_from(best: float) -> float:
     """The score (nat, after the first descents) from which a smooth block is worth more of them, where this is the
     best. The first descents of a rough one say little.
     """
-    return min(PURSUED_SHARE * best, best - PURSUED_WITHIN)
+    return min(_PURSUED_SHARE * best, best - _PURSUED_WITHIN)
 
 
 def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
@@ -105,8 +105,8 @@ def survey(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
         starts = (*finalists(first, block, context), *finalists(second, block, context))
         if block.distant:
             starts += finalists(at_given(block, found), block, context)
-        points = (finalists(first, block, context, POINTS), finalists(second, block, context, POINTS))
-        surveyed.append(Scanned(block, starts, best_gain(first), best_gain(second), points))
+        points = (finalists(first, block, context, _POINTS), finalists(second, block, context, _POINTS))
+        surveyed.append(Scanned(block, starts, _best_gain(first), _best_gain(second), points))
     return tuple(surveyed)
 
 
@@ -115,7 +115,7 @@ def solved_sensibly(starts: tuple[Start, ...], block: Block, context: Context) -
     return tuple(start for start in starts if not block.strict or Part(block, start.values).makes_sense(context))
 
 
-def best_gain(starts: tuple[Start, ...]) -> float:
+def _best_gain(starts: tuple[Start, ...]) -> float:
     """The gain (nat) of the first point; -inf where there is none."""
     return starts[0].gain if starts else -np.inf
 
@@ -132,10 +132,10 @@ def glance(found: Fit, blocks: tuple[Block, ...]) -> tuple[Scanned, ...]:
 
 def promising(surveyed: tuple[Scanned, ...], found: Fit) -> tuple[Scanned, ...]:
     """The blocks worth a fit: those near the best under either noise; fewer beside an effect that was found."""
-    admitted, admitted_quiet = SECOND_ADMITTED if found.parts else ADMITTED
+    admitted, admitted_quiet = _SECOND_ADMITTED if found.parts else _ADMITTED
     own = sorted(surveyed, key=lambda s: -(s.gain - s.block.penalty))
     quiet = sorted(surveyed, key=lambda s: -(s.quiet_gain - s.block.penalty))
-    kept = [s for s in own[:admitted] if s.gain > HOPELESS * s.block.penalty]
+    kept = [s for s in own[:admitted] if s.gain > _HOPELESS * s.block.penalty]
     kept += [s for s in quiet[:admitted_quiet] if s.quiet_gain > s.block.penalty]
     kept += [s for s in surveyed if s.block.distant]
     # One that stands for several effects is asked once, beside none.
@@ -178,6 +178,6 @@ def finalists(starts: tuple[Start, ...], block: Block, context: Context, most: i
     places = ((start, start.values.tolist()) for start in starts)
 
     def neighbours(one: tuple[Start, list[float]], other: tuple[Start, list[float]]) -> bool:
-        return not any(abs(a - b) / reach > NEIGHBOURS for a, b, reach in zip(one[1], other[1], ranges, strict=True))
+        return not any(abs(a - b) / reach > _NEIGHBOURS for a, b, reach in zip(one[1], other[1], ranges, strict=True))
 
     return tuple(start for start, _ in unlike_better_ones(places, neighbours, most))

@@ -17,12 +17,12 @@ from app.engine.mismatch.physics.valve_stiction import CHOUDHURY_SETS_IN, SETS_I
 from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 from app.engine.recording import FloatArray
 
-ROUNDS, STEPS = 2, 6
-STEPS_IN_TIME, SET_IN = (LOAD_STEP.name, SENSOR_STEP.name), (SENSOR_DRIFT.name, LEVELLING.name)
-STICKS_SINCE = (SETS_IN.name, CHOUDHURY_SETS_IN.name)
-MOMENTS = np.linspace(EDGE, 1.0 - EDGE, 9)  # of the record
-SIZES, SLIPS = np.exp(np.linspace(-0.2, 0.3, 6)), np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the size found; J / S
-LASTING = (2.0, 5.0)  # of the process's slowest time
+_ROUNDS, _STEPS = 2, 6
+_STEPS_IN_TIME, _SET_IN = (LOAD_STEP.name, SENSOR_STEP.name), (SENSOR_DRIFT.name, LEVELLING.name)
+_STICKS_SINCE = (SETS_IN.name, CHOUDHURY_SETS_IN.name)
+_MOMENTS = np.linspace(EDGE, 1.0 - EDGE, 9)  # of the record
+_SIZES, _SLIPS = np.exp(np.linspace(-0.2, 0.3, 6)), np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the size found; J / S
+_LASTING = (2.0, 5.0)  # of the process's slowest time
 
 
 def with_kindred(ranking: tuple[Contender, ...], best: Contender, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
@@ -31,32 +31,32 @@ def with_kindred(ranking: tuple[Contender, ...], best: Contender, blocks: tuple[
     """
     known = {contender.block.name: contender for contender in ranking}
     for block in blocks:
-        for values in places_to_begin(block, best):
-            there = begun_at(block, best, values)
+        for values in _places_to_begin(block, best):
+            there = _begun_at(block, best, values)
             known[block.name] = max(known.get(block.name, there), there, key=lambda contender: contender.gain)
     return tuple(known.values())
 
 
-def places_to_begin(block: Block, best: Contender) -> tuple[FloatArray, ...]:
+def _places_to_begin(block: Block, best: Contender) -> tuple[FloatArray, ...]:
     """Where a block is to begin (P,) beside its kindred `best`; nowhere where they are not kindred."""
     found, context = best.fit.parts[-1].values, Context(best.fit.record, best.fit.plant)
     if {block.code, best.block.code} <= LATE and block.code != best.block.code:
         count = len(block.parameters(context))
         return (np.full(count, float(np.sum(found)) / count),)
-    if best.block.code == STICTION and block.name in STICKS_SINCE and block.name != best.block.name:
-        return since_when(block, best)
-    if best.block.name in STEPS_IN_TIME and block.name in SET_IN:
-        return tuple(np.array([found[0], lasting * slowness(context), found[1]]) for lasting in LASTING)
+    if best.block.code == STICTION and block.name in _STICKS_SINCE and block.name != best.block.name:
+        return _since_when(block, best)
+    if best.block.name in _STEPS_IN_TIME and block.name in _SET_IN:
+        return tuple(np.array([found[0], lasting * slowness(context), found[1]]) for lasting in _LASTING)
     return ()
 
 
-def since_when(block: Block, best: Contender) -> tuple[FloatArray, ...]:
+def _since_when(block: Block, best: Contender) -> tuple[FloatArray, ...]:
     """From when on a stem of about the size of the `best` one explains PV best, under the noise that one leaves; never
     where it explains more as it is.
     """
     task, found = task_with(best.over, block), best.fit
-    (size, slip), moments = found.parts[-1].values[:2], MOMENTS * found.record.duration_s
-    tried = grid(np.minimum(size * SIZES, found.record.op_range), np.append(SLIPS, slip), moments)
+    (size, slip), moments = found.parts[-1].values[:2], _MOMENTS * found.record.duration_s
+    tried = grid(np.minimum(size * _SIZES, found.record.op_range), np.append(_SLIPS, slip), moments)
     known = [part.values for part in found.parts[:-1]]
     places = [start_at(task, found.plant, np.concatenate((*known, values))) for values in tried]
     costs = [residual_rows(task, x, found.noise).cost for x in places]
@@ -64,8 +64,8 @@ def since_when(block: Block, best: Contender) -> tuple[FloatArray, ...]:
     return (tried[there],) if costs[there] < residual_rows(task_of(found), found.x, found.noise).cost else ()
 
 
-def begun_at(block: Block, best: Contender, values: FloatArray) -> Contender:
+def _begun_at(block: Block, best: Contender, values: FloatArray) -> Contender:
     """A block beside the same fit as the best one, begun at these values (P,) where that one stands."""
     start, task = best.fit, task_with(best.over, block)
     x = start_at(task, start.plant, np.concatenate((*(part.values for part in start.parts[:-1]), values)))
-    return Contender(fit(task, x, start.noise, ROUNDS, STEPS), best.over)
+    return Contender(fit(task, x, start.noise, _ROUNDS, _STEPS), best.over)

@@ -15,15 +15,15 @@ from app.engine.recording import FloatArray
 
 LIMITS_OF_PV = frozenset((OVERFLOW, SENSOR_LIMIT))
 """One limit of PV is one effect, whichever of these it is called."""
-LIMITED = LIMITS_OF_PV | {valve_saturation.HIGH.code}
-NEARLY_ALWAYS = 0.9
-LEAST_SAMPLES = 25
-MOST = 5.0
-SENSOR_LETS_THROUGH = 0.35
-SENSOR_FAULT = 6.0
+_LIMITED = LIMITS_OF_PV | {valve_saturation.HIGH.code}
+_NEARLY_ALWAYS = 0.9
+_LEAST_SAMPLES = 25
+_MOST = 5.0
+_SENSOR_LETS_THROUGH = 0.35
+_SENSOR_FAULT = 6.0
 
 
-def spread(values: FloatArray) -> float:
+def _spread(values: FloatArray) -> float:
     return float(np.median(np.abs(values - np.median(values))) / 0.6745) + 1e-300
 
 
@@ -31,9 +31,9 @@ def limits_always(fit: Fit, part: Part) -> bool:
     """Whether a limit acts nearly all the time: a signal that never leaves it shows no limit, but that it does not
     answer.
     """
-    if part.block.code not in LIMITED:
+    if part.block.code not in _LIMITED:
         return False
-    return bool(np.mean(active_mask(fit, part)[fit.record.usable]) > NEARLY_ALWAYS)
+    return bool(np.mean(active_mask(fit, part)[fit.record.usable]) > _NEARLY_ALWAYS)
 
 
 def limit_bonus(fit: Fit, part: Part) -> float:
@@ -44,10 +44,10 @@ def limit_bonus(fit: Fit, part: Part) -> float:
         return 0.0
     active, compared = active_mask(fit, part), compared_samples(fit.record.usable)
     inside, outside = active & compared, ~active & compared
-    if inside.sum() < LEAST_SAMPLES or outside.sum() < LEAST_SAMPLES:
+    if inside.sum() < _LEAST_SAMPLES or outside.sum() < _LEAST_SAMPLES:
         return 0.0
     e = whiten(fit.residual, fit.record.usable, fit.noise)
-    share = spread(e[inside]) / spread(e[outside])
-    if part.block.code == SENSOR_LIMIT and share > SENSOR_LETS_THROUGH:
-        return -SENSOR_FAULT
-    return float(np.clip(-inside.sum() * np.log(share), 0.0, MOST)) if share < 1.0 else 0.0
+    share = _spread(e[inside]) / _spread(e[outside])
+    if part.block.code == SENSOR_LIMIT and share > _SENSOR_LETS_THROUGH:
+        return -_SENSOR_FAULT
+    return float(np.clip(-inside.sum() * np.log(share), 0.0, _MOST)) if share < 1.0 else 0.0

@@ -14,11 +14,11 @@ from app.engine.mismatch.fit.fitting import Fit, quiet_noise
 from app.engine.mismatch.fit.scan import ground, scan
 from app.engine.mismatch.loop.block import Context, Part
 
-OTHERS, PURSUED, STEPS = 5, 2, 6
+_OTHERS, _PURSUED, _STEPS = 5, 2, 6
 
 
 @dataclass(frozen=True, eq=False)
-class Promise:
+class _Promise:
     """The foremost effect, begun beside another. more: what both would explain beyond what the foremost does alone
     (nat), the other's penalty counted; what a fit makes of the scan's point is taken to be the same beside both.
     """
@@ -42,14 +42,14 @@ def looked_ahead(
     """
     if not ranking:
         return ()
-    forms = forms_of(ranking, surveyed)
-    others = others_of(base, surveyed, couples, ranking, apart)
-    promises = [promise for beside in others for promise in promised(beside, forms)]
-    best = sorted(promises, key=lambda promise: -promise.more)[:PURSUED]
-    return tuple(fit_again(searched_again(together(promise))) for promise in best)
+    forms = _forms_of(ranking, surveyed)
+    others = _others_of(base, surveyed, couples, ranking, apart)
+    promises = [promise for beside in others for promise in _promised(beside, forms)]
+    best = sorted(promises, key=lambda promise: -promise.more)[:_PURSUED]
+    return tuple(fit_again(searched_again(_together(promise))) for promise in best)
 
 
-def forms_of(ranking: tuple[Contender, ...], surveyed: tuple[Scanned, ...]) -> tuple[tuple[Scanned, float], ...]:
+def _forms_of(ranking: tuple[Contender, ...], surveyed: tuple[Scanned, ...]) -> tuple[tuple[Scanned, float], ...]:
     """The forms of the first of a ranking that were fitted, and by how much each is behind the first (nat)."""
     first, known = ranking[0], {contender.block.name: contender for contender in ranking}
     return tuple(
@@ -59,7 +59,7 @@ def forms_of(ranking: tuple[Contender, ...], surveyed: tuple[Scanned, ...]) -> t
     )
 
 
-def others_of(
+def _others_of(
     base: Fit,
     surveyed: tuple[Scanned, ...],
     couples: tuple[Couple, ...],
@@ -70,7 +70,7 @@ def others_of(
     compete, and the next names of the ranking.
     """
     first = ranking[0].block.code
-    partners = [part.block for couple in couples for part in partner_of(couple, first)]
+    partners = [part.block for couple in couples for part in _partner_of(couple, first)]
     known = {contender.block.name: contender for contender in ranking}
     scans = {scanned.block.name: scanned for scanned in surveyed}
     fitted = [
@@ -86,16 +86,16 @@ def others_of(
         if not any({first, contender.block.code} <= group for group in apart)
     ]
     named = [known[block.name] for block in partners if block.name in known]
-    return tuple(dict.fromkeys((*named, *fitted, *allowed[:OTHERS])))
+    return tuple(dict.fromkeys((*named, *fitted, *allowed[:_OTHERS])))
 
 
-def partner_of(couple: Couple, code: str) -> tuple[Part, ...]:
+def _partner_of(couple: Couple, code: str) -> tuple[Part, ...]:
     """The other part of a couple that holds a code; none of one that does not."""
     one, other = couple.parts
     return (other,) if one.block.code == code else (one,) if other.block.code == code else ()
 
 
-def promised(beside: Contender, forms: tuple[tuple[Scanned, float], ...]) -> tuple[Promise, ...]:
+def _promised(beside: Contender, forms: tuple[tuple[Scanned, float], ...]) -> tuple[_Promise, ...]:
     """The best form of an effect beside another, where both would explain more than the other costs: under the noise
     that the other leaves, or under quiet noise. forms: each with how far it is behind the best one alone.
     """
@@ -108,11 +108,11 @@ def promised(beside: Contender, forms: tuple[tuple[Scanned, float], ...]) -> tup
             starts = solved_sensibly(scanned, form.block, context)
             if starts and np.isfinite(before):
                 more = beside.score + starts[0].gain - before - behind
-                found.append(Promise(beside, Part(form.block, starts[0].values), more))
+                found.append(_Promise(beside, Part(form.block, starts[0].values), more))
     best = max(found, key=lambda promise: promise.more, default=None)
     return () if best is None or best.more < SECOND_MUST_GAIN else (best,)
 
 
-def together(promise: Promise) -> Fit:
+def _together(promise: _Promise) -> Fit:
     fit = promise.beside.fit
-    return descended(*placed(fit, (*fit.parts, promise.begun)), STEPS)
+    return descended(*placed(fit, (*fit.parts, promise.begun)), _STEPS)

@@ -17,16 +17,16 @@ from app.engine.mismatch.physics.scales import slowness
 from app.engine.mismatch.physics.valve_deadband import DEADBAND
 from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 
-INDISTINCT = 5.0
-MOST_ALTERNATIVES = 2
-SMALL_SLIP = 0.35
-AT_BOUND = 1.01  # times the least that a ramp may last
-SMALL_ZERO = 0.45  # of the lag beside it
-OWN_SHARE = 0.35
-RAMPS = (SENSOR_DRIFT.name, LOAD_DRIFT.name, LEVELLING.name)
-ANSWERED = 3.0  # times the process' slowest time: by then a step has come through it
+_INDISTINCT = 5.0
+_MOST_ALTERNATIVES = 2
+_SMALL_SLIP = 0.35
+_AT_BOUND = 1.01  # times the least that a ramp may last
+_SMALL_ZERO = 0.45  # of the lag beside it
+_OWN_SHARE = 0.35
+_RAMPS = (SENSOR_DRIFT.name, LOAD_DRIFT.name, LEVELLING.name)
+_ANSWERED = 3.0  # times the process' slowest time: by then a step has come through it
 # What is no physics is no alternative to any: it only makes a name less sure.
-UNSAID = (UNNAMED, PARAMETERS)
+_UNSAID = (UNNAMED, PARAMETERS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +53,10 @@ def believed(best: Contender, names: tuple[Contender, ...], standing: float | No
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
     doubt = own_doubt(best)
     margins = {r.block.code: (standing - worth(r)) / doubt for r in others}
-    limits = {r.block.code: max(INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
-    told = [r for r in others if r.block.code not in UNSAID and (worth(r) > 0.0 or near(best, r))]
+    limits = {r.block.code: max(_INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
+    told = [r for r in others if r.block.code not in _UNSAID and (worth(r) > 0.0 or near(best, r))]
     close = [r.block.code for r in told if margins[r.block.code] < limits[r.block.code]]
-    alternatives = tuple((twins + close)[:MOST_ALTERNATIVES])
+    alternatives = tuple((twins + close)[:_MOST_ALTERNATIVES])
     unsaid = [margin for code, margin in margins.items() if code not in alternatives]
     return Believed(best.block.code, alternatives, best.gain, min(unsaid, default=float(np.inf)), best)
 
@@ -67,31 +67,31 @@ def own_doubt(best: Contender) -> float:
     """
     if not best.fit.given.own:
         return 1.0
-    return max(OWN_SHARE * worth(best) / INDISTINCT, 1.0)
+    return max(_OWN_SHARE * worth(best) / _INDISTINCT, 1.0)
 
 
-def hardly_slips(contender: Contender) -> bool:
+def _hardly_slips(contender: Contender) -> bool:
     """Stiction whose slip jump is a small share of its band, which an uneven backlash looks like as well."""
-    return contender.block.code == STICTION and float(contender.fit.parts[-1].values[1]) < SMALL_SLIP
+    return contender.block.code == STICTION and float(contender.fit.parts[-1].values[1]) < _SMALL_SLIP
 
 
-def hardly_lasts(contender: Contender) -> bool:
+def _hardly_lasts(contender: Contender) -> bool:
     """A ramp that is over before the process has answered, or as soon as one may be, which a step that comes through a
     lag looks like as well. Of a drift that levels out its time constant is asked.
     """
     part, context = contender.fit.parts[-1], Context(contender.fit.record, contender.fit.plant)
-    if part.block.name not in RAMPS:
+    if part.block.name not in _RAMPS:
         return False
     shortest = part.block.parameters(context)[1].low
-    return bool(part.values[1] < max(ANSWERED * slowness(context), AT_BOUND * shortest))
+    return bool(part.values[1] < max(_ANSWERED * slowness(context), _AT_BOUND * shortest))
 
 
-def hardly_turns_back(contender: Contender) -> bool:
+def _hardly_turns_back(contender: Contender) -> bool:
     """An inverse response whose zero is a small share of its lag, which lags in a row look like as well: n equal ones
     have the mean delay and the spread of one lag with a zero of (n - 1) / (n + 1) of it, two those of a third.
     """
     values = contender.fit.parts[-1].values
-    return contender.block.code == INVERSE_RESPONSE.code and bool(values[0] < SMALL_ZERO * values[1])
+    return contender.block.code == INVERSE_RESPONSE.code and bool(values[0] < _SMALL_ZERO * values[1])
 
 
 def twins_of(contender: Contender) -> tuple[str, ...]:
@@ -100,9 +100,9 @@ def twins_of(contender: Contender) -> tuple[str, ...]:
     return (
         *TWINS.get(code, ()),
         *CLOSE.get(code, ()),
-        *((DEADBAND.code,) if hardly_slips(contender) else ()),
-        *((EXTRA_LAG.code,) if hardly_turns_back(contender) else ()),
-        *((LOAD_STEP.code,) if hardly_lasts(contender) else ()),
+        *((DEADBAND.code,) if _hardly_slips(contender) else ()),
+        *((EXTRA_LAG.code,) if _hardly_turns_back(contender) else ()),
+        *((LOAD_STEP.code,) if _hardly_lasts(contender) else ()),
     )
 
 

@@ -17,9 +17,9 @@ from app.engine.mismatch.loop.block import Block, Context, Part, values_in
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
-LEAST_SHARE, MOST_SHARE = 0.0, 2.0
-FROM_EACH, PURSUED, WITHIN, AGAIN = (3, 6), 2, 25.0, 2
-WILDEST = 1e60
+_LEAST_SHARE, _MOST_SHARE = 0.0, 2.0
+_FROM_EACH, _PURSUED, _WITHIN, _AGAIN = (3, 6), 2, 25.0, 2
+_WILDEST = 1e60
 """A simulation that runs away moves the residual by so much and more: the products of its products have no number."""
 
 
@@ -49,7 +49,7 @@ def couples(found: Fit, surveyed: tuple[Scanned, ...], apart: tuple[frozenset[st
     for k, noise in enumerate((found.noise, quiet_noise(found.record, found.given))):
         under = ground(found, noise)
         candidates = [c for scanned in surveyed for c in candidates_of(scanned.block, scanned.points[k], under)]
-        for couple in best_couples(candidates, under, apart, FROM_EACH[k]):
+        for couple in _best_couples(candidates, under, apart, _FROM_EACH[k]):
             kept.setdefault(tuple(sorted(part.block.name for part in couple.parts)), couple)
     return tuple(kept.values())
 
@@ -62,7 +62,7 @@ def candidates_of(block: Block, starts: tuple[Start, ...], under: Ground) -> lis
     return found
 
 
-def best_couples(
+def _best_couples(
     candidates: list[Candidate], under: Ground, apart: tuple[frozenset[str], ...], most: int
 ) -> tuple[Couple, ...]:
     if len(candidates) < 2:
@@ -87,14 +87,14 @@ def joint_scores(candidates: list[Candidate], under: Ground) -> FloatArray:
     on and below the diagonal.
     """
     rows = np.stack([candidate.row for candidate in candidates])
-    wild = ~(np.abs(rows).max(axis=1) < WILDEST)
+    wild = ~(np.abs(rows).max(axis=1) < _WILDEST)
     rows[wild] = 0.0
     gram, slope = rows @ rows.T, rows @ under.rows
     own = np.diag(gram) + 1e-12 * np.trace(gram) + 1e-300
     det = np.maximum(own[:, None] * own[None, :] - gram**2, 1e-9 * own[:, None] * own[None, :])
     first = (-slope[:, None] * own[None, :] + slope[None, :] * gram) / det
-    a = np.clip(first, LEAST_SHARE, MOST_SHARE)
-    b = np.clip(-(slope[None, :] + a * gram) / own[None, :], LEAST_SHARE, MOST_SHARE)
+    a = np.clip(first, _LEAST_SHARE, _MOST_SHARE)
+    b = np.clip(-(slope[None, :] + a * gram) / own[None, :], _LEAST_SHARE, _MOST_SHARE)
     change = 2.0 * (a * slope[:, None] + b * slope[None, :] + a * b * gram) + a**2 * own[:, None] + b**2 * own[None, :]
     left = np.maximum(under.energy + change, 1e-9 * under.energy)
     penalties = np.array([candidate.part.block.penalty for candidate in candidates])
@@ -109,10 +109,10 @@ def coupled(found: Fit, promising: tuple[Couple, ...], single: Fit) -> tuple[Fit
     likelihood and those by free run are pursued, as far as they come near the score of the best `single` effect or run
     much nearer to PV.
     """
-    begun = [begin_couple(found, couple) for couple in promising]
-    begun = [both for both in begun if both.score > single.score - WITHIN or nearer(both, single)]
-    by_score = sorted(begun, key=lambda fitted: -fitted.score)[:PURSUED]
-    by_run = sorted(begun, key=free_run_error)[:PURSUED]
+    begun = [_begin_couple(found, couple) for couple in promising]
+    begun = [both for both in begun if both.score > single.score - _WITHIN or nearer(both, single)]
+    by_score = sorted(begun, key=lambda fitted: -fitted.score)[:_PURSUED]
+    by_run = sorted(begun, key=free_run_error)[:_PURSUED]
     ended = (fit_again(searched_again(first)) for first in dict.fromkeys((*by_score, *by_run)))
     return tuple(sorted(ended, key=lambda fitted: -fitted.score))
 
@@ -127,7 +127,7 @@ def searched_again(found: Fit) -> Fit:
         block = found.parts[k].block
         beside = without(found, k)
         starts = scan(block, (ground(beside, found.noise),))[0]
-        for start in finalists(starts, block, Context(beside.record, beside.plant), AGAIN):
+        for start in finalists(starts, block, Context(beside.record, beside.plant), _AGAIN):
             parts = list(found.parts)
             parts[k] = Part(block, start.values)
             again = descended(*placed(found, parts), 6)
@@ -141,7 +141,7 @@ def without(found: Fit, k: int) -> Fit:
     return finish(*placed(found, parts), found.noise)
 
 
-def begin_couple(found: Fit, couple: Couple) -> Fit:
+def _begin_couple(found: Fit, couple: Couple) -> Fit:
     return descended(*placed(found, (*found.parts, *couple.parts)), 6)
 
 

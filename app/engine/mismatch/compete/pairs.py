@@ -69,12 +69,12 @@ class Places:
         first_gain = best.fit.likelihood - max(other, contender.fit.likelihood - contender.gain)
         # What says least must explain most: by scores, not likelihoods.
         strongest = max((contender.over, *(r.fit for r in alone)), key=lambda fit: fit.score)
-        if first_gain < contender.block.penalty + SECOND_MUST_GAIN or not over_single(best, strongest):
+        if first_gain < contender.block.penalty + SECOND_MUST_GAIN or not _over_single(best, strongest):
             return ()
         return (Pair(contender, best, first_gain, best_of_each_code(self.ranking)),)
 
 
-def over_single(second: Contender, strongest: Fit) -> bool:
+def _over_single(second: Contender, strongest: Fit) -> bool:
     """Whether a pair says more than the strongest single effect, with what the noise beside that hid of it."""
     gained = second.fit.score - strongest.score
     if gained >= SECOND_MUST_GAIN or hidden_gain(second) == 0.0:
@@ -119,10 +119,10 @@ def chosen(pairs: list[Pair]) -> Pair:
     """The best pair by score; one that runs much nearer to PV goes before it where it is better under both noises
     taken together.
     """
-    best = max(pairs, key=together)
-    for pair in sorted(pairs, key=together, reverse=True):
+    best = max(pairs, key=_together)
+    for pair in sorted(pairs, key=_together, reverse=True):
         mine, other = pair.second.fit, best.second.fit
-        behind = together(best) - together(pair)
+        behind = _together(best) - _together(pair)
         if any(timed(part.block) for part in mine.parts) or not nearer(mine, other):
             continue
         if gain_under(mine, other) > behind + 2.0 * SECOND_MUST_GAIN:
@@ -130,12 +130,12 @@ def chosen(pairs: list[Pair]) -> Pair:
     return best
 
 
-def together(pair: Pair) -> float:
+def _together(pair: Pair) -> float:
     """A pair's score, with what the quiet of its limited stretches says."""
-    return heard(pair.second.fit)
+    return _heard(pair.second.fit)
 
 
-def heard(fit: Fit) -> float:
+def _heard(fit: Fit) -> float:
     """A fit's score, with what the quiet of its limited stretches says."""
     return fit.score + sum(limit_bonus(fit, part) for part in fit.parts)
 
@@ -154,6 +154,6 @@ def first_of(pair: Pair, beside_second: Places | None) -> Believed:
     if again is None or beside_second is None:
         return alone
     # The pair may stand better than the same two found in the other order.
-    standing = max(worth(again), together(pair) - heard(beside_second.first.fit))
+    standing = max(worth(again), _together(pair) - _heard(beside_second.first.fit))
     beside = believed(again, names, standing)
     return replace(alone, alternatives=beside.alternatives, margin=beside.margin)

@@ -22,14 +22,14 @@ from app.engine.mismatch.physics.valve_deadband import DEADBAND
 from app.engine.mismatch.physics.valve_stiction import HE, slipping_as
 from app.engine.recording import FloatArray
 
-STICKS, BACKLASH = HE.name, DEADBAND.name
-PURSUED, OF_A_WALK = 4, 3  # of those begun, how many are fitted to their end
-STEPS, ROUNDS = 6, 3
-OTHER_SLIPS, WALKS = np.linspace(0.05, 1.0, 20), 2
-LIKELIER = 1.0  # nat
-AGAIN = 3
-SLIPS_WELL = 0.4  # J / S. Measured: docs/PROOF.md
-MORE_ASKED = 25.0
+STICKS, _BACKLASH = HE.name, DEADBAND.name
+_PURSUED, _OF_A_WALK = 4, 3  # of those begun, how many are fitted to their end
+_STEPS, _ROUNDS = 6, 3
+_OTHER_SLIPS, _WALKS = np.linspace(0.05, 1.0, 20), 2
+_LIKELIER = 1.0  # nat
+_AGAIN = 3
+_SLIPS_WELL = 0.4  # J / S. Measured: docs/PROOF.md
+_MORE_ASKED = 25.0
 """What a stem beside a loop found behind it has to be worth, nat: that loop was chosen among many, one for each stem.
 Measured on healthy and sticking loops: docs/PROOF.md."""
 
@@ -52,8 +52,8 @@ def may_hide_a_stem(base: Fit) -> bool:
 def takes_its_place(contender: Contender, known: Contender | None) -> bool:
     """Whether a stem with a loop of its own is believed before what is known of its code, or before none."""
     before = contender.over if known is None else known.fit
-    likelier = contender.fit.score > before.score + LIKELIER
-    return likelier and stands(contender.fit, before) and worth(contender) > MORE_ASKED
+    likelier = contender.fit.score > before.score + _LIKELIER
+    return likelier and stands(contender.fit, before) and worth(contender) > _MORE_ASKED
 
 
 def stands(found: Fit, before: Fit) -> bool:
@@ -73,7 +73,7 @@ def by_standing(fits: Sequence[Fit], base: Fit) -> list[Fit]:
     it may: a load alone brings the free run of a stem that only lags behind OP nearer, with a sound valve too.
     """
     standing = [found for found in fits if stands(found, base)]
-    if not any(slips_well(found) for found in standing):
+    if not any(_slips_well(found) for found in standing):
         standing = []
     others = [found for found in fits if not any(found is one for one in standing)]
     return [*by_likelihood(standing, base), *by_likelihood(others, base)]
@@ -83,9 +83,9 @@ Order = Callable[[Sequence[Fit], Fit], list[Fit]]
 """Which of some stems are foremost."""
 
 
-def slips_well(found: Fit) -> bool:
+def _slips_well(found: Fit) -> bool:
     """Whether a stem slips by much of its band, and makes edges that no load makes."""
-    return stem_swing(found) is not None and bool(found.parts[-1].values[1] >= SLIPS_WELL)
+    return stem_swing(found) is not None and bool(found.parts[-1].values[1] >= _SLIPS_WELL)
 
 
 def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
@@ -95,61 +95,61 @@ def restarted(base: Fit, blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     if not may_hide_a_stem(base):
         return ()
     record = base.record
-    begun = begun_behind(base, shown_stems(record, base.noise) or shown_stems(record, walking(record)), blocks)
-    likeliest = looked_for(base, begun, blocks, by_likelihood)
+    begun = _begun_behind(base, shown_stems(record, base.noise) or shown_stems(record, walking(record)), blocks)
+    likeliest = _looked_for(base, begun, blocks, by_likelihood)
     if not likeliest or any(takes_its_place(stem, None) for stem in likeliest):
         return likeliest
-    standing = looked_for(base, begun, blocks, by_standing)
+    standing = _looked_for(base, begun, blocks, by_standing)
     return standing if any(takes_its_place(stem, None) for stem in standing) else likeliest
 
 
-def looked_for(base: Fit, begun: list[Fit], blocks: tuple[Block, ...], order: Order) -> tuple[Contender, ...]:
+def _looked_for(base: Fit, begun: list[Fit], blocks: tuple[Block, ...], order: Order) -> tuple[Contender, ...]:
     """Stems are looked for again as long as that brings a better one: near its loop and under its noise they stand out
     more sharply.
     """
-    ended = to_their_end(base, begun, order)
-    for _ in range(AGAIN if ended else 0):
+    ended = _to_their_end(base, begun, order)
+    for _ in range(_AGAIN if ended else 0):
         best = order(ended, base)[0]
-        nearer = begun_behind(base, shown_stems(base.record, best.noise, best.plant), blocks)
-        ended += to_their_end(base, nearer, order)
+        nearer = _begun_behind(base, shown_stems(base.record, best.noise, best.plant), blocks)
+        ended += _to_their_end(base, nearer, order)
         again = order(ended, base)[0]
-        if abs(again.score - best.score) < LIKELIER:
+        if abs(again.score - best.score) < _LIKELIER:
             break
     of_each: dict[str, list[Fit]] = {}
     for found in ended:
         of_each.setdefault(found.parts[-1].block.code, []).append(found)
-    return tuple(pursued(base, order(fits, base)[0], blocks, order) for fits in of_each.values())
+    return tuple(_pursued(base, order(fits, base)[0], blocks, order) for fits in of_each.values())
 
 
-def begun_behind(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...]) -> list[Fit]:
+def _begun_behind(base: Fit, stems: tuple[ShownStem, ...], blocks: tuple[Block, ...]) -> list[Fit]:
     """A few steps of a fit from each stem, with the linear loop behind it."""
     named = {block.name: block for block in blocks}
     begun = []
     for stem in stems:
-        block = named.get(STICKS if stem.share > 0.0 else BACKLASH)
+        block = named.get(STICKS if stem.share > 0.0 else _BACKLASH)
         if block is not None:
-            begun.append(descended(*begun_at(base, stem, block), STEPS))
+            begun.append(descended(*begun_at(base, stem, block), _STEPS))
     return begun
 
 
-def to_their_end(base: Fit, begun: list[Fit], order: Order) -> list[Fit]:
+def _to_their_end(base: Fit, begun: list[Fit], order: Order) -> list[Fit]:
     """The foremost ones."""
-    return [to_its_end(first) for first in order(begun, base)[:PURSUED]]
+    return [to_its_end(first) for first in order(begun, base)[:_PURSUED]]
 
 
 def begun_at(base: Fit, stem: ShownStem, block: Block) -> tuple[Task, FloatArray]:
     """The task of fitting a stem with the simple loop behind it, and where it begins."""
     given = Given(stem.plant, OWN_DEVIATION, integrating=stem.plant.leak == 0.0, behind_stem=True)
     task = make_task(base.record, given, (block,))
-    size = (stem.S,) if block.name == BACKLASH else (stem.S, stem.share)
+    size = (stem.S,) if block.name == _BACKLASH else (stem.S, stem.share)
     return task, start_at(task, stem.plant, np.array((*size, stem.start)))
 
 
 def to_its_end(found: Fit) -> Fit:
-    return fit(task_of(found), found.x, found.noise, ROUNDS, STEPS)
+    return fit(task_of(found), found.x, found.noise, _ROUNDS, _STEPS)
 
 
-def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...], order: Order) -> Contender:
+def _pursued(base: Fit, first: Fit, blocks: tuple[Block, ...], order: Order) -> Contender:
     """A stem over all sizes of its slip, beside the loop that it began with and beside another order of it, and looked
     for again on a fine grid.
     """
@@ -158,7 +158,7 @@ def pursued(base: Fit, first: Fit, blocks: tuple[Block, ...], order: Order) -> C
     moved = signal_after(walked.record, walked.plant, walked.parts, walked.parts[-1]) + walked.record.op_mid
     given = replace(identify(base.record.with_op(moved)).given, behind_stem=True)
     task = make_task(base.record, given, (stem.block,))
-    other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, ROUNDS, STEPS)
+    other = fit(task, start_at(task, given.plant, walked.parts[-1].values), None, _ROUNDS, _STEPS)
     best = order((walked, other), base)[0]
     return Contender(order((best, searched(Contender(best, base), blocks).fit), base)[0], base)
 
@@ -168,13 +168,13 @@ def over_its_slips(found: Fit, base: Fit, order: Order) -> Fit:
     From one to the next the first slip falls into other samples unless all of them move together, which no descent
     does.
     """
-    for _ in range(WALKS if found.parts[-1].block.name == STICKS else 0):
+    for _ in range(_WALKS if found.parts[-1].block.name == STICKS else 0):
         task, values = task_of(found), found.parts[-1].values
         begun = []
-        for share in OTHER_SLIPS:
+        for share in _OTHER_SLIPS:
             plant = found.plant.changed(K=found.plant.K * values[1] / share)
-            begun += [descended(task, start_at(task, plant, other), STEPS) for other in slipping_as(values, share)]
-        ended = [to_its_end(first) for first in sorted(begun, key=score_of)[-OF_A_WALK:]]
+            begun += [descended(task, start_at(task, plant, other), _STEPS) for other in slipping_as(values, share)]
+        ended = [to_its_end(first) for first in sorted(begun, key=score_of)[-_OF_A_WALK:]]
         best = order((found, *ended), base)[0]
         if best is found:
             break

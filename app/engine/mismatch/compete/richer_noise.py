@@ -11,7 +11,7 @@ from app.engine.mismatch.compete.spikes import innovations
 from app.engine.mismatch.fit.fitting import Fit
 from app.engine.mismatch.fit.noise import RIDGE, autocovariances, autoregression, compared_count
 
-ORDER = 8
+_ORDER = 8
 ANSWERING = ("valve", "process")
 
 
@@ -39,10 +39,10 @@ def noise_takes(found: Fit, over: Fit) -> bool:
 
 
 def predictable(fit: Fit) -> float:
-    """The log-likelihood (nat) that an autoregression of ORDER lags gains over white innovations."""
+    """The log-likelihood (nat) that an autoregression of _ORDER lags gains over white innovations."""
     e, count = innovations(fit), compared_count(fit.record.usable)
-    if count <= 2 * ORDER:
+    if count <= 2 * _ORDER:
         return 0.0
-    covariances = autocovariances(e, ORDER)
+    covariances = autocovariances(e, _ORDER)
     left = 1.0 - float(autoregression(covariances) @ covariances[1:]) / float(covariances[0])
     return -0.5 * count * float(np.log(max(left, RIDGE)))

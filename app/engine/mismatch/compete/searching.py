@@ -19,11 +19,11 @@ from app.engine.recording import FloatArray
 
 # Where a valve jumps hangs on thousandths of its band, and the likelihood has an optimum for each such band: in which
 # of them a descent ends hangs on the last bits of where it began.
-WIDTH, POINTS, MOMENTS = 0.3, 121, 241
-TURN_POINTS, ENDS_MOVED = 60, 4
-LEAST_MOVED = 0.1  # nat
-PURSUED, NEAR, NEAR_OTHERWISE = 3, 0.01, 0.15
-STEPS = 6
+_WIDTH, _POINTS, _MOMENTS = 0.3, 121, 241
+_TURN_POINTS, _ENDS_MOVED = 60, 4
+_LEAST_MOVED = 0.1  # nat
+_PURSUED, _NEAR, _NEAR_OTHERWISE = 3, 0.01, 0.15
+_STEPS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,56 +40,56 @@ def searched(contender: Contender, blocks: tuple[Block, ...]) -> Contender:
     """
     found, context = contender.fit, Context(contender.fit.record, contender.fit.plant)
     if contender.block.code == WAVE.code:
-        return between_its_ends(contender)
-    if not jumps(contender.block, context):
+        return _between_its_ends(contender)
+    if not _jumps(contender.block, context):
         return contender
-    forms = [block for block in blocks if block.code == contender.block.code and jumps(block, context)]
+    forms = [block for block in blocks if block.code == contender.block.code and _jumps(block, context)]
     under = ground(without(found, -1), found.noise)
-    points = [Begun(form, start) for form in forms for start in scan(finely(form, found), (under,))[0]]
-    fits = (begun_from(found, point) for point in foremost(points, context))
+    points = [Begun(form, start) for form in forms for start in scan(_finely(form, found), (under,))[0]]
+    fits = (_begun_from(found, point) for point in foremost(points, context))
     best = max((found, *fits), key=score_of)
     if best is found:
         return contender
-    return as_sensible(max((best, fit_again(best)), key=score_of), contender)
+    return _as_sensible(max((best, fit_again(best)), key=score_of), contender)
 
 
-def as_sensible(found: Fit, contender: Contender) -> Contender:
+def _as_sensible(found: Fit, contender: Contender) -> Contender:
     """A contender in this fit; as it was where it makes sense and this fit does not."""
     again = Contender(found, contender.over)
     return again if makes_sense(again) or not makes_sense(contender) else contender
 
 
-def between_its_ends(contender: Contender) -> Contender:
+def _between_its_ends(contender: Contender) -> Contender:
     """A wave between the best of all beginnings and ends within a turn of where it stands: each turn has a valley of
     its own, and each sample too where the wave begins away from zero.
     """
     found = contender.fit
-    for _ in range(ENDS_MOVED):
-        moved = from_other_ends(found)
-        if not moved.score > found.score + LEAST_MOVED:
+    for _ in range(_ENDS_MOVED):
+        moved = _from_other_ends(found)
+        if not moved.score > found.score + _LEAST_MOVED:
             break
         found = moved
-    return contender if found is contender.fit else as_sensible(found, contender)
+    return contender if found is contender.fit else _as_sensible(found, contender)
 
 
-def from_other_ends(found: Fit) -> Fit:
+def _from_other_ends(found: Fit) -> Fit:
     """The last part of a fit, a wave, fitted from the ends that suit it best: with all its other numbers as they are,
     and with the sizes of the scan, which are those beside a loop without it.
     """
     part = found.parts[-1]
-    start = scan(about_its_ends(part), (ground(without(found, -1), found.noise),))[0][0]
+    start = scan(_about_its_ends(part), (ground(without(found, -1), found.noise),))[0][0]
     values = np.concatenate((start.values[:2], part.values[2:]))
-    kept = fit(*placed(found, (*found.parts[:-1], Part(part.block, values))), found.noise, 2, STEPS)
-    return max((kept, fit_again(begun_from(found, Begun(part.block, start)))), key=score_of)
+    kept = fit(*placed(found, (*found.parts[:-1], Part(part.block, values))), found.noise, 2, _STEPS)
+    return max((kept, fit_again(_begun_from(found, Begun(part.block, start)))), key=score_of)
 
 
-def about_its_ends(part: Part) -> Block:
+def _about_its_ends(part: Part) -> Block:
     """A wave's block with a grid about where it begins and ends, one of the two moved by up to a turn."""
 
     def starts(context: Context, _: FloatArray) -> FloatArray:
         ts, duration = context.record.sampling_interval_s, context.record.duration_s
         period = float(part.values[2])
-        by = max(ts, period / TURN_POINTS) * np.arange(-TURN_POINTS, TURN_POINTS + 1)
+        by = max(ts, period / _TURN_POINTS) * np.arange(-_TURN_POINTS, _TURN_POINTS + 1)
         by = by[np.abs(by) <= period]
         grid = np.tile(part.values, (2, len(by), 1))
         for end in (0, 1):
@@ -100,18 +100,18 @@ def about_its_ends(part: Part) -> Block:
     return replace(part.block, starts=starts)
 
 
-def jumps(block: Block, context: Context) -> bool:
+def _jumps(block: Block, context: Context) -> bool:
     """Whether the simulation jumps with a size: a band, a force, a speed."""
     parameters = block.parameters(context)
     return block.rough and len(parameters) > 0 and parameters[0].log
 
 
-def finely(form: Block, found: Fit) -> Block:
+def _finely(form: Block, found: Fit) -> Block:
     """A form with a grid that is fine in its first parameter about where a fit stands, its own in the others; and in
     the moment from which on it acts, where it has one as the fit has.
     """
     part = found.parts[-1]
-    sizes = part.values[0] * np.exp(np.linspace(-WIDTH, WIDTH, POINTS))
+    sizes = part.values[0] * np.exp(np.linspace(-_WIDTH, _WIDTH, _POINTS))
 
     def starts(context: Context, residual: FloatArray) -> FloatArray:
         others = {tuple(row[1:]) for row in form.starts(context, residual)}
@@ -119,39 +119,39 @@ def finely(form: Block, found: Fit) -> Block:
             others.add(tuple(part.values[1:]))
         points = np.array([(size, *other) for other in sorted(others) for size in sizes])
         alike = [p.name for p in form.parameters(context)] == [p.name for p in part.block.parameters(context)]
-        return np.concatenate((points, at_other_moments(part, context))) if alike else points
+        return np.concatenate((points, _at_other_moments(part, context))) if alike else points
 
     return replace(form, starts=starts)
 
 
-def at_other_moments(part: Part, context: Context) -> FloatArray:
+def _at_other_moments(part: Part, context: Context) -> FloatArray:
     """(M, P) the values of a part with each other moment from which on it may act; none of what acts always."""
     names = [parameter.name for parameter in part.block.parameters(context)]
     if "start" not in names:
         return np.zeros((0, len(part.values)))
-    points = np.tile(part.values, (MOMENTS, 1))
-    points[:, names.index("start")] = np.linspace(0.0, context.record.duration_s, MOMENTS)
+    points = np.tile(part.values, (_MOMENTS, 1))
+    points[:, names.index("start")] = np.linspace(0.0, context.record.duration_s, _MOMENTS)
     return points
 
 
 def foremost(points: list[Begun], context: Context) -> list[Begun]:
     """The best points that are not neighbours."""
     best_first = sorted(points, key=lambda point: point.form.penalty - point.start.gain)
-    return unlike_better_ones(best_first, partial(neighbours, context), PURSUED)
+    return unlike_better_ones(best_first, partial(_neighbours, context), _PURSUED)
 
 
-def neighbours(context: Context, one: Begun, other: Begun) -> bool:
+def _neighbours(context: Context, one: Begun, other: Begun) -> bool:
     """Whether two points are nearly one: in the logarithm of the size, and in the range that each other parameter has,
     which depends on no unit.
     """
     a, b = one.start.values, other.start.values
-    if one.form is not other.form or abs(np.log(a[0] / b[0])) > NEAR:
+    if one.form is not other.form or abs(np.log(a[0] / b[0])) > _NEAR:
         return False
     others = one.form.parameters(context)[1 : len(a)]
-    return all(within_range(p, *pair) < NEAR_OTHERWISE for p, *pair in zip(others, a[1:], b[1:], strict=True))
+    return all(_within_range(p, *pair) < _NEAR_OTHERWISE for p, *pair in zip(others, a[1:], b[1:], strict=True))
 
 
-def within_range(parameter: Parameter, a: float, b: float) -> float:
+def _within_range(parameter: Parameter, a: float, b: float) -> float:
     """How far apart two values of a parameter are, as a share of its range, by logarithms where it is fitted so."""
     low, high = parameter.low, parameter.high
     if parameter.log:
@@ -159,8 +159,8 @@ def within_range(parameter: Parameter, a: float, b: float) -> float:
     return abs(a - b) / (high - low + 1e-300)
 
 
-def begun_from(found: Fit, point: Begun) -> Fit:
-    return descended(*placed(found, (*found.parts[:-1], Part(point.form, point.start.values))), STEPS)
+def _begun_from(found: Fit, point: Begun) -> Fit:
+    return descended(*placed(found, (*found.parts[:-1], Part(point.form, point.start.values))), _STEPS)
 
 
 def best_alone(part: Part, both: Fit, base: Fit, known: Contender | None, blocks: tuple[Block, ...]) -> Contender:

@@ -34,10 +34,10 @@ from app.engine.mismatch.loop.block import Block
 from app.engine.mismatch.physics import TWINS
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 
-LEADERS = 3
-CARRIED = 3
-MOST_HIDDEN = 2
-ROUNDS = 2
+_LEADERS = 3
+_CARRIED = 3
+_MOST_HIDDEN = 2
+_ROUNDS = 2
 LEAST_MARGIN = -2.9  # a probability of 0.05
 # Codes of which one pair holds one only.
 APART = (LIMITS_OF_PV, *(frozenset((code, *twins)) for code, twins in TWINS.items()))
@@ -65,25 +65,25 @@ def select(
     """
     offered = tuple(block for block in blocks if block.code not in already)
     surveyed = survey(base, offered)
-    first = with_stems_shown(deepened(ranked(base, offered, surveyed=surveyed), offered), stems)
+    first = with_stems_shown(_deepened(ranked(base, offered, surveyed=surveyed), offered), stems)
     asked = SECOND_MUST_GAIN if already else 0.0
     names = best_of_each_code(first)
     pays = bool(first) and worth(first[0]) > asked
     single = Selection(first[0].fit, (believed(first[0], names),), first) if pays else Selection(base, (), first)
     if pays and first[0].block.code == PARAMETERS:
         return single  # what is missing is looked for again beside the right ones
-    begun = leaders(first) if pays else hidden(names)
-    beside = {contender.block.name: seconds(contender, names, offered) for contender in begun}
+    begun = _leaders(first) if pays else _hidden(names)
+    beside = {contender.block.name: _seconds(contender, names, offered) for contender in begun}
     pairs = [pair for places in beside.values() for pair in places.pairs(names)]
     pairs += found_together(base, surveyed, first, pays)
     if not pairs:
         return single
     # Beside either of a pair the other may turn out to have another name, and beside that other the first again.
-    for place in (0, 1) * ROUNDS:
+    for place in (0, 1) * _ROUNDS:
         pair = chosen(pairs)
         name = pair.blocks[place].name
         if name not in beside:
-            beside[name] = seconds(pair.alone(place, base), names, offered)
+            beside[name] = _seconds(pair.alone(place, base), names, offered)
             pairs += beside[name].pairs(names)
     best = with_contenders(chosen(pairs), beside)
     alone = paying_alone(best, base, first, offered)
@@ -95,11 +95,11 @@ def select(
     return both if stands(both) and not noise_takes(both.fit, single.fit) else single
 
 
-def deepened(ranking: tuple[Contender, ...], blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
+def _deepened(ranking: tuple[Contender, ...], blocks: tuple[Block, ...]) -> tuple[Contender, ...]:
     """A ranking in which the names that others are looked for beside stand as well as they can: beside one in a poor
     optimum anything pays that leads to a better.
     """
-    deeper = {contender: searched(contender, blocks) for contender in leaders(ranking)}
+    deeper = {contender: searched(contender, blocks) for contender in _leaders(ranking)}
     return by_worth(tuple(deeper.get(contender, contender) for contender in ranking))
 
 
@@ -125,15 +125,15 @@ def found_together(base: Fit, surveyed: tuple[Scanned, ...], ranking: tuple[Cont
     return [pair for both in found if pays or nearer(both, base) for pair in pairs_of(both, base, ranking)]
 
 
-def hidden(names: tuple[Contender, ...]) -> tuple[Contender, ...]:
+def _hidden(names: tuple[Contender, ...]) -> tuple[Contender, ...]:
     """Names that do not pay alone but bring the free run much nearer to PV: one of two effects that the noise hides as
     long as the other is missing.
     """
     gaining = [r for r in names if r.gain > LEAST_OF_PENALTY * r.block.penalty and makes_sense(r)]
-    return tuple([r for r in gaining if nearer(r.fit, r.over)][:MOST_HIDDEN])
+    return tuple([r for r in gaining if nearer(r.fit, r.over)][:_MOST_HIDDEN])
 
 
-def leaders(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:
+def _leaders(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:
     """The first names that a second effect is looked for beside: the best, those close to it, and one that pays and
     runs much nearer to PV, whatever the other takes of the noise. None that stands for two effects already.
     """
@@ -144,15 +144,15 @@ def leaders(ranking: tuple[Contender, ...]) -> tuple[Contender, ...]:
     others = [r for r in names[1:] if worth(r) > 0.0 and r.block.code not in twins]
     close = [r for r in others if worth(r) > 0.5 * worth(names[0])]
     near = sorted((r for r in others if nearer(r.fit, names[0].fit)), key=lambda r: free_run_error(r.fit))
-    return tuple(dict.fromkeys((names[0], *near[:1], *close)))[:LEADERS]
+    return tuple(dict.fromkeys((names[0], *near[:1], *close)))[:_LEADERS]
 
 
-def seconds(contender: Contender, alone: tuple[Contender, ...], blocks: tuple[Block, ...]) -> Places:
+def _seconds(contender: Contender, alone: tuple[Contender, ...], blocks: tuple[Block, ...]) -> Places:
     """What competes for the place beside a contender; names that did well alone begin from their values there too."""
     named = {contender.block.code, *TWINS.get(contender.block.code, ())}
     if contender.block.code in LIMITS_OF_PV:
         named |= LIMITS_OF_PV
-    carried = tuple(r.fit.parts[-1] for r in alone if r.block.code not in named and worth(r) > 0.0)[:CARRIED]
+    carried = tuple(r.fit.parts[-1] for r in alone if r.block.code not in named and worth(r) > 0.0)[:_CARRIED]
     return Places(
         contender, ranked(contender.fit, tuple(block for block in blocks if block.code not in named), carried)
     )

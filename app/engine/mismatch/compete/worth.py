@@ -14,13 +14,13 @@ from app.engine.mismatch.fit.noise import compared_count
 from app.engine.mismatch.loop.block import Block, Context
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 
-STEADY_SHARE = 0.4
-NO_WORSE, NEARER = 1.03, 0.8
-LEAST_OF_PENALTY, HIDDEN_PART = 0.6, 0.5
+_STEADY_SHARE = 0.4
+_NO_WORSE, _NEARER = 1.03, 0.8
+LEAST_OF_PENALTY, _HIDDEN_PART = 0.6, 0.5
 SECOND_MUST_GAIN = 4.0
-SECOND_SHARE, SECOND_ENOUGH, SMALL_SHARE = 0.06, 30.0, 0.15
-STEPS = 6
-TIMED = ("after a time", "within a time")
+_SECOND_SHARE, _SECOND_ENOUGH, _SMALL_SHARE = 0.06, 30.0, 0.15
+_STEPS = 6
+_TIMED = ("after a time", "within a time")
 
 
 def worth(contender: Contender) -> float:
@@ -33,13 +33,13 @@ def worth(contender: Contender) -> float:
     if part.block.abrupt:
         own = contender.score - tail_penalty(contender.fit)
     else:
-        own = min(contender.score, steady_gain(contender) - STEADY_SHARE * contender.block.penalty)
+        own = min(contender.score, steady_gain(contender) - _STEADY_SHARE * contender.block.penalty)
         own += limit_bonus(contender.fit, part) if own > 0.0 else 0.0
-    own = min(own, of_what_was_stored(contender)) if own > 0.0 else own
+    own = min(own, _of_what_was_stored(contender)) if own > 0.0 else own
     return own if own <= 0.0 or own > (taken := taken_by_noise(contender)) else own - taken
 
 
-def of_what_was_stored(contender: Contender) -> float:
+def _of_what_was_stored(contender: Contender) -> float:
     """A contender's score by the samples that a historian stored alone; no bound where it stored all, or where the
     free run is much nearer. What lies on a line between two of them tells nothing more, and a line's corners are news
     that any block may take. Measured: docs/PROOF.md.
@@ -62,12 +62,12 @@ def makes_sense(contender: Contender) -> bool:
 
 def no_worse(fit: Fit, over: Fit) -> bool:
     """Whether the free run of one fit is no worse than that of another."""
-    return runs_nearer(fit, over, swing_between(fit, over), NO_WORSE)
+    return runs_nearer(fit, over, swing_between(fit, over), _NO_WORSE)
 
 
 def nearer(fit: Fit, over: Fit) -> bool:
     """Whether the free run of one fit is much nearer to PV than that of another."""
-    return runs_nearer(fit, over, swing_between(fit, over), NEARER)
+    return runs_nearer(fit, over, swing_between(fit, over), _NEARER)
 
 
 def swing_between(fit: Fit, over: Fit) -> int | None:
@@ -85,10 +85,10 @@ def pays_beside(second: Contender, first: Contender) -> bool:
     """
     hidden = hidden_gain(second)
     gain = second.gain + hidden
-    small = second.block.code == UNNAMED or gain < SMALL_SHARE * first.gain
+    small = second.block.code == UNNAMED or gain < _SMALL_SHARE * first.gain
     if small and not nearer(second.fit, second.over):
         return False
-    return gain >= min(SECOND_SHARE * first.gain, SECOND_ENOUGH) and worth(second) + hidden >= SECOND_MUST_GAIN
+    return gain >= min(_SECOND_SHARE * first.gain, _SECOND_ENOUGH) and worth(second) + hidden >= SECOND_MUST_GAIN
 
 
 def worth_beside(second: Contender) -> float:
@@ -113,12 +113,12 @@ def hidden_from(fit: Fit, over: Fit) -> float:
     """What the noise of one fit hid of another that runs much nearer to PV (nat, not below 0)."""
     if not nearer(fit, over):
         return 0.0
-    return max(HIDDEN_PART * (gain_under(fit, over) - (fit.likelihood - over.likelihood)), 0.0)
+    return max(_HIDDEN_PART * (gain_under(fit, over) - (fit.likelihood - over.likelihood)), 0.0)
 
 
 def timed(block: Block) -> bool:
     """Whether a block acts by time alone, whatever OP and PV do."""
-    return block.condition in TIMED
+    return block.condition in _TIMED
 
 
 def gain_under(fit: Fit, over: Fit) -> float:
@@ -126,7 +126,7 @@ def gain_under(fit: Fit, over: Fit) -> float:
     fitted again.
     """
     task = task_of(over)
-    x = descend(task, over.x, fit.noise, STEPS)
+    x = descend(task, over.x, fit.noise, _STEPS)
     without = residual_rows(task, x, fit.noise).cost
     both = residual_rows(task_of(fit), fit.x, fit.noise).cost
     return 0.5 * compared_count(fit.record.usable) * float(np.log(without / both))

@@ -32,13 +32,13 @@ def as_refitted(rest: FloatArray, given: Plant, found: Plant, ts: float) -> Floa
     other, passed through one lag, or one swing, over the other, and later by what its dead time is longer.
     """
     bent = found.K / given.K * rest
-    for was, now in zip(memories(given, ts), memories(found, ts), strict=True):
+    for was, now in zip(_memories(given, ts), _memories(found, ts), strict=True):
         if not np.array_equal(was, now):
-            bent = one_over_other(bent, was, now)
+            bent = _one_over_other(bent, was, now)
     return delay(bent, found.theta - given.theta, ts)
 
 
-def memories(plant: Plant, ts: float) -> list[FloatArray]:
+def _memories(plant: Plant, ts: float) -> list[FloatArray]:
     """The polynomials (2,) or (3,) in the delay by an interval of each lag, and of the swing, of a plant."""
     swings = plant.leak > 0.0 and plant.damping > 0.0
     first = plant.tau if plant.leak > 0.0 and not swings else 0.0
@@ -49,7 +49,7 @@ def memories(plant: Plant, ts: float) -> list[FloatArray]:
     return [*lags, np.real(np.poly(np.exp(ts * poles)))]
 
 
-def one_over_other(signal: FloatArray, was: FloatArray, now: FloatArray) -> FloatArray:
+def _one_over_other(signal: FloatArray, was: FloatArray, now: FloatArray) -> FloatArray:
     """A signal (N,) that comes of one memory as another would have made it, from rest."""
     share = np.sum(now) / np.sum(was) * was
     begun = scipy.signal.lfilter_zi(share, now) * signal[0]
@@ -64,11 +64,11 @@ def bent_with(base: Fit, rest: FloatArray) -> tuple[Fit, Bent | None]:
     if not np.any(rest) or base.given.plant.K == 0.0:
         return base, None
     bent = Bent(rest, base.given, base.plant)
-    again = fit_linear(bent_record(base.record, bent), base.given)
+    again = fit_linear(_bent_record(base.record, bent), base.given)
     return (again, bent) if again.likelihood > base.likelihood else (base, None)
 
 
-def bent_record(record: Experiment, bent: Bent) -> Experiment:
+def _bent_record(record: Experiment, bent: Bent) -> Experiment:
     return record.resting(bent.along(bent.rest, record.as_sampled.sampling_interval_s))
 
 
@@ -79,4 +79,4 @@ def bent_without(found: Fit, bent: Bent | None, held: BoolArray) -> Fit:
     if bent is None:
         return found
     blind = fit_linear(found.record.comparing(found.record.usable & ~held).resting(bent.rest), bent.given)
-    return replace(found, record=bent_record(found.record, replace(bent, found=blind.plant)))
+    return replace(found, record=_bent_record(found.record, replace(bent, found=blind.plant)))

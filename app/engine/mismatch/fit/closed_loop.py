@@ -18,14 +18,14 @@ from app.engine.oscillation import detect
 from app.engine.recording import FloatArray, UniformRecord
 from app.engine.reference.yper import compute
 
-IDENTIFIED = 0.9
-MOST_SAMPLES, MOST_PASSES = 3000, 800
-SETTLED = 1e-6
-LEAST_YPER = 0.05
-WORTH_SAYING = 0.5
+_IDENTIFIED = 0.9
+_MOST_SAMPLES, _MOST_PASSES = 3000, 800
+_SETTLED = 1e-6
+_LEAST_YPER = 0.05
+_WORTH_SAYING = 0.5
 """Share by which a step must bring Yper nearer to the recorded one to be named: another draw of the same noise moves
 the Yper of a sticking loop by a quarter and more (standard deviation over 30 draws)."""
-LEFT_BY_OTHERS, LEFT_TIMES = 0.01, 2.0  # a gain 10 % off leaves 0.01
+_LEFT_BY_OTHERS, _LEFT_TIMES = 0.01, 2.0  # a gain 10 % off leaves 0.01
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class ClosedLoop:
         """Whether the given simulation's controller leaves more of OP's moves than the recorded one's own law."""
         if self.given_law is None:
             return False
-        return 1.0 - self.given_law.explained > LEFT_BY_OTHERS + LEFT_TIMES * (1.0 - self.law.explained)
+        return 1.0 - self.given_law.explained > _LEFT_BY_OTHERS + _LEFT_TIMES * (1.0 - self.law.explained)
 
 
 @njit(cache=True, nogil=True)
@@ -92,13 +92,13 @@ def close(found: Fit, law: Law, sp: FloatArray, added: FloatArray | None = None)
     low, high = float(np.min(record.op)) - record.op_span, float(np.max(record.op)) + record.op_span
     op = np.full(record.samples, record.op[0])
     pv = np.full(record.samples, record.pv[0])
-    for _ in range(min(record.samples, MOST_PASSES)):
+    for _ in range(min(record.samples, _MOST_PASSES)):
         pv = simulate(record.with_op(op), found.plant, found.parts) + record.pv_mid + noise
         error = np.ascontiguousarray(sp - pv)
         following = _follow(error, law.kc, law.ki, law.kd, float(record.op[0]), low, high)
         change = float(np.max(np.abs(following - op)))
         op = following
-        if change < SETTLED * record.op_span:
+        if change < _SETTLED * record.op_span:
             break
     else:
         return None
@@ -126,7 +126,7 @@ def figures(record: UniformRecord) -> LoopFigures:
 
 def first_stretch(found: Fit) -> Fit:
     """The fit with as much of the record's start as the repetition is worth doing for."""
-    record, n = found.record, min(found.record.samples, MOST_SAMPLES)
+    record, n = found.record, min(found.record.samples, _MOST_SAMPLES)
     if n == record.samples:
         return found
     return replace(found, record=record.stretch(0, n), simulated=found.simulated[:n])
@@ -161,7 +161,7 @@ def close_again(
     acted = record if acted is None else acted
     recorded_sp = acted.sp if acted.sp is not None and np.all(np.isfinite(acted.sp)) else None
     found = identify_law(recorded_sp, acted.pv, acted.op, acted.usable)
-    if found.explained < IDENTIFIED:
+    if found.explained < _IDENTIFIED:
         return None
     law = found.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     sp = np.full(record.samples, law.sp) if law.sp is not None or record.sp is None else record.sp
@@ -169,7 +169,7 @@ def close_again(
     shown = figures(UniformRecord(record.sampling_interval_s, record.pv, record.op, sp, still))
     clean = [close(fit, law, sp) for fit in (base, final)]
     noisy = close(final, law, sp, modelled_noise(final))
-    seen = None if noisy is None else seen_through(noisy, final, sensors)
+    seen = None if noisy is None else _seen_through(noisy, final, sensors)
     refitted, explained, with_noise, as_recorded = (
         None if loop is None else figures(loop) for loop in (*clean, noisy, seen)
     )
@@ -178,7 +178,7 @@ def close_again(
         (noise_in_words(final), with_noise),
         (in_words(sensors), as_recorded),
     )
-    lacked = what_lacked(shown, refitted, steps)
+    lacked = _what_lacked(shown, refitted, steps)
     own = None
     if controller is not None:
         asked_for = np.full(acted.samples, found.sp) if recorded_sp is None else recorded_sp
@@ -191,7 +191,7 @@ def close_again(
     )
 
 
-def seen_through(loop: UniformRecord, found: Fit, sensors: tuple[Part, ...]) -> UniformRecord:
+def _seen_through(loop: UniformRecord, found: Fit, sensors: tuple[Part, ...]) -> UniformRecord:
     """A loop as its sensor's levels and its historian leave PV."""
     pv, context = loop.pv - found.record.pv_mid, Context(found.record, found.plant)
     for part in sensors:
@@ -200,21 +200,21 @@ def seen_through(loop: UniformRecord, found: Fit, sensors: tuple[Part, ...]) -> 
     return replace(loop, pv=pv + found.record.pv_mid)
 
 
-def distance(figures_: LoopFigures, recorded: LoopFigures) -> float:
-    """How far a Yper is from the recorded one, in natural logarithms; below LEAST_YPER all are alike."""
-    return float(abs(np.log(max(figures_.yper_pct, LEAST_YPER)) - np.log(max(recorded.yper_pct, LEAST_YPER))))
+def _distance(figures_: LoopFigures, recorded: LoopFigures) -> float:
+    """How far a Yper is from the recorded one, in natural logarithms; below _LEAST_YPER all are alike."""
+    return float(abs(np.log(max(figures_.yper_pct, _LEAST_YPER)) - np.log(max(recorded.yper_pct, _LEAST_YPER))))
 
 
-def what_lacked(
+def _what_lacked(
     recorded: LoopFigures, refitted: LoopFigures | None, steps: tuple[tuple[str, LoopFigures | None], ...]
 ) -> tuple[str, ...]:
     """The steps that bring Yper nearer to the recorded one, in the order of how much."""
     gains, before = [], refitted
     for name, after in steps:
         if before is not None and after is not None and name:
-            gains.append((distance(before, recorded) - distance(after, recorded), name))
+            gains.append((_distance(before, recorded) - _distance(after, recorded), name))
         before = after if after is not None else before
-    return tuple(name for gain, name in sorted(gains, reverse=True) if gain > np.log(1.0 + WORTH_SAYING))
+    return tuple(name for gain, name in sorted(gains, reverse=True) if gain > np.log(1.0 + _WORTH_SAYING))
 
 
 def noise_in_words(found: Fit) -> str:

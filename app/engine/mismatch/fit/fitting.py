@@ -13,8 +13,8 @@ from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant
 from app.engine.recording import FloatArray
 
-SLOW_TIMES, SLOW_COST = 5.0, 7.0
-LEAST_FURTHER, FURTHER_OF_ROOT, FURTHER_ROUNDS, FURTHER_STEPS = 32, 2.0, 4, 6
+_SLOW_TIMES, _SLOW_COST = 5.0, 7.0
+LEAST_FURTHER, _FURTHER_OF_ROOT, _FURTHER_ROUNDS, _FURTHER_STEPS = 32, 2.0, 4, 6
 STILL = 1e-12  # of PV's span: the deviation of noise where PV stands
 
 
@@ -52,7 +52,7 @@ class Fit:
         and under feedback OP holds it.
         """
         given = replace(self.given, further=further_lags(compared_count(self.record.usable)))
-        return fit(task_of(replace(self, given=given)), self.x, None, FURTHER_ROUNDS, FURTHER_STEPS)
+        return fit(task_of(replace(self, given=given)), self.x, None, _FURTHER_ROUNDS, _FURTHER_STEPS)
 
 
 def further_lags(count: int) -> int:
@@ -61,7 +61,7 @@ def further_lags(count: int) -> int:
     doi 10.1214/aos/1176342709 (an autoregression is consistent where the cube of its order is small beside the
     samples).
     """
-    return max(LEAST_FURTHER, round(FURTHER_OF_ROOT * count ** (1.0 / 3.0)))
+    return max(LEAST_FURTHER, round(_FURTHER_OF_ROOT * count ** (1.0 / 3.0)))
 
 
 def task_of(found: Fit) -> Task:
@@ -70,7 +70,7 @@ def task_of(found: Fit) -> Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Whitened:
+class _Whitened:
     """Residuals of a task at one point: whitened samples over the noise's deviation, then the prior's rows."""
 
     rows: FloatArray
@@ -85,17 +85,17 @@ def prior_rows(task: Task, x: FloatArray) -> FloatArray:
     return (x - task.centre) * task.certainty
 
 
-def residual_rows(task: Task, x: FloatArray, noise: NoiseModel) -> Whitened:
+def residual_rows(task: Task, x: FloatArray, noise: NoiseModel) -> _Whitened:
     record, simulated = task.record, task.simulated(x)
     count = record.samples - settling_samples(record.samples)
     rows = np.zeros((1, count + len(x)))
     scaled_innovations(record.pv_deviation, simulated[None, :], record.usable, noise, rows[0], rows)
     rows[0, count:] = prior_rows(task, x)
-    return Whitened(rows[0], simulated)
+    return _Whitened(rows[0], simulated)
 
 
 def slopes(
-    task: Task, x: FloatArray, noise: NoiseModel, at: Whitened, along: Sequence[int] | None = None
+    task: Task, x: FloatArray, noise: NoiseModel, at: _Whitened, along: Sequence[int] | None = None
 ) -> FloatArray:
     """(rows, P) numerical derivatives of the whitened residuals by all coordinates, or by those `along` which, in
     their order.
@@ -139,10 +139,10 @@ def descend(task: Task, x: FloatArray, noise: NoiseModel, steps: int, along: Seq
     return x
 
 
-POLISHING_STEPS = (0.12, 0.04, 0.012, 0.004, 0.0012)
+_POLISHING_STEPS = (0.12, 0.04, 0.012, 0.004, 0.0012)
 
 
-def following(task: Task) -> list[int]:
+def _following(task: Task) -> list[int]:
     """The coordinates along whose slopes the simulation moves evenly: the plant's, and what a block has linear or
     smooth.
     """
@@ -155,7 +155,7 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     The noise model is held. Where the simulation jumps with a parameter (a threshold, a moment) its slope misleads, and
     descents end where they began.
     """
-    others = following(task)
+    others = _following(task)
     searched = [k for k in range(len(x)) if k not in others]
     if not searched:
         return x
@@ -163,7 +163,7 @@ def polish(task: Task, x: FloatArray, noise: NoiseModel) -> FloatArray:
     basis = orthonormal(slopes(task, x, noise, at, others))
     cost = projected_cost(at.rows, basis)
     asked = {x.tobytes()}  # the cost only falls, so that no place is ever better when it is asked again
-    for share in POLISHING_STEPS:
+    for share in _POLISHING_STEPS:
         for k in searched * 2:
             for sign in (1.0, -1.0):
                 moved = x.copy()
@@ -209,7 +209,7 @@ def finish(task: Task, x: FloatArray, noise: NoiseModel) -> Fit:
     simulated = task.simulated(x)
     prior = prior_rows(task, x)
     likelihood = -compared_count(task.record.usable) * np.log(noise.deviation) - 0.5 * float(prior @ prior)
-    likelihood -= slowness_penalty(noise, task.record, task.given)
+    likelihood -= _slowness_penalty(noise, task.record, task.given)
     return Fit(
         task.record, task.given, task.plant_at(x), task.parts_at(x), noise, float(likelihood), simulated, task.free, x
     )
@@ -235,7 +235,7 @@ def fit(task: Task, x: FloatArray, noise: NoiseModel | None = None, rounds: int 
     for _ in range(rounds):
         x = descend(task, polish(task, best.x, best.noise), best.noise, steps)
         if any(f.smooth for f in task.free):
-            x = descend(task, x, best.noise, steps, following(task))
+            x = descend(task, x, best.noise, steps, _following(task))
         fitted = finish(task, x, noise_left(task, x, best.noise))
         gained = fitted.likelihood - best.likelihood
         if gained > 0.0:
@@ -264,7 +264,7 @@ def best_of_noise(task: Task, x: FloatArray, rounds: int = 3) -> Fit:
     return found if found.likelihood >= other.likelihood else other
 
 
-def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> float:
+def _slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> float:
     """What a noise slower than loads behind this process usually are costs (nat): nearly a random walk, it fits every
     difference.
 
@@ -272,9 +272,9 @@ def slowness_penalty(noise: NoiseModel, record: Experiment, given: Given) -> flo
     """
     if given.integrating:
         return 0.0
-    slowest = SLOW_TIMES * (given.plant.tau + given.plant.tau2 + given.plant.theta)
+    slowest = _SLOW_TIMES * (given.plant.tau + given.plant.tau2 + given.plant.theta)
     usual = min(record.sampling_interval_s / slowest, 0.5)
-    return float(sum(SLOW_COST * max(np.log(usual / max(1.0 - pole, 1e-6)), 0.0) for pole in noise.poles))
+    return float(sum(_SLOW_COST * max(np.log(usual / max(1.0 - pole, 1e-6)), 0.0) for pole in noise.poles))
 
 
 def quiet_noise(record: Experiment, given: Given) -> NoiseModel:

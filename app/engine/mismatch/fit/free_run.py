@@ -14,9 +14,9 @@ from app.engine.mismatch.loop.chain import signal_after
 from app.engine.mismatch.physics.valve_stiction import CODE as STICTION
 from app.engine.recording import BoolArray, FloatArray
 
-SLOW_POLE, SETTLED = 0.9, 0.85
-SLIPS = 0.15  # J / S. Measured: docs/PROOF.md
-LEAST_SWING = 8  # samples
+_SLOW_POLE, _SETTLED = 0.9, 0.85
+_SLIPS = 0.15  # J / S. Measured: docs/PROOF.md
+_LEAST_SWING = 8  # samples
 CLEARLY = 0.5  # 0.58 is left behind a sound valve where a square load makes a swing with every step
 
 
@@ -76,31 +76,31 @@ def stem_swing(found: Fit) -> int | None:
     that was found from OP has as much of the load as OP could take. None too where noise turns the stem every few
     samples: less their median over so few nothing tells two free runs apart.
     """
-    stems = [part for part in found.parts if part.block.code == STICTION and part.values[1] >= SLIPS]
+    stems = [part for part in found.parts if part.block.code == STICTION and part.values[1] >= _SLIPS]
     if not stems or not found.given.behind_stem:
         return None
     moves = np.diff(signal_after(found.record, found.plant, found.parts, stems[0]))
     ways = np.sign(moves[moves != 0.0])
     turns = int(np.count_nonzero(np.diff(ways)))
     swing = round(2.0 * found.record.samples / max(turns, 1))
-    return swing if swing >= LEAST_SWING else None
+    return swing if swing >= _LEAST_SWING else None
 
 
 def settle(found: Fit) -> Fit:
     """The same model fitted by its free run alone, where the likelihood had taken what is left for slow noise.
 
     A process that the library describes only nearly leaves slow errors; a noise model that is nearly a random walk then
-    hides the free run's error from the fit. Kept only where the free run is better by more than SETTLED, and where
+    hides the free run's error from the fit. Kept only where the free run is better by more than _SETTLED, and where
     every part that was what its code says still is.
     """
-    if max(found.noise.poles) < SLOW_POLE or not found.parts:
+    if max(found.noise.poles) < _SLOW_POLE or not found.parts:
         return found
     other, swing = finish(task_of(found), white_fit(found), found.noise), stem_swing(found)
-    better = error_left(other, swing) < SETTLED * error_left(found, swing)
-    return other if better and sense_kept(found, other) else found
+    better = error_left(other, swing) < _SETTLED * error_left(found, swing)
+    return other if better and _sense_kept(found, other) else found
 
 
-def sense_kept(before: Fit, after: Fit) -> bool:
+def _sense_kept(before: Fit, after: Fit) -> bool:
     """Whether each part whose values were what its code says still has such, in another fit of the same parts."""
     was, now = Context(before.record, before.plant), Context(after.record, after.plant)
     pairs = zip(before.parts, after.parts, strict=True)

@@ -15,12 +15,12 @@ from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import BoolArray, FloatArray
 
-ALIKE = 1e-3
-TIMES, DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
-PERIODS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0, 20.0, 35.0, 60.0, 100.0, 200.0)
-LEAST_DAMPING, FIRST_DAMPING = 0.02, 0.35
-DESCENTS, APART = 2, 0.9
-LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step within it
+_ALIKE = 1e-3
+_TIMES, _DEAD_TIMES = (1.0, 3.0, 7.0, 15.0, 35.0, 80.0, 200.0), (0.2, 1.0, 3.0, 6.0, 12.0, 25.0, 50.0)
+_PERIODS = (1.0, 1.7, 3.0, 5.0, 8.0, 13.0, 20.0, 35.0, 60.0, 100.0, 200.0)
+LEAST_DAMPING, _FIRST_DAMPING = 0.02, 0.35
+_DESCENTS, _APART = 2, 0.9
+_LEAST_LAG = 0.5  # of the interval: a shorter one is how two simulations step within it
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +52,13 @@ class Structure:
         return self.second_order and not self.swinging
 
 
-STRUCTURES = (
+_STRUCTURES = (
     Structure(False, False),
     Structure(False, True),
     Structure(True, True),
     Structure(True, False),
 )
-OF_TRACES = (*STRUCTURES, Structure(True, False, swinging=True))
+_OF_TRACES = (*_STRUCTURES, Structure(True, False, swinging=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +83,14 @@ def behind_trace(record: Experiment, trace: FloatArray) -> TraceModel:
     twice as much; the rest of the trace is kept beside it.
     """
     best, target = None, Target(trace, np.ones(record.samples, dtype=np.bool_))
-    for structure in OF_TRACES:
+    for structure in _OF_TRACES:
         found = fit_structure(record, target, structure)
-        told = not structure.has_two_lags or found.given.plant.tau2 > LEAST_LAG * record.sampling_interval_s
+        told = not structure.has_two_lags or found.given.plant.tau2 > _LEAST_LAG * record.sampling_interval_s
         if best is None or (told and found.left < 0.5 * best.left):
             best = found
-        if best.left < ALIKE:
+        if best.left < _ALIKE:
             break
-    assert best is not None  # noqa: S101 - STRUCTURES is not empty
+    assert best is not None  # noqa: S101 - _STRUCTURES is not empty
     return best
 
 
@@ -100,7 +100,7 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     best: Plant | None = None
     least = np.inf
     for start in starts(record, target, structure):
-        plant = descend_trace(record, target, structure, start)
+        plant = _descend_trace(record, target, structure, start)
         error = float(np.sqrt(np.mean((run_process(record.op_deviation, plant, ts)[target.seen] - y) ** 2)))
         if error < 0.98 * least:
             best, least = plant, error
@@ -113,7 +113,7 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     given = Given(
         best.changed(b=0.0, x0=0.0, speed0=0.0), second_order=structure.second_order, integrating=structure.integrating
     )
-    linear = left <= ALIKE or rounded_off(trace, rest)
+    linear = left <= _ALIKE or rounded_off(trace, rest)
     return TraceModel(
         given,
         left,
@@ -130,29 +130,29 @@ def starts(record: Experiment, target: Target, structure: Structure) -> list[Flo
     """
     ts = record.sampling_interval_s
     points = [
-        np.array([theta, np.log(tau * ts), np.log(FIRST_DAMPING if structure.swinging else 0.3 * tau * ts)])
-        for tau in times_of(structure)
-        for theta in DEAD_TIMES
+        np.array([theta, np.log(tau * ts), np.log(_FIRST_DAMPING if structure.swinging else 0.3 * tau * ts)])
+        for tau in _times_of(structure)
+        for theta in _DEAD_TIMES
     ]
-    errors = [float(np.sum(project(record, target, structure, z)[0] ** 2)) for z in points]
+    errors = [float(np.sum(_project(record, target, structure, z)[0] ** 2)) for z in points]
     kept: list[FloatArray] = []
     for k in np.argsort(errors, kind="stable"):
         z = points[int(k)]
-        if all(abs(z[1] - o[1]) > APART or abs(z[0] - o[0]) > APART * (1.0 + o[0]) for o in kept):
+        if all(abs(z[1] - o[1]) > _APART or abs(z[0] - o[0]) > _APART * (1.0 + o[0]) for o in kept):
             kept.append(z)
-        if len(kept) == DESCENTS:
+        if len(kept) == _DESCENTS:
             break
     return kept
 
 
-def times_of(structure: Structure) -> tuple[float, ...]:
+def _times_of(structure: Structure) -> tuple[float, ...]:
     """The time constants to begin with, intervals; those of what swings lie closer, for it must swing as often."""
     if structure.swinging:
-        return PERIODS
-    return TIMES if not structure.integrating or structure.second_order else TIMES[:1]
+        return _PERIODS
+    return _TIMES if not structure.integrating or structure.second_order else _TIMES[:1]
 
 
-def plant_of(
+def _plant_of(
     record: Experiment, structure: Structure, z: FloatArray, K: float, b: float, x0: float, speed0: float = 0.0
 ) -> Plant:
     theta_s = float(abs(z[0])) * record.sampling_interval_s
@@ -164,21 +164,21 @@ def plant_of(
     return Plant(K, first, theta_s, b, x0, second, leak)
 
 
-def project(record: Experiment, target: Target, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _project(record: Experiment, target: Target, structure: Structure, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residual (M,) and the linear numbers (gain, offset, start, its speed where it swings) of the best plant with dead
     time and lags, or time and damping, z.
     """
     ts, u = record.sampling_interval_s, record.op_deviation
     zero = np.zeros_like(u)
     units = np.eye(4 if structure.swinging else 3).tolist()
-    plants = [plant_of(record, structure, z, *unit) for unit in units]
+    plants = [_plant_of(record, structure, z, *unit) for unit in units]
     columns = [run_process(u if k == 0 else zero, plant, ts) for k, plant in enumerate(plants)]
     basis = np.stack(columns, axis=1)[target.seen]
     numbers: FloatArray = np.linalg.lstsq(basis, target.moves, rcond=None)[0].astype(np.float64, copy=False)
     return target.moves - basis @ numbers, numbers
 
 
-def descend_trace(record: Experiment, target: Target, structure: Structure, start: FloatArray) -> Plant:
+def _descend_trace(record: Experiment, target: Target, structure: Structure, start: FloatArray) -> Plant:
     """Variable projection: gain, offset and start are linear; time constants and dead time are searched.
 
     What is left counts in the size of the moves: the least gradient that ends a search has no unit.
@@ -189,23 +189,23 @@ def descend_trace(record: Experiment, target: Target, structure: Structure, star
     if structure.swinging:
         low[2], high[2] = np.log(LEAST_DAMPING), 0.0
     z = scipy.optimize.least_squares(
-        lambda z: project(record, target, structure, z)[0] / size,
+        lambda z: _project(record, target, structure, z)[0] / size,
         np.clip(start, low, high),
         bounds=(low, high),
         max_nfev=40,
         diff_step=1e-4,
         x_scale=[1.0, 0.3, 0.3],
     ).x
-    return plant_of(record, structure, z, *project(record, target, structure, z)[1].tolist())
+    return _plant_of(record, structure, z, *_project(record, target, structure, z)[1].tolist())
 
 
 def identify(record: Experiment, integrating: bool | None = None) -> Fit:
     """Our own linear loop where no simulation was given: the structure that explains PV best under coloured noise."""
     best, best_score = None, -np.inf
-    for structure in STRUCTURES:
+    for structure in _STRUCTURES:
         if integrating is not None and structure.integrating != integrating:
             continue
-        found = identify_structure(record, structure)
+        found = _identify_structure(record, structure)
         score = found.likelihood - 4.0 * structure.second_order - 4.0 * structure.integrating
         if score > best_score:
             best, best_score = found, score
@@ -213,7 +213,7 @@ def identify(record: Experiment, integrating: bool | None = None) -> Fit:
     return best
 
 
-def identify_structure(record: Experiment, structure: Structure) -> Fit:
+def _identify_structure(record: Experiment, structure: Structure) -> Fit:
     """From the least-squares model of PV itself, where that is compared, then under coloured noise."""
     plant = fit_structure(record, Target(record.pv, record.usable), structure).given.plant
     given = Given(plant, OWN_DEVIATION, structure.second_order, structure.integrating)
@@ -233,5 +233,5 @@ def own_again(record: Experiment, given: Given) -> Given:
     structure, was = Structure(given.second_order, given.integrating), given.plant
     further = was.tau2 if was.tau2 > 0.0 else was.tau
     start = np.array([was.theta / record.sampling_interval_s, np.log(was.tau), np.log(further)])
-    plant = descend_trace(record, Target(record.pv, record.usable), structure, start)
+    plant = _descend_trace(record, Target(record.pv, record.usable), structure, start)
     return replace(given, plant=plant.changed(b=0.0, x0=0.0, theta=was.theta)) if plant.K * was.K > 0.0 else given

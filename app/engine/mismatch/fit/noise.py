@@ -17,14 +17,14 @@ from app.engine.recording import BoolArray, FloatArray
 from app.engine.signals.sampled import REORDERED_SUMS, sum_of_squares
 
 POLE_MAX = 0.9995
-ZERO_MAX = 0.97
+_ZERO_MAX = 0.97
 Four = tuple[float, float, float, float]
-LONG_GAP = 4
-SAMPLES_A_LAG = 20
+_LONG_GAP = 4
+_SAMPLES_A_LAG = 20
 RIDGE = 1e-9
-SETTLING, SHARE_OF_SETTLING = 3, 20
-FIRST_STEPS, LAST_STEPS, PURSUED = 8, 17, 2
-STARTS = (
+_SETTLING, _SHARE_OF_SETTLING = 3, 20
+_FIRST_STEPS, _LAST_STEPS, _PURSUED = 8, 17, 2
+_STARTS = (
     (0.95, 0.0, 0.4, 0.0),
     (0.98, 0.8, 0.85, 0.0),
     (0.995, 0.5, 0.9, 0.0),
@@ -87,7 +87,7 @@ def _whiten(r: FloatArray, usable: BoolArray, shape: FloatArray, e: FloatArray) 
     coefficients, state, hidden = _coefficients(shape), (0.0, 0.0, 0.0, 0.0), 0
     for t in range(len(r)):
         seen = usable[t]
-        state = _next(r[t], seen, seen and hidden >= LONG_GAP, coefficients, state)
+        state = _next(r[t], seen, seen and hidden >= _LONG_GAP, coefficients, state)
         e[t] = state[2]
         hidden = 0 if seen else hidden + 1
 
@@ -100,7 +100,7 @@ def _whiten_twice(r: FloatArray, usable: BoolArray, shapes: FloatArray, e: Float
     hidden = 0
     for t in range(len(r)):
         seen = usable[t]
-        anew = seen and hidden >= LONG_GAP
+        anew = seen and hidden >= _LONG_GAP
         one, other = _next(r[t], seen, anew, first, one), _next(r[t], seen, anew, second, other)
         e[0, t], e[1, t] = one[2], other[2]
         hidden = 0 if seen else hidden + 1
@@ -112,7 +112,7 @@ def compared_samples(usable: BoolArray) -> BoolArray:
     compared = usable.copy()
     hidden = 0
     for t in range(len(usable)):
-        compared[t] = usable[t] and hidden < LONG_GAP
+        compared[t] = usable[t] and hidden < _LONG_GAP
         hidden = 0 if usable[t] else hidden + 1
     return compared
 
@@ -131,7 +131,7 @@ def _less_foretold(e: FloatArray, compared: BoolArray, weights: FloatArray) -> N
 @njit(cache=True, nogil=True)
 def _limit(shape: FloatArray) -> None:
     for k in range(4):
-        low, high = (-0.5, POLE_MAX) if k < 2 else (-0.9, ZERO_MAX)
+        low, high = (-0.5, POLE_MAX) if k < 2 else (-0.9, _ZERO_MAX)
         shape[k] = min(max(shape[k], low), high)
 
 
@@ -220,7 +220,7 @@ def _scaled_innovations(
     """
     n, deviation = len(pv), numbers[4]
     compared = compared_samples(usable) if len(weights) else usable
-    skip = min(SETTLING, n // SHARE_OF_SETTLING)
+    skip = min(_SETTLING, n // _SHARE_OF_SETTLING)
     r, e = np.empty(n), np.empty(n)
     for k in range(len(simulated)):
         there, row, kept = simulated[k], rows[k], e[skip:]
@@ -264,7 +264,7 @@ def coloured(e: FloatArray, noise: NoiseModel) -> FloatArray:
 
 def settling_samples(n: int) -> int:
     """How many innovations at the start are left out, because the filter does not know what was before the record."""
-    return min(SETTLING, n // SHARE_OF_SETTLING)
+    return min(_SETTLING, n // _SHARE_OF_SETTLING)
 
 
 def compared_count(usable: BoolArray) -> int:
@@ -282,15 +282,15 @@ def fit_noise(r: FloatArray, usable: BoolArray, start: NoiseModel | None = None,
     Source of the form: Box, Jenkins, Reinsel, Ljung, Time Series Analysis, doi 10.1002/9781118619193, chapter 3.
     """
     r = np.ascontiguousarray(r, dtype=np.float64)
-    found = fit_poles_and_zeros(r, usable, start)
-    return with_further(r, usable, found, further) if further else found
+    found = _fit_poles_and_zeros(r, usable, start)
+    return _with_further(r, usable, found, further) if further else found
 
 
-def with_further(r: FloatArray, usable: BoolArray, found: NoiseModel, lags: int) -> NoiseModel:
+def _with_further(r: FloatArray, usable: BoolArray, found: NoiseModel, lags: int) -> NoiseModel:
     """A noise model with so many lags of an autoregression of its innovations beside it, fewer where there are few
     samples.
     """
-    lags = min(lags, compared_count(usable) // SAMPLES_A_LAG)
+    lags = min(lags, compared_count(usable) // _SAMPLES_A_LAG)
     e = np.empty(len(r))
     _whiten(r, usable, found.shape, e)
     covariances = autocovariances(e[settling_samples(len(r)) :], lags)
@@ -298,7 +298,7 @@ def with_further(r: FloatArray, usable: BoolArray, found: NoiseModel, lags: int)
         return found
     richer = replace(found, further=tuple(autoregression(covariances).tolist()))
     cost = sum_of_squares(whiten(r, usable, richer), settling_samples(len(r)))
-    return model_of(found.shape, cost, compared_count(usable), richer.further)
+    return _model_of(found.shape, cost, compared_count(usable), richer.further)
 
 
 def autoregression(covariances: FloatArray) -> FloatArray:
@@ -316,23 +316,23 @@ def autocovariances(series: FloatArray, order: int) -> FloatArray:
     return sums
 
 
-def fit_poles_and_zeros(r: FloatArray, usable: BoolArray, start: NoiseModel | None) -> NoiseModel:
+def _fit_poles_and_zeros(r: FloatArray, usable: BoolArray, start: NoiseModel | None) -> NoiseModel:
     """As `fit_noise`, without any autoregression."""
     skip, count = settling_samples(len(r)), compared_count(usable)
     if start is not None:
         shape = np.array(start.shape)
-        return model_of(shape, _minimise(r, usable, shape, skip, FIRST_STEPS), count)
-    shapes = [np.array(candidate) for candidate in STARTS]
-    tried = [(_minimise(r, usable, shape, skip, FIRST_STEPS), k) for k, shape in enumerate(shapes)]
+        return _model_of(shape, _minimise(r, usable, shape, skip, _FIRST_STEPS), count)
+    shapes = [np.array(candidate) for candidate in _STARTS]
+    tried = [(_minimise(r, usable, shape, skip, _FIRST_STEPS), k) for k, shape in enumerate(shapes)]
     best, best_cost = np.zeros(4), np.inf
-    for _, k in sorted(tried)[:PURSUED]:
-        cost = _minimise(r, usable, shapes[k], skip, LAST_STEPS)
+    for _, k in sorted(tried)[:_PURSUED]:
+        cost = _minimise(r, usable, shapes[k], skip, _LAST_STEPS)
         if cost < best_cost:
             best, best_cost = shapes[k], cost
-    return model_of(best, best_cost, count)
+    return _model_of(best, best_cost, count)
 
 
-def model_of(shape: FloatArray, cost: float, count: int, further: tuple[float, ...] = ()) -> NoiseModel:
+def _model_of(shape: FloatArray, cost: float, count: int, further: tuple[float, ...] = ()) -> NoiseModel:
     """The model of a shape whose innovations, so many, have this sum of squares."""
     p1, p2, z1, z2 = shape.tolist()
     return NoiseModel((p1, p2), (z1, z2), float(np.sqrt(max(cost, 1e-300) / max(count, 1))), further)

@@ -16,35 +16,35 @@ from app.engine.mismatch.loop.plant import Plant, run_process
 from app.engine.recording import FloatArray
 
 CODE = "simulation.parameters"
-GAINS = (0.01, 0.03, 0.1, 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.5, 10.0, 30.0, 100.0)
-TIMES, SHARES, DAMPINGS = (0.3, 0.55, 1.0, 1.8, 3.3), (0.3, 1.0), (0.4, 1.0, 2.5)
-OFF_BY, DEVIATION = 1.15, 0.5  # of the logarithm: half or twice is usual where a simulation is off, a tenth is not
+_GAINS = (0.01, 0.03, 0.1, 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.5, 10.0, 30.0, 100.0)
+_TIMES, _SHARES, _DAMPINGS = (0.3, 0.55, 1.0, 1.8, 3.3), (0.3, 1.0), (0.4, 1.0, 2.5)
+OFF_BY, _DEVIATION = 1.15, 0.5  # of the logarithm: half or twice is usual where a simulation is off, a tenth is not
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
     """Factors of what was given. A longer dead time is an effect with a name (process.dead_time); a shorter is none."""
     always = (
-        Parameter("gain", "of given", 0.005, 200.0, 1.0, log=True, deviation=DEVIATION),
-        Parameter("time", "of given", 0.1, 10.0, 1.0, log=True, deviation=DEVIATION),
+        Parameter("gain", "of given", 0.005, 200.0, 1.0, log=True, deviation=_DEVIATION),
+        Parameter("time", "of given", 0.1, 10.0, 1.0, log=True, deviation=_DEVIATION),
         Parameter("late", "of given", 0.0, 1.0, 1.0),
     )
     if context.plant.damping <= 0.0:
         return always
-    return (*always, Parameter("damping", "of given", 0.1, 10.0, 1.0, log=True, deviation=DEVIATION))
+    return (*always, Parameter("damping", "of given", 0.1, 10.0, 1.0, log=True, deviation=_DEVIATION))
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
-    times = TIMES if has_time(context.plant) else (1.0,)
-    shares = SHARES if context.plant.theta > 0.0 else (1.0,)
-    dampings = (np.array(DAMPINGS),) if context.plant.damping > 0.0 else ()
-    return grid(np.array(GAINS), np.array(times), np.array(shares), *dampings)
+    times = _TIMES if _has_time(context.plant) else (1.0,)
+    shares = _SHARES if context.plant.theta > 0.0 else (1.0,)
+    dampings = (np.array(_DAMPINGS),) if context.plant.damping > 0.0 else ()
+    return grid(np.array(_GAINS), np.array(times), np.array(shares), *dampings)
 
 
-def has_time(plant: Plant) -> bool:
+def _has_time(plant: Plant) -> bool:
     return plant.leak > 0.0 or plant.tau2 > 0.0
 
 
-def alter(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def _alter(plant: Plant, values: FloatArray, _: Context) -> Plant:
     gain, time, late, *swing = values
     tau = plant.tau * time if plant.leak > 0.0 else plant.tau
     tau2, tau3 = plant.tau2 * time, plant.tau3 * time
@@ -60,9 +60,9 @@ def further_off(values: FloatArray, context: Context) -> bool:
     return not within or earlier_s > max((OFF_BY - 1.0) * context.plant.theta, context.record.sampling_interval_s)
 
 
-def reverse(plant: Plant, values: FloatArray, context: Context) -> Plant:
-    """As `alter`, with the other sign of the gain."""
-    altered = alter(plant, values, context)
+def _reverse(plant: Plant, values: FloatArray, context: Context) -> Plant:
+    """As `_alter`, with the other sign of the gain."""
+    altered = _alter(plant, values, context)
     return altered.changed(K=-altered.K)
 
 
@@ -73,23 +73,23 @@ PARAMETERS = Block(
     "always",
     parameters,
     starts,
-    alter=alter,
+    alter=_alter,
     penalty=9.0,
     finalists=1,
     distant=True,
     sensible=further_off,
 )
-REVERSED = replace(PARAMETERS, alter=reverse, form="reversed", sensible=None)
+_REVERSED = replace(PARAMETERS, alter=_reverse, form="reversed", sensible=None)
 
 
 def offered_beside(base: Fit) -> tuple[Block, ...]:
     """The parameters as contenders, where a simulation was given: one of our own is fitted freely at once."""
     if base.given.own:
         return ()
-    return (PARAMETERS, REVERSED) if runs_against(base) else (PARAMETERS,)
+    return (PARAMETERS, _REVERSED) if _runs_against(base) else (PARAMETERS,)
 
 
-def runs_against(base: Fit) -> bool:
+def _runs_against(base: Fit) -> bool:
     """Whether PV goes down where the given simulation goes up: by a wrong sign, or because a controller makes OP."""
     record, seen = base.record, base.record.usable
     simulated = run_process(record.op_deviation, base.given.plant, record.sampling_interval_s)[seen]
@@ -106,8 +106,8 @@ def freed(found: Fit, part: Part) -> Given:
     very samples that they are fitted to again. A dead time that is not shorter stays as given: a longer one has a name.
     """
     plant = altered_plant(Context(found.record, found.plant), (part,)).changed(b=0.0, x0=0.0, speed0=0.0)
-    late = DEVIATION if part.values[2] < 1.0 / OFF_BY else found.given.deviation
-    return replace(found.given, plant=plant, deviation=DEVIATION, late_deviation=late)
+    late = _DEVIATION if part.values[2] < 1.0 / OFF_BY else found.given.deviation
+    return replace(found.given, plant=plant, deviation=_DEVIATION, late_deviation=late)
 
 
 def off_in_words(given: Given, found: Given, asked: str = "") -> Reason:

@@ -75,7 +75,7 @@ class Beside:
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class _Moved:
     """What the simulations of each point of a grid (M) move the whitened residual by, the linear model following, as
     inner products with each other (M, L, L) and with that residual (M, L).
     """
@@ -94,8 +94,8 @@ def scan(block: Block, grounds: tuple[Ground, ...]) -> tuple[tuple[Start, ...], 
     grids = [{values.tobytes(): values for values in block.starts(context, under.innovations)} for under in grounds]
     points = [np.array(list(grid.values())) for grid in grids]
     sums = sums_of(block, fit, points)
-    every = moved_by_points(block, grounds, grids) if sums is None else moved_by_sums(grounds, sums)
-    found = (solved(grid, linear, parameters, moved) for grid, moved in zip(points, every, strict=True))
+    every = _moved_by_points(block, grounds, grids) if sums is None else _moved_by_sums(grounds, sums)
+    found = (_solved(grid, linear, parameters, moved) for grid, moved in zip(points, every, strict=True))
     return tuple(tuple(sorted(starts, key=lambda start: -start.gain)) for starts in found)
 
 
@@ -114,49 +114,49 @@ def sums_of(block: Block, fit: Fit, grids: list[FloatArray]) -> list[Sum] | None
     return sums if fewer else None
 
 
-def moved_by_sums(grounds: tuple[Ground, ...], sums: list[Sum]) -> list[Moved]:
+def _moved_by_sums(grounds: tuple[Ground, ...], sums: list[Sum]) -> list[_Moved]:
     """What points that are sums move, by the inner products of their pieces alone."""
     fit = grounds[0].fit
     context = Context(fit.record, fit.plant)
     pieces = {(piece.block, piece.values.tobytes()): piece for told in sums for piece in told.pieces}
     blocks = dict.fromkeys(block for block, _ in pieces)
-    beside = {block: (Beside(block, fit), steps_of(block.parameters(context))) for block in blocks}
+    beside = {block: (Beside(block, fit), _steps_of(block.parameters(context))) for block in blocks}
     simulated = {}
     for key, piece in pieces.items():
         path, steps = beside[piece.block]
-        simulated[key] = simulations(path, piece.values + steps)
+        simulated[key] = _simulations(path, piece.values + steps)
     found = []
     for under, told in zip(grounds, sums, strict=True):
         each = [simulated[piece.block, piece.values.tobytes()] for piece in told.pieces]
-        gram, slope = products(under, moves(under, np.concatenate(each)))
+        gram, slope = _products(under, moves(under, np.concatenate(each)))
         count, size = len(each), len(each[0])
         between = np.tensordot(told.weights, gram.reshape(count, size, count, size), 1)
         of_points = np.einsum("makb,mk->mab", between, told.weights)
-        found.append(Moved(under, of_points, told.weights @ slope.reshape(count, size)))
+        found.append(_Moved(under, of_points, told.weights @ slope.reshape(count, size)))
     return found
 
 
-def moved_by_points(block: Block, grounds: tuple[Ground, ...], grids: list[dict[bytes, FloatArray]]) -> list[Moved]:
+def _moved_by_points(block: Block, grounds: tuple[Ground, ...], grids: list[dict[bytes, FloatArray]]) -> list[_Moved]:
     """What points move, each simulated: the grids have values (P,) by their bytes."""
     fit = grounds[0].fit
-    beside, steps = Beside(block, fit), steps_of(block.parameters(Context(fit.record, fit.plant)))
+    beside, steps = Beside(block, fit), _steps_of(block.parameters(Context(fit.record, fit.plant)))
     places = [{key: k for k, key in enumerate(points)} for points in grids]
     size = len(steps)
     every = [
-        Moved(under, np.empty((len(points), size, size)), np.empty((len(points), size)))
+        _Moved(under, np.empty((len(points), size, size)), np.empty((len(points), size)))
         for under, points in zip(grounds, grids, strict=True)
     ]
     rows = np.zeros((size, len(grounds[0].rows)))
     for key, values in {key: values for points in grids for key, values in points.items()}.items():
-        simulated = simulations(beside, values + steps)
+        simulated = _simulations(beside, values + steps)
         for at, moved in zip(places, every, strict=True):
             if key in at:
-                move(moved.under, simulated, rows)
-                moved.gram[at[key]], moved.slope[at[key]] = products(moved.under, rows)
+                _move(moved.under, simulated, rows)
+                moved.gram[at[key]], moved.slope[at[key]] = _products(moved.under, rows)
     return every
 
 
-def products(under: Ground, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _products(under: Ground, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Inner products of what moves the whitened residual, rows (L, rows), with each other (L, L) and with that residual
     (L,), the linear model following.
     """
@@ -164,7 +164,7 @@ def products(under: Ground, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     return rows.dot(rows.T) - along.dot(along.T), rows.dot(under.rows)
 
 
-def steps_of(parameters: tuple[Parameter, ...]) -> FloatArray:
+def _steps_of(parameters: tuple[Parameter, ...]) -> FloatArray:
     """(L, P) from a point of the grid to what is simulated there: each linear parameter moved by its scale, nothing
     where none is linear.
     """
@@ -190,14 +190,14 @@ def at_given(block: Block, fit: Fit) -> tuple[Start, ...]:
     return tuple(sorted(found, key=lambda start: -start.gain))
 
 
-def simulations(beside: Beside, points: FloatArray) -> FloatArray:
+def _simulations(beside: Beside, points: FloatArray) -> FloatArray:
     """The simulations (L, N) with the block at some values (L, P)."""
     if len(points) == 1:
         return beside.simulated(points[0])[None, :]
     return np.stack([beside.simulated(values) for values in points])
 
 
-def solved(points: FloatArray, linear: list[int], parameters: tuple[Parameter, ...], moved: Moved) -> list[Start]:
+def _solved(points: FloatArray, linear: list[int], parameters: tuple[Parameter, ...], moved: _Moved) -> list[Start]:
     """The points (M, P) of a grid, their linear parameters by least squares; the linear model follows by inner products
     with its directions alone.
     """
@@ -229,11 +229,11 @@ def gained(ground_: Ground, energies: FloatArray) -> FloatArray:
 def moves(ground_: Ground, simulated: FloatArray) -> FloatArray:
     """By how much the simulations (L, N) move the whitened residual (L, rows)."""
     rows = np.zeros((len(simulated), len(ground_.rows)))
-    move(ground_, simulated, rows)
+    _move(ground_, simulated, rows)
     return rows
 
 
-def move(ground_: Ground, simulated: FloatArray, rows: FloatArray) -> None:
+def _move(ground_: Ground, simulated: FloatArray, rows: FloatArray) -> None:
     """Writes by how much the simulations (L, N) move the whitened residual into rows (L, rows) of zeros."""
     record, noise = ground_.fit.record, ground_.fit.noise
     scaled_innovations(record.pv_deviation, simulated, record.usable, noise, ground_.whitened, rows)

@@ -17,22 +17,22 @@ from app.engine.recording import BoolArray, FloatArray
 from app.engine.signals.sampled import REORDERED_SUMS
 from app.engine.valve import two_parameter_he
 
-SHARES = (0.0, 0.08, 0.16, 0.25, 0.5, 0.75, 1.0)  # J / S
+_SHARES = (0.0, 0.08, 0.16, 0.25, 0.5, 0.75, 1.0)  # J / S
 # Of OP's span: closely where the swing of a limit cycle is S or little more, and a slip more or less hangs on it.
-SIZES = np.concatenate((np.geomspace(0.06, 0.58, 150, endpoint=False), np.geomspace(0.58, 1.1, 900)))
+_SIZES = np.concatenate((np.geomspace(0.06, 0.58, 150, endpoint=False), np.geomspace(0.58, 1.1, 900)))
 LAGS = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, np.inf])  # samples; infinite: an integrator
 DELAYS = np.array([0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0])  # samples
-NEAR_LAG, NEAR_DELAY = np.array([0.6, 0.8, 1.0, 1.25, 1.6]), np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-KEPT = 40  # of the stems that are tried with a few loops, how many are tried with all
-NEARBY_S, NEARBY_SHARE = np.exp(np.linspace(-0.01, 0.01, 21)), np.linspace(-0.12, 0.12, 9)
-ALIKE_S, ALIKE_SHARE = 0.02, 0.1
-TELLING = 20.0  # nat over what follows OP itself, from which a stem is looked at again
+_NEAR_LAG, _NEAR_DELAY = np.array([0.6, 0.8, 1.0, 1.25, 1.6]), np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+_KEPT = 40  # of the stems that are tried with a few loops, how many are tried with all
+_NEARBY_S, _NEARBY_SHARE = np.exp(np.linspace(-0.01, 0.01, 21)), np.linspace(-0.12, 0.12, 9)
+_ALIKE_S, _ALIKE_SHARE = 0.02, 0.1
+_TELLING = 20.0  # nat over what follows OP itself, from which a stem is looked at again
 # Where a stem stood at the beginning decides at which sample it first slips, and with that what size of slip fits.
-LOOKED_AT_AGAIN = 3
-CLOSE_S, STARTS = np.exp(np.linspace(-0.006, 0.006, 7)), np.linspace(-0.8, 0.8, 9)
-SLIPS = np.linspace(0.1, 1.0, 13)
-WALKS = tuple(NoiseModel((POLE_MAX, POLE_MAX), (zero, zero)) for zero in (0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.96))
-MOST = 6
+_LOOKED_AT_AGAIN = 3
+_CLOSE_S, _STARTS = np.exp(np.linspace(-0.006, 0.006, 7)), np.linspace(-0.8, 0.8, 9)
+_SLIPS = np.linspace(0.1, 1.0, 13)
+_WALKS = tuple(NoiseModel((POLE_MAX, POLE_MAX), (zero, zero)) for zero in (0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.96))
+_MOST = 6
 Indices = NDArray[np.int64]
 
 
@@ -53,7 +53,7 @@ class ShownStem:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class _Followed:
     """What simple loops leave that follow the stems of a grid (M,): the least energy, of which lag and delay."""
 
     left: FloatArray
@@ -63,7 +63,7 @@ class Followed:
 
 
 @dataclass(frozen=True, eq=False)
-class Loops:
+class _Loops:
     """The simple loops that are tried: each of the lags with each of the delays, samples; `few` of both, by index."""
 
     lags: FloatArray
@@ -71,26 +71,26 @@ class Loops:
     few: tuple[list[int], list[int]]
 
 
-EVERY = Loops(LAGS, DELAYS, ([1, 3, 5, 7], [0, 3, 5]))
+_EVERY = _Loops(LAGS, DELAYS, ([1, 3, 5, 7], [0, 3, 5]))
 
 
-def loops_near(plant: Plant, sampling_interval_s: float) -> Loops:
+def loops_near(plant: Plant, sampling_interval_s: float) -> _Loops:
     """Loops with about the lag and the dead time of a plant, a second lag taken for dead time."""
     lag = plant.tau / sampling_interval_s if plant.leak > 0.0 else np.inf
-    lags = np.unique(lag * NEAR_LAG)
-    delays = np.maximum((plant.theta + plant.tau2) / sampling_interval_s + NEAR_DELAY, 0.0)
-    return Loops(lags, delays, ([len(lags) // 2], [1, 2, 3]))
+    lags = np.unique(lag * _NEAR_LAG)
+    delays = np.maximum((plant.theta + plant.tau2) / sampling_interval_s + _NEAR_DELAY, 0.0)
+    return _Loops(lags, delays, ([len(lags) // 2], [1, 2, 3]))
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class _Seen:
     """PV as innovations (N,) under a noise model, where it is compared, and for each lag of some loops an orthonormal
     basis (L, 2, N) of what its offset and its start make of them.
     """
 
     record: Experiment
     noise: NoiseModel
-    loops: Loops
+    loops: _Loops
     pv: FloatArray
     compared: BoolArray
     basis: FloatArray
@@ -102,22 +102,22 @@ class Seen:
 
 def shown_stems(record: Experiment, noise: NoiseModel, near: Plant | None = None) -> tuple[ShownStem, ...]:
     """The stems behind which a simple loop, one `near` a plant where it is given, explains PV better than behind OP by
-    TELLING: the best of those that begin where OP does, and the best of those that begin elsewhere; of either no two
+    _TELLING: the best of those that begin where OP does, and the best of those that begin elsewhere; of either no two
     alike.
     """
-    seen = seen_under(record, noise, EVERY if near is None else loops_near(near, record.sampling_interval_s))
+    seen = seen_under(record, noise, _EVERY if near is None else loops_near(near, record.sampling_interval_s))
     alone = float(followed(seen, record.op_deviation[None, :]).left[0])
     found = []
-    for share in SHARES:
-        best = best_of(seen, sizes_of(record.op_span * SIZES, [share], [0.0]), alone)
-        nearby = np.clip(share + NEARBY_SHARE, 0.0, 1.0) if share > 0.0 else [0.0]
-        found.append(best_of(seen, sizes_of(best.S * NEARBY_S, nearby, [0.0]), alone))
-    first = [stem for stem in distinct(found) if stem.gain > TELLING]
+    for share in _SHARES:
+        best = _best_of(seen, _sizes_of(record.op_span * _SIZES, [share], [0.0]), alone)
+        nearby = np.clip(share + _NEARBY_SHARE, 0.0, 1.0) if share > 0.0 else [0.0]
+        found.append(_best_of(seen, _sizes_of(best.S * _NEARBY_S, nearby, [0.0]), alone))
+    first = [stem for stem in _distinct(found) if stem.gain > _TELLING]
     again = []
-    for stem in first[:LOOKED_AT_AGAIN]:
-        slips = SLIPS if stem.share > 0.0 else [0.0]
-        again += [best_of(seen, sizes_of(stem.S * CLOSE_S, [share], STARTS), alone) for share in slips]
-    return (*first[:MOST], *distinct(again)[:MOST])
+    for stem in first[:_LOOKED_AT_AGAIN]:
+        slips = _SLIPS if stem.share > 0.0 else [0.0]
+        again += [_best_of(seen, _sizes_of(stem.S * _CLOSE_S, [share], _STARTS), alone) for share in slips]
+    return (*first[:_MOST], *_distinct(again)[:_MOST])
 
 
 def walking(record: Experiment) -> NoiseModel:
@@ -125,41 +125,41 @@ def walking(record: Experiment) -> NoiseModel:
     explains PV best. A controller answers such a load, so that PV hardly walks, and a noise fitted to it does not.
     """
     op = record.op_deviation[None, :]
-    return min(WALKS, key=lambda noise: float(followed(seen_under(record, noise), op).left[0]))
+    return min(_WALKS, key=lambda noise: float(followed(seen_under(record, noise), op).left[0]))
 
 
-def sizes_of(S: FloatArray, shares: FloatArray | list[float], starts: FloatArray | list[float]) -> FloatArray:
+def _sizes_of(S: FloatArray, shares: FloatArray | list[float], starts: FloatArray | list[float]) -> FloatArray:
     """(M, 3) all combinations of S, J / S and where the stem stood at first."""
     return np.stack([axis.ravel() for axis in np.meshgrid(S, shares, starts, indexing="ij")], axis=1)
 
 
-def distinct(found: list[ShownStem]) -> list[ShownStem]:
+def _distinct(found: list[ShownStem]) -> list[ShownStem]:
     """The stems in the order of their gain without those that are nearly a better one."""
-    return unlike_better_ones(sorted(found, key=lambda stem: -stem.gain), nearly_one)
+    return unlike_better_ones(sorted(found, key=lambda stem: -stem.gain), _nearly_one)
 
 
-def nearly_one(one: ShownStem, other: ShownStem) -> bool:
-    return abs(np.log(one.S / other.S)) < ALIKE_S and abs(one.share - other.share) < ALIKE_SHARE
+def _nearly_one(one: ShownStem, other: ShownStem) -> bool:
+    return abs(np.log(one.S / other.S)) < _ALIKE_S and abs(one.share - other.share) < _ALIKE_SHARE
 
 
-def best_of(seen: Seen, sizes: FloatArray, alone: float) -> ShownStem:
+def _best_of(seen: _Seen, sizes: FloatArray, alone: float) -> ShownStem:
     """The best of some stems (M, 3); alone: the energy that a loop leaves which follows OP."""
     record = seen.record
     S, share, start = sizes.T
     J = S * share
     stems = two_parameter_he(record.op, S, J, record.op[0] + start * reach(S, J)) - record.op_mid
-    if len(stems) > KEPT:
-        foremost = np.argsort(followed(seen, stems, few=True).left, kind="stable")[:KEPT]
+    if len(stems) > _KEPT:
+        foremost = np.argsort(followed(seen, stems, few=True).left, kind="stable")[:_KEPT]
         stems, S, share, start = stems[foremost], S[foremost], share[foremost], start[foremost]
     found = followed(seen, stems)
     k = int(np.argmin(found.left))
     left = float(found.left[k])
     told = np.isfinite(left) and np.isfinite(alone) and left > 0.0
     gain = 0.5 * seen.samples * float(np.log(max(alone, 1e-300) / left)) if told else -np.inf
-    return ShownStem(float(S[k]), float(share[k]), float(start[k]), gain, plant_of(record, found, k))
+    return ShownStem(float(S[k]), float(share[k]), float(start[k]), gain, _plant_of(record, found, k))
 
 
-def plant_of(record: Experiment, found: Followed, k: int) -> Plant:
+def _plant_of(record: Experiment, found: _Followed, k: int) -> Plant:
     ts, lag, slope = record.sampling_interval_s, float(found.lag[k]), float(found.slope[k])
     theta, start = float(found.delay[k]) * ts, record.pv_first
     if np.isinf(lag):
@@ -167,7 +167,7 @@ def plant_of(record: Experiment, found: Followed, k: int) -> Plant:
     return Plant(slope, lag * ts, theta, x0=start)
 
 
-def seen_under(record: Experiment, noise: NoiseModel, loops: Loops = EVERY) -> Seen:
+def seen_under(record: Experiment, noise: NoiseModel, loops: _Loops = _EVERY) -> _Seen:
     compared = compared_samples(record.usable)
     compared[: settling_samples(record.samples)] = False
     every = np.ones(record.samples, dtype=np.bool_)
@@ -178,10 +178,10 @@ def seen_under(record: Experiment, noise: NoiseModel, loops: Loops = EVERY) -> S
         offset, start = (at, np.ones_like(at)) if np.isinf(lag) else (np.ones_like(at), np.exp(-at / lag))
         columns = np.stack([whiten(column, every, noise) * compared for column in (offset, start)], axis=1)
         basis.append(np.linalg.qr(columns)[0].T)
-    return Seen(record, noise, loops, pv * compared, compared, np.ascontiguousarray(np.stack(basis)))
+    return _Seen(record, noise, loops, pv * compared, compared, np.ascontiguousarray(np.stack(basis)))
 
 
-def followed(seen: Seen, stems: FloatArray, *, few: bool = False) -> Followed:
+def followed(seen: _Seen, stems: FloatArray, *, few: bool = False) -> _Followed:
     """What simple loops leave of PV that follow the stems (M, N), deviations in the unit of OP; `few`: of a few lags
     and delays only.
     """
@@ -192,7 +192,7 @@ def followed(seen: Seen, stems: FloatArray, *, few: bool = False) -> Followed:
     left, lag, delay, slope = _follow_all(
         seen.pv, np.ascontiguousarray(stems), basis, seen.compared, lags, delays, seen.noise.shape
     )
-    return Followed(left, lags[lag], delays[delay], slope)
+    return _Followed(left, lags[lag], delays[delay], slope)
 
 
 @njit(cache=True, nogil=True, fastmath=REORDERED_SUMS)

@@ -14,9 +14,9 @@ from app.engine.recording import BoolArray, FloatArray
 
 GIVEN_DEVIATION = 0.05
 OWN_DEVIATION = 1.0
-FREED_DEVIATION = 0.4
-START_DEVIATION, SPEED_DEVIATION = 0.05, 0.3  # of PV's span
-BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
+_FREED_DEVIATION = 0.4
+START_DEVIATION, _SPEED_DEVIATION = 0.05, 0.3  # of PV's span
+_BEFORE_SHARE = 0.25  # of OP's span: how far OP usually moves within a dead time
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Free:
         return float(np.log(max(value, 1e-300) / self.scale) if self.log else value / self.scale)
 
 
-def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tuple[Free, ...]:
+def _linear_free(record: Experiment, given: Given, gain_deviation: float) -> tuple[Free, ...]:
     """The free numbers of the linear plant, with what is known of them from the given simulation."""
     g, ts, span = given.plant, record.sampling_interval_s, record.pv_span
     wide = max(5.0 * given.deviation, 0.3)
@@ -87,7 +87,7 @@ def linear_free(record: Experiment, given: Given, gain_deviation: float) -> tupl
     first = record.pv_first / span
     free.append(Free("x0", span, first, start_deviation(record, g), first - 2.0, first + 2.0))
     if g.damping > 0.0:
-        free.append(Free("speed0", span, 0.0, SPEED_DEVIATION, -3.0, 3.0))
+        free.append(Free("speed0", span, 0.0, _SPEED_DEVIATION, -3.0, 3.0))
     return tuple(free)
 
 
@@ -98,11 +98,11 @@ def start_deviation(record: Experiment, plant: Plant) -> float:
     noise = float(np.std(np.diff(record.pv))) / np.sqrt(2.0 * FIRST_SAMPLES)
     late = plant.theta + plant.tau2
     answered = 1.0 - np.exp(-late / plant.tau) if plant.leak > 0.0 else late
-    coming = BEFORE_SHARE * abs(plant.K) * record.op_span * answered
+    coming = _BEFORE_SHARE * abs(plant.K) * record.op_span * answered
     return max(START_DEVIATION, float(np.hypot(noise, coming)) / record.pv_span)
 
 
-def part_free(parameter: Parameter, rough: bool) -> Free:
+def _part_free(parameter: Parameter, rough: bool) -> Free:
     """The free number of a block's parameter, with its prior within its bounds."""
     smooth, known = parameter.step is not None, parameter.deviation
     step = parameter.step if parameter.step is not None else 0.02 if rough else 2e-3
@@ -214,12 +214,12 @@ class Task:
 
 def make_task(record: Experiment, given: Given, blocks: tuple[Block, ...]) -> Task:
     """The task of fitting the given linear model together with `blocks`."""
-    loose = FREED_DEVIATION if any(block.frees_gain for block in blocks) else 0.0
-    free = list(linear_free(record, given, loose))
+    loose = _FREED_DEVIATION if any(block.frees_gain for block in blocks) else 0.0
+    free = list(_linear_free(record, given, loose))
     context = Context(record, given.plant)
     counts = []
     for k, block in enumerate(blocks):
-        offered = [part_free(parameter, block.rough) for parameter in block.parameters(context)]
+        offered = [_part_free(parameter, block.rough) for parameter in block.parameters(context)]
         free += [replace(f, name=f"{k}.{f.name}") for f in offered]
         counts.append(len(offered))
     return Task(

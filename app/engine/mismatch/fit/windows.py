@@ -20,7 +20,7 @@ class Window:
     end_s: float
 
 
-def cut_to(record: Experiment, start_s: float, end_s: float) -> Window:
+def _cut_to(record: Experiment, start_s: float, end_s: float) -> Window:
     """What of a stretch (s from the start of the recording) lies within that: where PV is held, it may have been taken
     before the first sample, and be held beyond the last.
     """
@@ -31,14 +31,14 @@ def windows_along(record: Experiment, mask: BoolArray, least: int = 2) -> tuple[
     """The stretches of a record (N,), of at least `least` samples, where the mask (N,) is True."""
     first_s, ts = record.first_s, record.sampling_interval_s
     return tuple(
-        cut_to(record, first_s + float(a * ts), first_s + float(b * ts))
+        _cut_to(record, first_s + float(a * ts), first_s + float(b * ts))
         for a, b in zip(*runs_of(mask), strict=True)
         if b - a >= least
     )
 
 
 def whole(record: Experiment) -> tuple[Window, ...]:
-    return (cut_to(record, record.first_s, record.first_s + record.duration_s),)
+    return (_cut_to(record, record.first_s, record.first_s + record.duration_s),)
 
 
 def active_mask(fit: Fit, part: Part) -> BoolArray:

@@ -14,11 +14,11 @@ from app.engine.oscillation import detect
 from app.engine.quantification import Interval, quantify
 from app.engine.recording import BoolArray, FloatArray, UniformRecord
 
-LIKE_A_NUMBER = 1e-4  # of the deviation of a signal's moves: rounded no coarser, and it is as it was computed
-UNSEEN = 0.25  # of the variance ki^2 of PV's noise; (m - 1)/m^2 + (1 - 1/m)^2/3, a third at least, by m scans a sample
-SURE = 3.0  # deviations
-SIXTH = 924.0  # the variance of sixth differences of white noise, over its own
-OF_MEDIAN = 0.455  # the median of the square of a normal number
+_LIKE_A_NUMBER = 1e-4  # of the deviation of a signal's moves: rounded no coarser, and it is as it was computed
+_UNSEEN = 0.25  # of the variance ki^2 of PV's noise; (m - 1)/m^2 + (1 - 1/m)^2/3, a third at least, by m scans a sample
+_SURE = 3.0  # deviations
+_SIXTH = 924.0  # the variance of sixth differences of white noise, over its own
+_OF_MEDIAN = 0.455  # the median of the square of a normal number
 
 
 def every_scan_recorded(record: Experiment) -> bool:
@@ -30,7 +30,7 @@ def every_scan_recorded(record: Experiment) -> bool:
     well, and would bend the gains of one that leaves least. Misleads where PV's noise is slower than the samples.
     """
     kept = _answering(record)
-    doubt = SURE * float(np.sqrt(3.0 / max(int(np.sum(kept)), 1)))  # two moves share the rounding of a sample
+    doubt = _SURE * float(np.sqrt(3.0 / max(int(np.sum(kept)), 1)))  # two moves share the rounding of a sample
     if not doubt < 1.0:
         return False
     of_op, of_pv = _rounding(record.op[record.usable]), _rounding(record.pv[record.usable])
@@ -45,7 +45,7 @@ def every_scan_recorded(record: Experiment) -> bool:
     _, singular, ways = np.linalg.svd(seen / spreads, full_matrices=False)
     left = float(singular[-1] ** 2) / len(seen)  # over what rounding leaves
     integral = float(np.sum(ways[-1, 1:] / spreads[1:]))
-    unseen = UNSEEN * integral**2 * max(_noise(record) - of_pv, 0.0)
+    unseen = _UNSEEN * integral**2 * max(_noise(record) - of_pv, 0.0)
     return left <= 1.0 + doubt <= unseen  # where a controller saw PV rounded too, rounding leaves less
 
 
@@ -65,7 +65,7 @@ def _rounding(signal: FloatArray) -> float:
     """The variance of a signal's rounding; 0 where it stands."""
     if len(signal) < 2:
         return 0.0
-    step = max(decimals_of(signal), LIKE_A_NUMBER * float(np.std(np.diff(signal))))
+    step = max(decimals_of(signal), _LIKE_A_NUMBER * float(np.std(np.diff(signal))))
     return step * step / 12.0
 
 
@@ -73,7 +73,7 @@ def _noise(record: Experiment) -> float:
     """The variance of what is in one sample of PV and not in those around it, rounding included."""
     usable = np.lib.stride_tricks.sliding_window_view(record.usable, 7).all(axis=1)
     moved = np.diff(record.pv, 6)[usable]
-    return float(np.median(moved * moved)) / (OF_MEDIAN * SIXTH) if len(moved) else 0.0
+    return float(np.median(moved * moved)) / (_OF_MEDIAN * _SIXTH) if len(moved) else 0.0
 
 
 def by_prediction(record: Experiment) -> Interval | None:

@@ -16,20 +16,20 @@ from app.engine.mismatch.judge.holdout import Unseen, worse
 from app.engine.mismatch.judge.result import Effect, Improvement, Verdict
 from app.engine.mismatch.loop.experiment import Experiment
 
-LEAST_ANSWER = 10.0
-LEAST_TIMES = 4.0
-SHIFTS, MAY_FIT = (0.5, 0.31, 0.77, 0.19, 0.63), 1  # of the record; one may be a whole number of OP's periods
-LEAST_COMPARED = 100
+_LEAST_ANSWER = 10.0
+_LEAST_TIMES = 4.0
+SHIFTS, _MAY_FIT = (0.5, 0.31, 0.77, 0.19, 0.63), 1  # of the record; one may be a whole number of OP's periods
+_LEAST_COMPARED = 100
 ROUNDING = 1e-9
-FINE = 0.003  # of PV's span: wider levels are a pattern of PV
-FARTHEST = 2.0  # levels: rounding beside a little noise; what acts for a few samples goes farther
-UNRELATED = 0.7
-ASTRAY_SHARE = 0.5
-ASTRAY_PCT = -300.0  # fit of a free run that is four times as far from PV as PV's own mean is
+_FINE = 0.003  # of PV's span: wider levels are a pattern of PV
+_FARTHEST = 2.0  # levels: rounding beside a little noise; what acts for a few samples goes farther
+_UNRELATED = 0.7
+_ASTRAY_SHARE = 0.5
+_ASTRAY_PCT = -300.0  # fit of a free run that is four times as far from PV as PV's own mean is
 
 
 @dataclass(frozen=True)
-class Conclusion:
+class _Conclusion:
     """The verdict, the effects that stand, and the reasons where the record does not tell."""
 
     verdict: Verdict
@@ -39,15 +39,15 @@ class Conclusion:
 
 def conclude(
     base: Fit, shown: tuple[Effect, ...], fitted: tuple[Effect, ...], refused: tuple[Reason, ...], seen: Improvement
-) -> Conclusion:
+) -> _Conclusion:
     """shown: effects that PV shows by itself. fitted: those that a competition named. refused: why those that it named
     first do not stand. seen: the free runs over the stretch kept out.
     """
     effects = (*shown, *fitted)
     if effects:
-        return Conclusion("missing_physics", effects, refused)
-    doubts = (*refused, *too_little_told(base)) or free_run_astray(seen, float(np.ptp(base.record.pv)))
-    return Conclusion("inconclusive" if doubts else "consistent", (), doubts)
+        return _Conclusion("missing_physics", effects, refused)
+    doubts = (*refused, *_too_little_told(base)) or free_run_astray(seen, float(np.ptp(base.record.pv)))
+    return _Conclusion("inconclusive" if doubts else "consistent", (), doubts)
 
 
 def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
@@ -60,9 +60,9 @@ def op_moves_nothing(final: Fit) -> tuple[Reason, ...]:
     if not final.parts:
         return ()
     if final.record.op_follows_pv:
-        return stands_still(final) if all(part.block.place in ANSWERING for part in final.parts) else ()
+        return _stands_still(final) if all(part.block.place in ANSWERING for part in final.parts) else ()
     by_chance = sum(part.block.penalty for part in final.parts if part.block.place in ANSWERING)
-    least = LEAST_ANSWER + by_chance  # a search among names that answer OP finds as much in any OP
+    least = _LEAST_ANSWER + by_chance  # a search among names that answer OP finds as much in any OP
     told = told_by_op(final, least)
     if told >= least:
         return ()
@@ -80,27 +80,27 @@ def told_by_op(final: Fit, enough: float) -> float:
     stem that only walks towards OP at a rate of its own walks towards that one too. enough: with less over an OP at
     rest no other is asked.
     """
-    told = told_more(final, at_rest(final.record))
+    told = _told_more(final, _at_rest(final.record))
     if told < enough:
         return told
-    elsewhere = sorted(told_more(final, op_moved(final.record, share)) for share in SHIFTS)
-    return min(told, elsewhere[MAY_FIT])
+    elsewhere = sorted(_told_more(final, _op_moved(final.record, share)) for share in SHIFTS)
+    return min(told, elsewhere[_MAY_FIT])
 
 
-def told_more(final: Fit, other: Experiment) -> float:
+def _told_more(final: Fit, other: Experiment) -> float:
     """By how much (nat) a fit explains its own record better than another one with the same parts, fitted anew."""
     return final.likelihood - fit(task_of(replace(final, record=other)), final.x, None, 3).likelihood
 
 
-def stands_still(final: Fit) -> tuple[Reason, ...]:
+def _stands_still(final: Fit) -> tuple[Reason, ...]:
     """That PV does not answer an OP by which a controller wants to move it; nothing where it does."""
-    told = answer_to_op(final)
-    if told >= LEAST_ANSWER:
+    told = _answer_to_op(final)
+    if told >= _LEAST_ANSWER:
         return ()
     names = ", ".join(part.block.code for part in final.parts)
     text = (
         f"PV does not answer OP: with {names}, OP adds {told:.1f} points of log-likelihood over noise alone; at least "
-        f"{LEAST_ANSWER:.0f} are needed: a valve that does not move, one that is blocked off, or a PV of another loop?"
+        f"{_LEAST_ANSWER:.0f} are needed: a valve that does not move, one that is blocked off, or a PV of another loop?"
     )
     return (Reason("op_moves_nothing", text),)
 
@@ -114,7 +114,7 @@ def unseen_data_refuse(selection: Selection, errors: Unseen, gain: float) -> tup
         return ()
     names = ", ".join(" or ".join((effect.code, *effect.alternatives)) for effect in selection.effects)
     text = (
-        f"{names} would explain what was fitted, but on the held-out stretch the error{less_load(errors)} grows from "
+        f"{names} would explain what was fitted, but on the held-out stretch the error{_less_load(errors)} grows from "
         f"{errors.refitted:.4g} to {errors.explained:.4g}"
     )
     return (Reason("held_out_disagrees", text),)
@@ -135,7 +135,7 @@ def held_out_worse(
         why = f"it is worse over {sum(ran_worse)} of {len(ran_worse)} stretches held out in turn, not over most"
     elif errors.beside_load:
         why = (
-            f"an unrecorded load offsets both: the error{less_load(errors)} is {errors.explained:.4g} there, and "
+            f"an unrecorded load offsets both: the error{_less_load(errors)} is {errors.explained:.4g} there, and "
             f"{errors.refitted:.4g} without them"
         )
     elif gain > 0.0:
@@ -149,26 +149,26 @@ def held_out_worse(
     return (Reason("held_out_worse", text),)
 
 
-def less_load(errors: Unseen) -> str:
+def _less_load(errors: Unseen) -> str:
     return ", less its median over a cycle of the stem," if errors.beside_load else ""
 
 
-def too_little_told(base: Fit) -> tuple[Reason, ...]:
+def _too_little_told(base: Fit) -> tuple[Reason, ...]:
     """What keeps a record from clearing a simulation: few samples, little time, or a PV that does not answer OP."""
     record, plant = base.record, base.plant
     if few := too_few(record):
         return few
     slowest = (plant.tau if plant.leak > 0.0 else 0.0) + plant.tau2 + plant.tau3 + plant.theta
-    if record.duration_s < LEAST_TIMES * slowest:
+    if record.duration_s < _LEAST_TIMES * slowest:
         text = (
-            f"the record lasts {record.duration_s:.4g} s, less than {LEAST_TIMES:.0f} times the {slowest:.4g} s of the "
-            "process"
+            f"the record lasts {record.duration_s:.4g} s, less than {_LEAST_TIMES:.0f} times the {slowest:.4g} s of "
+            "the process"
         )
         return (Reason("too_few_data", text),)
-    told = answer_to_op(base)
-    if told < LEAST_ANSWER:
+    told = _answer_to_op(base)
+    if told < _LEAST_ANSWER:
         text = (
-            f"OP adds {told:.1f} points of log-likelihood over PV's own noise; at least {LEAST_ANSWER:.0f} are needed "
+            f"OP adds {told:.1f} points of log-likelihood over PV's own noise; at least {_LEAST_ANSWER:.0f} are needed "
             "to judge a simulation"
         )
         return (Reason("too_little_excitation", text),)
@@ -183,7 +183,7 @@ def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
     may be little of it: half of it is asked as well.
     """
     far = seen.refitted.fit_pct
-    if not (far < ASTRAY_PCT and seen.refitted.rmse > ASTRAY_SHARE * pv_range):
+    if not (far < _ASTRAY_PCT and seen.refitted.rmse > _ASTRAY_SHARE * pv_range):
         return ()
     text = (
         f"the free run is off PV by {seen.refitted.rmse:.4g} over the held-out stretch, {1.0 - far / 100.0:.0f} times "
@@ -196,10 +196,10 @@ def free_run_astray(seen: Improvement, pv_range: float) -> tuple[Reason, ...]:
 def too_few(record: Experiment) -> tuple[Reason, ...]:
     """Why a record cannot be compared at all: a sample after a gap says where PV starts anew, not how it moves."""
     compared = int(np.sum(compared_samples(record.usable)))
-    if compared >= LEAST_COMPARED:
+    if compared >= _LEAST_COMPARED:
         return ()
     return (
-        Reason("too_few_data", f"{counted(compared, 'sample')} can be compared; at least {LEAST_COMPARED} are needed"),
+        Reason("too_few_data", f"{counted(compared, 'sample')} can be compared; at least {_LEAST_COMPARED} are needed"),
     )
 
 
@@ -213,12 +213,12 @@ def nothing_left(base: Fit) -> bool:
         return True
     step = decimals_of(pv)
     nearly_all, all_of_it = np.quantile(np.abs(left), (0.98, 1.0))
-    return bool(step <= FINE * base.record.pv_span and nearly_all <= ROUNDED * step and all_of_it <= FARTHEST * step)
+    return bool(step <= _FINE * base.record.pv_span and nearly_all <= ROUNDED * step and all_of_it <= _FARTHEST * step)
 
 
 def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
     """Why nothing can be said of a simulated trace that does not answer the recorded OP."""
-    if behind.share <= UNRELATED:
+    if behind.share <= _UNRELATED:
         return ()
     text = (
         f"a linear model of the recorded OP leaves {100.0 * behind.share:.0f} % of the simulated trace unexplained: "
@@ -227,16 +227,16 @@ def unrelated(behind: TraceModel) -> tuple[Reason, ...]:
     return (Reason("simulation_unrelated", text),)
 
 
-def answer_to_op(found: Fit) -> float:
+def _answer_to_op(found: Fit) -> float:
     """Log-likelihood (nat) that a model gains over the linear one under an OP that stands still."""
-    return found.likelihood - fit_linear(at_rest(found.record), found.given).likelihood
+    return found.likelihood - fit_linear(_at_rest(found.record), found.given).likelihood
 
 
-def at_rest(record: Experiment) -> Experiment:
+def _at_rest(record: Experiment) -> Experiment:
     """The same record under an OP that stands still."""
     return record.with_op_changed(lambda op: np.full_like(op, record.op_mid))
 
 
-def op_moved(record: Experiment, share: float) -> Experiment:
+def _op_moved(record: Experiment, share: float) -> Experiment:
     """The same record under an OP that comes later by a share of it; what leaves its end is at its start."""
     return record.with_op_changed(lambda op: np.roll(op, int(share * len(op))))

@@ -7,7 +7,7 @@ from app.engine.mismatch.judge.result import NOWHERE, Location
 from app.engine.mismatch.loop.experiment import Experiment
 from app.engine.mismatch.loop.law import Law, controller_of
 
-NO_DERIVATIVE = 1e-3  # of the interval: what rounding leaves of it
+_NO_DERIVATIVE = 1e-3  # of the interval: what rounding leaves of it
 
 
 def controller_evidence(record: Experiment, closed: ClosedLoop | None) -> tuple[Reason, ...]:
@@ -23,10 +23,10 @@ def controller_evidence(record: Experiment, closed: ClosedLoop | None) -> tuple[
     )
     if law.sp is not None:
         text += f"; SP was not recorded and is assumed constant at {law.sp:.5g}"
-    return (Reason("controller_cleared", text), *tuned_otherwise(record, closed))
+    return (Reason("controller_cleared", text), *_tuned_otherwise(record, closed))
 
 
-def tuned_otherwise(record: Experiment, closed: ClosedLoop) -> tuple[Reason, ...]:
+def _tuned_otherwise(record: Experiment, closed: ClosedLoop) -> tuple[Reason, ...]:
     """That the given simulation's controller is another than the recorded one; nothing where it is the same, or where
     the simulation has none.
     """
@@ -45,13 +45,13 @@ def in_words(law: Law, record: Experiment) -> str:
     shown = controller_of(law, record.sampling_interval_s)
     integral = "none" if shown.integral_time_s is None else f"{shown.integral_time_s:.4g} s"
     derivative = shown.derivative_time_s
-    rate = "none" if abs(derivative) < NO_DERIVATIVE * record.sampling_interval_s else f"{derivative:.3g} s"
+    rate = "none" if abs(derivative) < _NO_DERIVATIVE * record.sampling_interval_s else f"{derivative:.3g} s"
     return f"gain {shown.gain:.4g} OP/PV, integral time {integral}, derivative time {rate}"
 
 
 def at_the_controller(record: Experiment, closed: ClosedLoop | None) -> Location:
     """Where recording and simulation differ, when no physics is missing: at the controller, or nowhere."""
-    told = () if closed is None else tuned_otherwise(record, closed)
+    told = () if closed is None else _tuned_otherwise(record, closed)
     if not told:
         return NOWHERE
     return Location("controller", whole(record), "always", None, told)

@@ -20,9 +20,9 @@ from app.engine.mismatch.judge.holdout import FreeRuns, mostly_worse, refit_with
 from app.engine.mismatch.physics.generic import CODE as UNNAMED
 from app.engine.mismatch.physics.terms import made_of
 
-CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
-NOT_FAR = 0.5
-LITTLE = 0.05  # a share that says nothing against a name
+_CLEARLY = 20.0  # nat: by how much terms without a name must say more than names do, to take their place
+_NOT_FAR = 0.5
+_LITTLE = 0.05  # a share that says nothing against a name
 # The share left beside a name at which it is as likely wrong as right. A linear loop of our own is a guess from the
 # same record and leaves something itself: real valves that stick are named rightly with shares up to 0.5.
 HALF_SURE, HALF_SURE_OWN = 0.1, 0.4
@@ -42,11 +42,11 @@ def reviewed(base: Fit, selection: Selection) -> Selection:
     unnamed = None if own else without_name(base, lack_of_fit(base) if selection.effects else left)
     if (
         unnamed is not None
-        and says_more(unnamed.fit, selection.fit, base)
+        and _says_more(unnamed.fit, selection.fit, base)
         and not runs_astray(selection.fit, unnamed.fit)
     ):
-        named = max(named_score(base, selection), 0.0)
-        return Selection(unnamed.fit, (in_place_of(selection, unnamed, named),), selection.ranking)
+        named = max(_named_score(base, selection), 0.0)
+        return Selection(unnamed.fit, (_in_place_of(selection, unnamed, named),), selection.ranking)
     half_sure = HALF_SURE_OWN if own else HALF_SURE
     return replace(selection, effects=tuple(doubted(effect, left, half_sure) for effect in selection.effects))
 
@@ -63,15 +63,15 @@ def runs_astray(names: Fit, unnamed: Fit) -> bool:
     return mostly_worse(pv, runs)
 
 
-def says_more(unnamed: Fit, names: Fit, base: Fit) -> bool:
+def _says_more(unnamed: Fit, names: Fit, base: Fit) -> bool:
     """Whether terms without a name clearly say more than names do, or than the linear refit where these say less;
     under a richer noise too, because terms that answer OP take what the noise model lacks.
     """
     richer = [fit.beside_richer_noise for fit in (unnamed, names, base)]
-    return all(terms.score > max(n.score, b.score) + CLEARLY for terms, n, b in ((unnamed, names, base), richer))
+    return all(terms.score > max(n.score, b.score) + _CLEARLY for terms, n, b in ((unnamed, names, base), richer))
 
 
-def named_score(base: Fit, selection: Selection) -> float:
+def _named_score(base: Fit, selection: Selection) -> float:
     """What the names explain beyond their penalties (nat)."""
     return selection.fit.score - base.score
 
@@ -88,7 +88,7 @@ def without_name(base: Fit, terms: tuple[Pays, ...]) -> Contender | None:
     return Contender(found, base) if no_worse(found, base) else None
 
 
-def in_place_of(selection: Selection, unnamed: Contender, named: float) -> Believed:
+def _in_place_of(selection: Selection, unnamed: Contender, named: float) -> Believed:
     """Something unnamed, with the name that came nearest: as an alternative where it is not far behind."""
     margin = unnamed.score - named
     nearest = next((effect.code for effect in selection.effects if effect.code != UNNAMED), None)
@@ -97,7 +97,7 @@ def in_place_of(selection: Selection, unnamed: Contender, named: float) -> Belie
     text = (
         f"the closest named candidates, {nearest} first, are {margin:.1f} points of log-likelihood behind unnamed terms"
     )
-    alternatives = (nearest,) if named > NOT_FAR * unnamed.score else ()
+    alternatives = (nearest,) if named > _NOT_FAR * unnamed.score else ()
     return Believed(UNNAMED, alternatives, unnamed.gain, margin, unnamed, left=(Reason("nearest_name", text),))
 
 
@@ -111,5 +111,5 @@ def doubted(effect: Believed, left: tuple[Pays, ...], half_sure: float) -> Belie
     share = gain / (gain + max(effect.gain, 1e-9))
     names = ", ".join(term.name for term in left)
     text = f"unnamed terms ({names}) add {gain:.1f} points to it, {100.0 * share:.0f} % of what both add"
-    text += ": the physics may be different" if share > LITTLE else ""
+    text += ": the physics may be different" if share > _LITTLE else ""
     return replace(effect, most=1.0 / (1.0 + (share / half_sure) ** 2), left=(Reason("lack_of_fit", text),))

@@ -18,15 +18,15 @@ from app.engine.mismatch.judge.residuals import ResidualTests
 from app.engine.mismatch.loop.block import Part
 from app.engine.recording import BoolArray, FloatArray
 
-SHARE = 0.3
-WORSE_UNSEEN, MUCH_WORSE = 1.05, 1.3
-SEEN_AT_LEAST = 0.35
-STANDS = 1e-12
-ROUNDS, STEPS = 2, 6
-LOST = 20.0
+_SHARE = 0.3
+_WORSE_UNSEEN, _MUCH_WORSE = 1.05, 1.3
+_SEEN_AT_LEAST = 0.35
+_STANDS = 1e-12
+_ROUNDS, _STEPS = 2, 6
+_LOST = 20.0
 """Nats by which the samples that are left say that a way downhill ended in another valley."""
 
-PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
+_PLACES = (0.7, 0.0, 0.35, 0.5, 0.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +45,14 @@ def judge(pv: FloatArray, simulated: FloatArray, where: BoolArray) -> FitMeasure
     recorded = pv[where]
     if len(recorded) == 0:
         return FitMeasures(float("nan"), float("nan"))
-    rmse = rms(pv - simulated, where)
+    rmse = _rms(pv - simulated, where)
     spread = float(np.std(recorded))
     # The deviation of equal values from their mean is rounding.
-    moves = spread > STANDS * float(np.max(np.abs(recorded)))
+    moves = spread > _STANDS * float(np.max(np.abs(recorded)))
     return FitMeasures(rmse, 100.0 * (1.0 - rmse / spread) if moves else float("nan"))
 
 
-def rms(error: FloatArray, where: BoolArray) -> float:
+def _rms(error: FloatArray, where: BoolArray) -> float:
     """Root mean square of an error (N,) over the samples `where`; NaN where there are none."""
     return float(np.sqrt(np.mean(error[where] ** 2))) if where.any() else float("nan")
 
@@ -77,9 +77,9 @@ def stretches(usable: BoolArray) -> list[BoolArray]:
     """
     at = np.flatnonzero(usable)
     found = []
-    for place in PLACES:
+    for place in _PLACES:
         held = np.zeros(len(usable), dtype=np.bool_)
-        held[at[int(place * len(at)) : int(min(place + SHARE, 1.0) * len(at))]] = True
+        held[at[int(place * len(at)) : int(min(place + _SHARE, 1.0) * len(at))]] = True
         found.append(held)
     return found
 
@@ -98,16 +98,16 @@ class Unseen:
 def unseen_errors(pv: FloatArray, run: FreeRuns) -> Unseen:
     seen, swing = run.model.record.usable | run.held, stem_swing(run.model)
     refitted, explained = (beside_load(pv - simulated, seen, swing) for simulated in (run.refitted, run.explained))
-    return Unseen(rms(refitted, run.held), rms(explained, run.held), swing is not None)
+    return Unseen(_rms(refitted, run.held), _rms(explained, run.held), swing is not None)
 
 
 def worse(errors: Unseen, gain: float, *, integrating: bool) -> bool:
     """Whether an explained model runs worse over samples that it has not seen than the bare refit, and predicts them no
     better beside its noise either (`gain`, nat): under slow noise a free run stands high or low by chance, though not
-    as far as MUCH_WORSE, unless the process integrates what the noise brings.
+    as far as _MUCH_WORSE, unless the process integrates what the noise brings.
     """
-    far = np.inf if integrating else MUCH_WORSE
-    return errors.explained > (WORSE_UNSEEN if gain <= 0.0 else far) * errors.refitted
+    far = np.inf if integrating else _MUCH_WORSE
+    return errors.explained > (_WORSE_UNSEEN if gain <= 0.0 else far) * errors.refitted
 
 
 def mostly_worse(pv: FloatArray, runs: Sequence[FreeRuns]) -> bool:
@@ -129,19 +129,19 @@ def kept_out(found: Fit, usable: BoolArray) -> BoolArray:
     masks = [active_mask(found, part) for part in found.parts if part.block.active is not None]
     offered = stretches(usable)
     for held in offered:
-        if held.any() and all(seen_outside(mask & usable, held) for mask in masks):
+        if held.any() and all(_seen_outside(mask & usable, held) for mask in masks):
             return held
-    return max(offered, key=lambda held: min([outside_share(mask & usable, held) for mask in masks], default=1.0))
+    return max(offered, key=lambda held: min([_outside_share(mask & usable, held) for mask in masks], default=1.0))
 
 
-def outside_share(mask: BoolArray, held: BoolArray) -> float:
+def _outside_share(mask: BoolArray, held: BoolArray) -> float:
     total = int(mask.sum())
     return float((mask & ~held).sum()) / total if total else 1.0
 
 
-def seen_outside(mask: BoolArray, held: BoolArray) -> bool:
+def _seen_outside(mask: BoolArray, held: BoolArray) -> bool:
     """Enough of the stretches where a part acts lies outside, and none of their edges within."""
-    if outside_share(mask, held) < SEEN_AT_LEAST:
+    if _outside_share(mask, held) < _SEEN_AT_LEAST:
         return False
     few = np.flatnonzero(np.diff(mask.astype(np.int8)))
     return len(few) > 6 or not held[few].any()
@@ -181,7 +181,7 @@ def refit_without(found: Fit, held: BoolArray, given: Given | None = None) -> Fi
     x = found.x if given is found.given else start_at(task, found.plant, np.concatenate(known))
     noise = noise_left(task, x, found.noise)
     smooth = [k for k, free in enumerate(task.free) if "." not in free.name or free.linear]
-    begun = descended(task, descend(task, x, noise, STEPS, smooth), STEPS)
-    blind = settle(fit(task, begun.x, begun.noise, ROUNDS, STEPS))
-    near = settle(fit(task, x, found.noise, ROUNDS, STEPS))
-    return near if near.likelihood > blind.likelihood + LOST else blind
+    begun = descended(task, descend(task, x, noise, _STEPS, smooth), _STEPS)
+    blind = settle(fit(task, begun.x, begun.noise, _ROUNDS, _STEPS))
+    near = settle(fit(task, x, found.noise, _ROUNDS, _STEPS))
+    return near if near.likelihood > blind.likelihood + _LOST else blind

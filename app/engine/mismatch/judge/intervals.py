@@ -10,12 +10,12 @@ from app.engine.mismatch.judge.result import Estimate
 from app.engine.recording import FloatArray
 
 CHI2_95 = 3.84
-WEAKENED = 3.0
+_WEAKENED = 3.0
 """By how much less the cost of another moment or rate counts than if the cost were a parabola: it has many small
 valleys, and the least of them is the best of many. Measured: docs/PROOF.md."""
-MOVES = (1.0, 1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0)  # standard deviations by slopes
+_MOVES = (1.0, 1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0)  # standard deviations by slopes
 BETWEEN_SAMPLES = ("start", "end")  # what is there at a sample and was not before may have come at any time between
-FOLLOWING = 2  # descents of the other numbers at each
+_FOLLOWING = 2  # descents of the other numbers at each
 
 
 def deviations(found: Fit) -> FloatArray:
@@ -46,8 +46,8 @@ def interval_tried(found: Fit, name: str, shift: float, unit: str, label: str, s
         return by_slopes
     task, others = task_of(found), [j for j in range(len(found.x)) if j != k]
     # A fit by the free run alone is not at the least cost of its other numbers.
-    least = descend(task, found.x, found.noise, FOLLOWING, others)
-    ends = [passing(found, task, least, k, side * float(spread[k])) for side in (-1.0, 1.0)]
+    least = descend(task, found.x, found.noise, _FOLLOWING, others)
+    ends = [_passing(found, task, least, k, side * float(spread[k])) for side in (-1.0, 1.0)]
     ends = [f.value(end) + shift for end in ends]
     if label in BETWEEN_SAMPLES:
         ts = found.record.sampling_interval_s
@@ -55,19 +55,19 @@ def interval_tried(found: Fit, name: str, shift: float, unit: str, label: str, s
     return Estimate(label, by_slopes.value, min(*ends, by_slopes.low), max(*ends, by_slopes.high), unit)
 
 
-def passing(found: Fit, task: Task, least: FloatArray, k: int, deviation: float) -> float:
+def _passing(found: Fit, task: Task, least: FloatArray, k: int, deviation: float) -> float:
     """The last coordinate k, going from `least` (P,) by so many deviations (of either sign), at which the record is
     explained nearly as well as there, all others following.
     """
     x, at, others = least, float(found.x[k]), [j for j in range(len(least)) if j != k]
     cost = residual_rows(task, x, found.noise).cost
-    allowed = cost + WEAKENED * CHI2_95
-    for move in MOVES:
+    allowed = cost + _WEAKENED * CHI2_95
+    for move in _MOVES:
         there = x.copy()
         there[k] = np.clip(found.x[k] + move * deviation, task.low[k], task.high[k])
         if there[k] == at:
             return at  # at a bound
-        there = descend(task, there, found.noise, FOLLOWING, others)
+        there = descend(task, there, found.noise, _FOLLOWING, others)
         costs = residual_rows(task, there, found.noise).cost
         if not costs <= allowed:
             return at + (float(there[k]) - at) * (allowed - cost) / (costs - cost)

@@ -16,11 +16,11 @@ from scipy.special import chdtrc, chdtri
 from app.engine.mismatch.fit.noise import autocovariances, autoregression, compared_samples, fit_noise, whiten
 from app.engine.recording import BoolArray, FloatArray, IntArray
 
-LAGS = 20
-LEAST_A_LAG = 5
-OP_ORDER = 12
-CHANCE = 0.05
-NOISE_NUMBERS = 2.0
+_LAGS = 20
+_LEAST_A_LAG = 5
+_OP_ORDER = 12
+_CHANCE = 0.05
+_NOISE_NUMBERS = 2.0
 """So many degrees of freedom the noise model takes of the record it is fitted to: of 6300 records of a load behind a
 lag under white noise, 400 to 5000 samples, 30 % held out, 5.1 % were not white; with none 4.4 %, with four 5.9 %."""
 
@@ -58,29 +58,29 @@ def residual_tests(
     residual: (N,) PV less a free run. op: (N,). late: samples until OP shows in PV; independence is asked over so many
     lags more. Only OP before PV is asked: at lag zero a controller answers PV.
     """
-    seen, lags = usable | held, LAGS + late
+    seen, lags = usable | held, _LAGS + late
     compared = compared_samples(seen)
     asked = held & compared
     at = np.flatnonzero(asked)
-    if len(at) < LEAST_A_LAG * lags:
+    if len(at) < _LEAST_A_LAG * lags:
         return None
     e = np.where(asked, whiten(residual, seen, fit_noise(residual, seen)), 0.0)
     if not np.any(e):
         return None
     share = len(at) / int(np.sum(compared))
-    return ResidualTests(white(e, at, NOISE_NUMBERS * share), independent(e, op, at, lags))
+    return ResidualTests(white(e, at, _NOISE_NUMBERS * share), _independent(e, op, at, lags))
 
 
 def white(e: FloatArray, at: IntArray, taken: float) -> LagsTest:
     """Ljung and Box's test of innovations (N,) at the samples `at`; zero elsewhere. taken: degrees of freedom that the
     noise model took there.
     """
-    count, lags = len(at), np.arange(1, LAGS + 1)
-    squares = (lagged_products(e, e, at, lags) / np.sum(e[at] ** 2)) ** 2
-    return against_chance(count * (count + 2.0) * float(np.sum(squares / (count - lags))), LAGS, taken)
+    count, lags = len(at), np.arange(1, _LAGS + 1)
+    squares = (_lagged_products(e, e, at, lags) / np.sum(e[at] ** 2)) ** 2
+    return _against_chance(count * (count + 2.0) * float(np.sum(squares / (count - lags))), _LAGS, taken)
 
 
-def independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsTest | None:
+def _independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsTest | None:
     """Haugh's test of innovations (N,) at the samples `at` on the whitened moves of OP one to `lags` samples before;
     None where OP stood still there.
 
@@ -92,16 +92,16 @@ def independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> LagsT
     if largest == 0.0:
         return None
     moves = moves / largest
-    a = np.convolve(moves, np.concatenate(([1.0], -autoregression(autocovariances(moves, OP_ORDER)))))[: len(op)]
+    a = np.convolve(moves, np.concatenate(([1.0], -autoregression(autocovariances(moves, _OP_ORDER)))))[: len(op)]
     energy = np.array([np.sum(a[before(at, lag)] ** 2) for lag in range(1, lags + 1)])
     told = energy > 0.0
     if not np.any(told):
         return None
-    squares = lagged_products(e, a, at, 1 + np.flatnonzero(told)) ** 2 / (np.sum(e[at] ** 2) * energy[told])
-    return against_chance(len(at) * float(np.sum(squares)), int(np.sum(told)))
+    squares = _lagged_products(e, a, at, 1 + np.flatnonzero(told)) ** 2 / (np.sum(e[at] ** 2) * energy[told])
+    return _against_chance(len(at) * float(np.sum(squares)), int(np.sum(told)))
 
 
-def lagged_products(now: FloatArray, then: FloatArray, at: IntArray, lags: IntArray) -> FloatArray:
+def _lagged_products(now: FloatArray, then: FloatArray, at: IntArray, lags: IntArray) -> FloatArray:
     """(lags,) sums of the products of one series (N,) at the samples `at` with another (N,) so many samples before."""
     return np.array([now[at[at >= lag]] @ then[before(at, lag)] for lag in lags])
 
@@ -111,6 +111,6 @@ def before(at: IntArray, lag: int) -> IntArray:
     return at[at >= lag] - lag
 
 
-def against_chance(statistic: float, lags: int, taken: float = 0.0) -> LagsTest:
+def _against_chance(statistic: float, lags: int, taken: float = 0.0) -> LagsTest:
     freedom = lags - taken
-    return LagsTest(statistic, float(chdtri(freedom, CHANCE)), float(chdtrc(freedom, statistic)), lags)
+    return LagsTest(statistic, float(chdtri(freedom, _CHANCE)), float(chdtrc(freedom, statistic)), lags)

@@ -19,11 +19,11 @@ from app.engine.mismatch.physics import fixed, gain_drift, named, terms
 from app.engine.recording import BoolArray, FloatArray
 from app.errors import DataError
 
-START_SHARE, LEAST_START = 0.1, 5
-LONGEST_DEAD_TIME = 1.0  # of the record: beyond, nothing of OP is seen in it
+_START_SHARE, _LEAST_START = 0.1, 5
+_LONGEST_DEAD_TIME = 1.0  # of the record: beyond, nothing of OP is seen in it
 # What set in amid the first record, or grew along it, is there from the start on of a later one, as large as it became:
 # the block that is there all along, and which of the values are its own. Where a stem stands is found from the start.
-THERE_SINCE: dict[str, tuple[str, tuple[int, ...]]] = {
+_THERE_SINCE: dict[str, tuple[str, tuple[int, ...]]] = {
     "valve.stiction/sets_in": ("valve.stiction/he", (0, 1)),
     "valve.stiction/choudhury_sets_in": ("valve.stiction/choudhury", (0, 1)),
     "valve.deadband/grows": ("valve.deadband", (0,)),
@@ -40,7 +40,7 @@ OF_ONE_RECORD = (
     "sensor.dropout",
     "process.gain_drift",
 )
-LASTS = (gain_drift.LASTED.name,)
+_LASTS = (gain_drift.LASTED.name,)
 
 
 def validate(
@@ -58,10 +58,10 @@ def validate(
     begun = beginning(record.usable)
     if not (record.usable & ~begun).any():
         raise DataError("nothing_known", "no sample of the second recording's PV is known beyond its start")
-    refitted = started(record, begun, base.plant, transferred(record, base.parts))
+    refitted = started(record, begun, base.plant, _transferred(record, base.parts))
     told = Context(base.record, base.plant)
     parts = lasting((*(gain_drift.as_it_ended(part, told) for part in final.parts), *sensors))
-    explained = started(record, begun, final.plant, transferred(record, parts))
+    explained = started(record, begun, final.plant, _transferred(record, parts))
     if isinstance(given, Plant):
         given = started(record, begun, given, ()) + record.pv_mid
     return Improvement(
@@ -72,7 +72,7 @@ def validate(
     )
 
 
-def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+def _transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]:
     """The parts with the blocks of another record, whose measured signals are its own."""
     known = named(record, (part.block.name for part in parts))
     missing = [part.block.name for part in parts if part.block.name not in known]
@@ -83,15 +83,15 @@ def transferred(record: Experiment, parts: tuple[Part, ...]) -> tuple[Part, ...]
 
 def lasting(parts: tuple[Part, ...]) -> tuple[Part, ...]:
     """The parts that a second record has as well, as they are there."""
-    kept = (terms.untimed(part) for part in parts if part.block.name in LASTS or part.block.code not in OF_ONE_RECORD)
-    return tuple(there_since(part) for part in kept if part is not None)
+    kept = (terms.untimed(part) for part in parts if part.block.name in _LASTS or part.block.code not in OF_ONE_RECORD)
+    return tuple(_there_since(part) for part in kept if part is not None)
 
 
-def there_since(part: Part) -> Part:
+def _there_since(part: Part) -> Part:
     """A part as it is in a record after the one in which it set in."""
-    if part.block.name not in THERE_SINCE:
+    if part.block.name not in _THERE_SINCE:
         return part
-    name, own = THERE_SINCE[part.block.name]
+    name, own = _THERE_SINCE[part.block.name]
     block = next(block for block in fixed() if block.name == name)
     at_rest = (0.0,) if name.startswith("valve.") else ()
     return Part(block, np.array([*(part.values[k] for k in own), *at_rest]))
@@ -101,7 +101,7 @@ def beginning(usable: BoolArray) -> BoolArray:
     """(N,) True at the first tenth of the samples that are compared (N,)."""
     at = np.flatnonzero(usable)
     begun = np.zeros(len(usable), dtype=np.bool_)
-    begun[at[: max(int(START_SHARE * len(at)), LEAST_START)]] = True
+    begun[at[: max(int(_START_SHARE * len(at)), _LEAST_START)]] = True
     return begun
 
 
@@ -127,7 +127,7 @@ def started(record: Experiment, begun: BoolArray, plant: Plant, parts: tuple[Par
     return run(found.x)
 
 
-def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
+def _rest_of(model: ExplainedModel, samples: int) -> FloatArray:
     """(N,) what the given simulation held beside its linear model, which only the record it was made for has."""
     if not model.rest:
         return np.zeros(samples)
@@ -138,13 +138,13 @@ def rest_of(model: ExplainedModel, samples: int) -> FloatArray:
     return np.array(model.rest)
 
 
-def middles_of(model: ExplainedModel, record: Experiment) -> tuple[tuple[str, float], ...]:
+def _middles_of(model: ExplainedModel, record: Experiment) -> tuple[tuple[str, float], ...]:
     """Where the model's measured signals stood in its own record; in this one, where it does not say."""
     told = dict(zip(model.measured, model.measured_mids, strict=False))
     return tuple((name, told.get(name, middle)) for name, middle in record.middles)
 
 
-def values_of(part: PartModel, block: Block, context: Context) -> FloatArray:
+def _values_of(part: PartModel, block: Block, context: Context) -> FloatArray:
     """The values of an exported part. Raises DataError("model_invalid") where they are not what its block takes beside
     its plant: an overflow has a balance too where that integrates. What is fitted by its logarithm is above 0.
     """
@@ -159,7 +159,7 @@ def values_of(part: PartModel, block: Block, context: Context) -> FloatArray:
     return values
 
 
-def plant_of(model: ExplainedModel, duration_s: float) -> Plant:
+def _plant_of(model: ExplainedModel, duration_s: float) -> Plant:
     """The plant of an exported model. Raises DataError("model_invalid") where it cannot be simulated along a record of
     this length (s): JSON is easily changed by hand.
     """
@@ -174,19 +174,19 @@ def plant_of(model: ExplainedModel, duration_s: float) -> Plant:
     faults += [f"its plant lacks {', '.join(lacking)}"] if lacking else []
     faults += [f"{', '.join(loose)} are no finite numbers"] if loose else []
     if not faults:
-        faults = out_of_bounds(numbers, others, duration_s)
+        faults = _out_of_bounds(numbers, others, duration_s)
     if faults:
         raise DataError("model_invalid", f"the model cannot be simulated: {'; '.join(faults)}")
     return Plant(**numbers)
 
 
-def out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s: float) -> list[str]:
+def _out_of_bounds(plant: dict[str, float], others: dict[str, float], duration_s: float) -> list[str]:
     """Gain, times and spans of a model that no process has."""
     positive = ("sampling_interval_s", "op_span", "pv_span", "duration_s")
     above = [name for name in positive if others.get(name, 1.0) <= 0.0]
     above += [name for name in ("tau", "exponent") if plant.get(name, 1.0) <= 0.0]
     below = [name for name in ("theta", "tau2", "tau3", "leak", "damping") if plant.get(name, 0.0) < 0.0]
-    late = plant["theta"] > LONGEST_DEAD_TIME * duration_s
+    late = plant["theta"] > _LONGEST_DEAD_TIME * duration_s
     return [
         *([f"K must be other than 0, and at most {LARGEST:g}"] if not may_be_gain(plant["K"]) else []),
         *([f"{', '.join(above)} must be more than 0"] if above else []),
@@ -214,14 +214,14 @@ def simulate_again(
         pv_span=model.pv_span,
         feedback=model.op_follows_pv,
         reference_s=model.duration_s,
-        reference_middles=middles_of(model, record),
-        rest=rest_of(model, len(op)),
+        reference_middles=_middles_of(model, record),
+        rest=_rest_of(model, len(op)),
     )
-    plant = plant_of(model, len(op) * model.sampling_interval_s)
+    plant = _plant_of(model, len(op) * model.sampling_interval_s)
     known = named(record, (part.name for part in model.parts))
     missing = [part.name for part in model.parts if part.name not in known]
     if missing:
         raise DataError("signal_missing", f"the model needs signals for {', '.join(missing)}")
     context = Context(record, plant)
-    parts = tuple(Part(known[part.name], values_of(part, known[part.name], context)) for part in model.parts)
+    parts = tuple(Part(known[part.name], _values_of(part, known[part.name], context)) for part in model.parts)
     return simulate(record, plant, parts) + model.pv_mid

@@ -9,9 +9,9 @@ from app.engine.mismatch.loop.experiment import LARGEST, Experiment
 from app.engine.mismatch.loop.plant import Plant, plant_of, run_rows, with_rest
 from app.engine.recording import FloatArray
 
-BEFORE: tuple[Stage, ...] = ("valve", "input")
+_BEFORE: tuple[Stage, ...] = ("valve", "input")
 BEHIND: tuple[Stage, ...] = ("output", "sensor")
-MOST_RECENT = 8
+_MOST_RECENT = 8
 
 
 class ForwardPath:
@@ -29,7 +29,7 @@ class ForwardPath:
         self.blocks = tuple(blocks)
         self.before, self.load, self.process, self.behind = (
             tuple(k for stage in stages for k, block in enumerate(blocks) if block.stage == stage)
-            for stages in (BEFORE, ("load",), ("process",), BEHIND)
+            for stages in (_BEFORE, ("load",), ("process",), BEHIND)
         )
         self.inside = (*self.load, *self.process)
         self.recent: dict[bytes, FloatArray] = {}
@@ -63,7 +63,7 @@ class ForwardPath:
             numbers += values[k].tobytes()
             known = self.latest(numbers)
             if known is None:
-                known = self.keep(numbers, passed(self.blocks[k], signal, values[k], self.context))
+                known = self.keep(numbers, _passed(self.blocks[k], signal, values[k], self.context))
             signal = known
         return signal, numbers
 
@@ -76,15 +76,15 @@ class ForwardPath:
         process = [Part(self.blocks[k], values[k]) for k in self.process]
         altered = Context(record, altered_plant(context, process)) if process else context
         for k in self.load:
-            signal = passed(self.blocks[k], signal, values[k], altered)
-        return through_parts(through_process(signal, process, altered.plant, context), process, context)
+            signal = _passed(self.blocks[k], signal, values[k], altered)
+        return _through_parts(_through_process(signal, process, altered.plant, context), process, context)
 
     def as_shown(self, pv: FloatArray, row: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
         """What the blocks behind the process make of its PV (N,)."""
         if self.behind:
             context = Context(self.record, plant_of(row))
             for k in self.behind:
-                pv = passed(self.blocks[k], pv, values[k], context)
+                pv = _passed(self.blocks[k], pv, values[k], context)
         return pv
 
     def latest(self, numbers: bytes) -> FloatArray | None:
@@ -96,7 +96,7 @@ class ForwardPath:
 
     def keep(self, numbers: bytes, signal: FloatArray) -> FloatArray:
         """The signal, kept in place of the one longest unused."""
-        if len(self.recent) == MOST_RECENT:
+        if len(self.recent) == _MOST_RECENT:
             del self.recent[next(iter(self.recent))]
         self.recent[numbers] = signal
         return signal
@@ -106,24 +106,24 @@ def simulate(record: Experiment, plant: Plant, parts: tuple[Part, ...] = ()) -> 
     """PV (N,) as deviation from the record's mean, in its unit, simulated from OP and measured signals alone."""
     if record.finer is not None:
         return simulate(record.finer.record, plant, parts)[record.finer.taken]
-    return through(record, plant, parts, record.op_deviation, STAGES)
+    return _through(record, plant, parts, record.op_deviation, STAGES)
 
 
 def signal_before(record: Experiment, plant: Plant, parts: tuple[Part, ...], stop: Part) -> FloatArray:
     """The signal (N,) that reaches the part `stop`."""
     stage, context = stop.block.stage, Context(record, plant)
-    signal = through(record, plant, parts, record.op_deviation, STAGES[: STAGES.index(stage)])
+    signal = _through(record, plant, parts, record.op_deviation, STAGES[: STAGES.index(stage)])
     here = [part for part in parts if part.block.stage == stage]
     altered = Context(record, altered_plant(context, parts))
-    return through_parts(signal, here[: here.index(stop)], altered if stage == "load" else context)
+    return _through_parts(signal, here[: here.index(stop)], altered if stage == "load" else context)
 
 
 def signal_after(record: Experiment, plant: Plant, parts: tuple[Part, ...], stop: Part) -> FloatArray:
     """The signal (N,) that leaves the stage of the part `stop`."""
-    return through(record, plant, parts, record.op_deviation, STAGES[: STAGES.index(stop.block.stage) + 1])
+    return _through(record, plant, parts, record.op_deviation, STAGES[: STAGES.index(stop.block.stage) + 1])
 
 
-def through(
+def _through(
     record: Experiment, plant: Plant, parts: tuple[Part, ...], signal: FloatArray, stages: tuple[Stage, ...]
 ) -> FloatArray:
     """What some stages make of a signal (N,); before the process it depends on the parts' values alone."""
@@ -132,19 +132,19 @@ def through(
     for stage in stages:
         here = [part for part in parts if part.block.stage == stage]
         if stage == "process":
-            signal = through_process(signal, here, altered.plant, context)
+            signal = _through_process(signal, here, altered.plant, context)
         if here:
-            signal = through_parts(signal, here, altered if stage == "load" else context)
+            signal = _through_parts(signal, here, altered if stage == "load" else context)
     return signal
 
 
-def through_parts(signal: FloatArray, here: Sequence[Part], context: Context) -> FloatArray:
+def _through_parts(signal: FloatArray, here: Sequence[Part], context: Context) -> FloatArray:
     for part in here:
-        signal = passed(part.block, signal, part.values, context)
+        signal = _passed(part.block, signal, part.values, context)
     return signal
 
 
-def passed(block: Block, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _passed(block: Block, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     return signal if block.apply is None else block.apply(signal, values, context)
 
 
@@ -165,7 +165,7 @@ def passes_sums(context: Context, parts: Sequence[Part], stage: Stage) -> bool:
     return stage in BEHIND or altered_plant(context, parts).linear
 
 
-def through_process(signal: FloatArray, parts: Sequence[Part], plant: Plant, context: Context) -> FloatArray:
+def _through_process(signal: FloatArray, parts: Sequence[Part], plant: Plant, context: Context) -> FloatArray:
     """What the process makes of a signal (N,); one that runs away is cut to what can be squared."""
     record = context.record
     for part in parts:

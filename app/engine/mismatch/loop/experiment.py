@@ -11,7 +11,7 @@ from app.engine.mismatch.loop.law import fed_back, follows
 from app.engine.recording import BoolArray, FloatArray
 
 FIRST_SAMPLES = 3
-LEAST_SHARE = 1e-3  # of a signal's range: narrower, and what lies within the outermost 1 % does not show how it moves
+_LEAST_SHARE = 1e-3  # of a signal's range: narrower, and what lies within the outermost 1 % does not show how it moves
 LARGEST = 1e100
 """Of what is compared: its square is a number too."""
 
@@ -213,7 +213,7 @@ def span(signal: FloatArray) -> float:
     """
     low, high = np.quantile(signal, (0.01, 0.99))
     inner, whole = float(high - low), float(np.ptp(signal))
-    return max(inner if inner > LEAST_SHARE * whole else whole, 1.0 / LARGEST)
+    return max(inner if inner > _LEAST_SHARE * whole else whole, 1.0 / LARGEST)
 
 
 def alike(first: Experiment, second: Experiment) -> Experiment:

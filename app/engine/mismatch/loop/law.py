@@ -6,10 +6,10 @@ import numpy as np
 
 from app.engine.recording import BoolArray, FloatArray
 
-PAST = 6  # samples
-MOST_LEFT, LEFT_BY_PV = 0.2, 0.5
-SHARED, SURE = 0.05, 3.0
-PREDICTED = 1e-3  # of the variance of OP's moves: what a smooth OP leaves of its past's foresight is no news
+_PAST = 6  # samples
+_MOST_LEFT, _LEFT_BY_PV = 0.2, 0.5
+_SHARED, _SURE = 0.05, 3.0
+_PREDICTED = 1e-3  # of the variance of OP's moves: what a smooth OP leaves of its past's foresight is no news
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def controller_of(law: Law, sampling_interval_s: float) -> Controller:
     return Controller(law.kc, integral, law.kd * sampling_interval_s / law.kc)
 
 
-def terms(e: FloatArray) -> FloatArray:
+def _terms(e: FloatArray) -> FloatArray:
     """(N - 2, 3) what kc, ki and kd multiply of the error (N,), from its third sample on."""
     return np.stack([e[2:] - e[1:-1], e[2:], e[2:] - 2.0 * e[1:-1] + e[:-2]], axis=1)
 
@@ -69,8 +69,8 @@ def tried_on(law: Law, sp: FloatArray, pv: FloatArray, op: FloatArray, usable: B
     kept = answers(moves, usable)
     if not kept.any():
         return replace(law, explained=0.0)
-    left = moves - terms(sp - pv) @ np.array([law.kc, law.ki, law.kd])
-    return replace(law, explained=max(share_explained(moves[kept], left[kept]), 0.0))
+    left = moves - _terms(sp - pv) @ np.array([law.kc, law.ki, law.kd])
+    return replace(law, explained=max(_share_explained(moves[kept], left[kept]), 0.0))
 
 
 def answers(moves: FloatArray, usable: BoolArray | None) -> BoolArray:
@@ -80,7 +80,7 @@ def answers(moves: FloatArray, usable: BoolArray | None) -> BoolArray:
     return (moves != 0.0) & usable[2:] & usable[1:-1] & usable[:-2]
 
 
-def share_explained(moves: FloatArray, left: FloatArray) -> float:
+def _share_explained(moves: FloatArray, left: FloatArray) -> float:
     return 1.0 - float(np.var(left)) / max(float(np.var(moves)), 1e-300)
 
 
@@ -91,7 +91,7 @@ def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: 
     Without SP it is taken for constant, and its value comes out with the law.
     """
     e = -pv if sp is None else sp - pv
-    columns = terms(e)
+    columns = _terms(e)
     basis = columns if sp is not None else np.column_stack((columns, np.ones(len(columns))))
     moves = np.diff(op)[1:]
     kept = answers(moves, usable)
@@ -99,7 +99,7 @@ def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: 
         return Law(0.0, 0.0, 0.0, 0.0)
     numbers = np.linalg.lstsq(basis[kept], moves[kept], rcond=None)[0]
     left = moves[kept] - basis[kept] @ numbers
-    explained = share_explained(moves[kept], left)
+    explained = _share_explained(moves[kept], left)
     kc, ki, kd = numbers[:3].tolist()
     if sp is not None:
         return Law(kc, ki, kd, explained)
@@ -113,10 +113,10 @@ def follows(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolA
     beside the PV of any loop: of what it leaves, PV has to explain half.
     """
     left = 1.0 - identify_law(sp, pv, op, usable).explained
-    if sp is None or left > MOST_LEFT:
-        return left <= MOST_LEFT
+    if sp is None or left > _MOST_LEFT:
+        return left <= _MOST_LEFT
     by_sp = identify_law(sp, np.full_like(pv, np.mean(pv)), op, usable).explained
-    return left <= LEFT_BY_PV * (1.0 - by_sp)
+    return left <= _LEFT_BY_PV * (1.0 - by_sp)
 
 
 def fed_back(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: BoolArray) -> bool:
@@ -128,22 +128,22 @@ def fed_back(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: Bool
     1999, chapter 13.
     """
     kept = usable.copy()
-    for k in range(1, PAST + 1):
+    for k in range(1, _PAST + 1):
         kept[k:] &= usable[:-k]
-    at = np.flatnonzero(kept[PAST:]) + PAST
+    at = np.flatnonzero(kept[_PAST:]) + _PAST
     signals = [(op, 1), (pv, 1), *([(sp, 0)] if sp is not None else [])]
-    columns = [(x - np.mean(x))[at - k] / (np.std(x) + 1e-300) for x, first in signals for k in range(first, PAST + 1)]
+    columns = [(x - np.mean(x))[at - k] / (np.std(x) + 1e-300) for x, first in signals for k in range(first, _PAST + 1)]
     basis, both = np.stack([np.ones(len(at)), *columns], axis=1), np.stack([op[at], pv[at]], axis=1)
     if len(at) < 2 * basis.shape[1] or np.ptp(op) <= 0.0 or np.ptp(pv) <= 0.0:
         return False
     numbers = np.linalg.lstsq(basis, both, rcond=None)[0]
     news = both - basis @ numbers
     powers = np.mean(news * news, axis=0)
-    if powers[0] <= PREDICTED * np.var(np.diff(op)) or powers[1] <= 0.0:
+    if powers[0] <= _PREDICTED * np.var(np.diff(op)) or powers[1] <= 0.0:
         return False
     shared = float(np.mean(news[:, 0] * news[:, 1]) / np.sqrt(powers[0] * powers[1]))
     of_op = np.zeros(basis.shape[1])
-    of_op[1 : PAST + 1] = 1.0
+    of_op[1 : _PAST + 1] = 1.0
     spread = float(powers[1] * (of_op @ np.linalg.pinv(basis.T @ basis) @ of_op))
     way = float(numbers[:, 1] @ of_op)
-    return shared * shared >= SHARED and shared * way < 0.0 and way * way > SURE * SURE * spread
+    return shared * shared >= _SHARED and shared * way < 0.0 and way * way > _SURE * _SURE * spread

@@ -7,12 +7,12 @@ from numba import njit
 
 from app.engine.recording import FloatArray
 
-NO_LIMIT = 1e30
-VESSEL_STEPS = 2
-SWING_STEPS = 4
-TORRICELLI = 0.5  # the exponent of a level by which a vessel empties through an opening
-FAR_APART = 700.0  # exponents of two lags: the exponential of more is soon no number
-HALVED, TAYLOR_TERMS = 2, 14  # a matrix of 1/4 at most, whose 14th power over 14! is less than a rounding error
+_NO_LIMIT = 1e30
+_VESSEL_STEPS = 2
+_SWING_STEPS = 4
+_TORRICELLI = 0.5  # the exponent of a level by which a vessel empties through an opening
+_FAR_APART = 700.0  # exponents of two lags: the exponential of more is soon no number
+_HALVED, _TAYLOR_TERMS = 2, 14  # a matrix of 1/4 at most, whose 14th power over 14! is less than a rounding error
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Plant:
     tau2: float = 0.0
     leak: float = 1.0
     tau3: float = 0.0
-    high: float = NO_LIMIT
-    low: float = -NO_LIMIT
+    high: float = _NO_LIMIT
+    low: float = -_NO_LIMIT
     head: float = 0.0
     zero: float = 0.0
     damping: float = 0.0
     speed0: float = 0.0
-    exponent: float = TORRICELLI
+    exponent: float = _TORRICELLI
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ class Plant:
     @property
     def linear(self) -> bool:
         """Whether it has neither limits nor an outflow law."""
-        return self.head <= 0.0 and self.high >= NO_LIMIT and self.low <= -NO_LIMIT
+        return self.head <= 0.0 and self.high >= _NO_LIMIT and self.low <= -_NO_LIMIT
 
     def row(self) -> FloatArray:
         """The plant as the kernel reads it."""
@@ -118,7 +118,7 @@ def _outflow(x: float, head: float, exponent: float) -> float:
     if head <= 0.0:
         return x
     level = max(1.0 + x / head, 0.0)
-    power = np.sqrt(level) if exponent == TORRICELLI else level**exponent
+    power = np.sqrt(level) if exponent == _TORRICELLI else level**exponent
     return head / exponent * (power - 1.0)
 
 
@@ -126,7 +126,7 @@ def _outflow(x: float, head: float, exponent: float) -> float:
 def _advance(x: float, drive: float, tau: float, leak: float, head: float, exponent: float, step: float) -> float:
     """x after `step` seconds, the drive held: exact for the linear law, linearised where the step begins otherwise."""
     level = max(1.0 + x / head, 1e-4) if head > 0.0 else 1.0
-    rate = leak / (tau * np.sqrt(level)) if exponent == TORRICELLI else leak / tau * level ** (exponent - 1.0)
+    rate = leak / (tau * np.sqrt(level)) if exponent == _TORRICELLI else leak / tau * level ** (exponent - 1.0)
     speed = (drive - leak * _outflow(x, head, exponent)) / tau
     if rate * step < 1e-9:
         return x + speed * step
@@ -158,7 +158,7 @@ def _two_lags(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     stay, further = np.exp(-rate * ts), np.exp(-further_rate * ts)
     apart = (rate - further_rate) * ts
     # (exp(-b) - exp(-a)) / (a - b), in its limit where the two lags are one, or the second is nothing beside the first.
-    if apart < -FAR_APART:
+    if apart < -_FAR_APART:
         share = further_rate * ts * stay / -apart
     else:
         share = further_rate * ts * further * (-np.expm1(-apart) / apart if abs(apart) > 1e-9 else 1.0)
@@ -200,8 +200,8 @@ def _vessel_state(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     y[0] = x
     for t in range(1, len(u)):
         drive = K * u[t - 1] + b
-        for _ in range(VESSEL_STEPS):
-            x = min(max(_advance(x, drive, tau, leak, head, exponent, ts / VESSEL_STEPS), low), high)
+        for _ in range(_VESSEL_STEPS):
+            x = min(max(_advance(x, drive, tau, leak, head, exponent, ts / _VESSEL_STEPS), low), high)
         y[t] = x
     return y
 
@@ -234,9 +234,9 @@ def _exponential(a: FloatArray) -> FloatArray:
 
     Source: Moler, Van Loan 2003, doi 10.1137/S00361445024180, method 3.
     """
-    halved = max(int(np.ceil(np.log2(np.max(np.abs(a)) + 1e-300))) + HALVED, 0)
+    halved = max(int(np.ceil(np.log2(np.max(np.abs(a)) + 1e-300))) + _HALVED, 0)
     term, whole = np.eye(3), np.eye(3)
-    for k in range(1, TAYLOR_TERMS):
+    for k in range(1, _TAYLOR_TERMS):
         term = term @ a / (k * 2.0**halved)
         whole += term
     for _ in range(halved):
@@ -250,7 +250,7 @@ def _swinging(u: FloatArray, p: FloatArray, ts: float) -> FloatArray:
     each sample, what the law of outflow is off a straight line held over each, otherwise.
     """
     K, tau, _, b, x, _, leak, _, high, low, head, _, damping, speed, exponent = p
-    steps = 1 if head <= 0.0 and high > 1e29 and low < -1e29 else SWING_STEPS
+    steps = 1 if head <= 0.0 and high > 1e29 and low < -1e29 else _SWING_STEPS
     system = np.array([[0.0, 1.0, 0.0], [-leak, -2.0 * damping, 1.0], [0.0, 0.0, 0.0]])
     move = _exponential(system * (ts / (steps * tau)))
     out = np.empty((2, len(u)))

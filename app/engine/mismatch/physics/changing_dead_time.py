@@ -9,73 +9,73 @@ from app.engine.mismatch.physics.process_dynamics import extra_delay
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
-CODE = "process.dead_time"
+_CODE = "process.dead_time"
 
 
-def delays(context: Context) -> FloatArray:
+def _delays(context: Context) -> FloatArray:
     return np.geomspace(context.record.sampling_interval_s, 4.0 * slowness(context), 10)
 
 
-def later(signal: FloatArray, extra_s: FloatArray, context: Context) -> FloatArray:
+def _later(signal: FloatArray, extra_s: FloatArray, context: Context) -> FloatArray:
     """The signal (N,), each sample of it from extra_s (N,) seconds before."""
     time_s = context.time_s
     return np.interp(time_s - extra_s, time_s, signal)
 
 
-def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
+def _sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
     return (moment("start", context), *extra_delay(context))
 
 
-def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
-    return grid(context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 17), delays(context))
+def _sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 17), _delays(context))
 
 
-def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Longer from the start on: what is on its way then has been on it for as long already."""
-    return later(signal, np.where(context.time_s >= values[0], values[1], 0.0), context)
+    return _later(signal, np.where(context.time_s >= values[0], values[1], 0.0), context)
 
 
-def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
+def _seen_on_both_sides(values: FloatArray, context: Context) -> bool:
     """Whether OP moves so much before the moment and after it that the longer dead time would show in both."""
     op = context.record.op_deviation
     shows = (delay(op, values[1], context.record.sampling_interval_s) - op) ** 2
     return amid(float(values[0]), shows, context)
 
 
-def grows_starts(context: Context, _: FloatArray) -> FloatArray:
-    return delays(context)[:, None]
+def _grows_starts(context: Context, _: FloatArray) -> FloatArray:
+    return _delays(context)[:, None]
 
 
-def grows(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _grows(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Longer and longer, from nothing at the record's start."""
-    return later(signal, values[0] * np.minimum(context.time_s / context.record.reference_duration_s, 1.0), context)
+    return _later(signal, values[0] * np.minimum(context.time_s / context.record.reference_duration_s, 1.0), context)
 
 
 BLOCKS = (
     Block(
-        CODE,
+        _CODE,
         "process",
         "input",
         "after a time",
-        sets_in_parameters,
-        sets_in_starts,
-        apply=sets_in,
+        _sets_in_parameters,
+        _sets_in_starts,
+        apply=_sets_in,
         active=since,
         affine=True,
         form="sets_in",
         penalty=17.0,
         rough=True,
         abrupt=True,
-        sensible=seen_on_both_sides,
+        sensible=_seen_on_both_sides,
     ),
     Block(
-        CODE,
+        _CODE,
         "process",
         "input",
         "longer and longer",
         extra_delay,
-        grows_starts,
-        apply=grows,
+        _grows_starts,
+        apply=_grows,
         affine=True,
         form="grows",
         penalty=15.0,

@@ -8,7 +8,7 @@ from numba import njit
 from app.engine.mismatch.loop.block import Context
 from app.engine.recording import BoolArray, FloatArray
 
-STRAIGHT = 40.0  # so many widths from the corner nothing of it is left: exp(-40) is less than rounding
+_STRAIGHT = 40.0  # so many widths from the corner nothing of it is left: exp(-40) is less than rounding
 
 
 def limited_at(sign: float) -> Callable[[FloatArray, FloatArray, Context], FloatArray]:
@@ -43,6 +43,6 @@ def _rounded(signal: FloatArray, limit: float, width: float, sign: float) -> Flo
     out = np.empty(len(signal))
     for t in range(len(signal)):
         under = sign * (limit - signal[t]) / width
-        corner = np.log1p(np.exp(-abs(under))) if abs(under) < STRAIGHT else 0.0
+        corner = np.log1p(np.exp(-abs(under))) if abs(under) < _STRAIGHT else 0.0
         out[t] = limit - sign * width * (max(under, 0.0) + corner)
     return out

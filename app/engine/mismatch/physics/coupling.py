@@ -14,9 +14,9 @@ from app.engine.mismatch.loop.plant import delay, lag, run_process
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
-ROUNDING = 1e-12  # of the largest value
-PASSING, ENTERING = ", passing", ", entering"
-LEAST_OF_OP = 0.1  # of what passes
+_ROUNDING = 1e-12  # of the largest value
+_PASSING, _ENTERING = ", passing", ", entering"
+_LEAST_OF_OP = 0.1  # of what passes
 
 
 def condition_of(name: str) -> str:
@@ -24,14 +24,14 @@ def condition_of(name: str) -> str:
     return f"when {name} moves"
 
 
-def arriving(name: str, middle: float, values: FloatArray, context: Context) -> FloatArray:
+def _arriving(name: str, middle: float, values: FloatArray, context: Context) -> FloatArray:
     """What a measured signal adds to PV (N,) through gain, lag and dead time."""
     ts, cause = context.record.sampling_interval_s, dict(context.record.measured)[name] - middle
     return values[0] * lag(delay(cause, values[2], ts), values[1], ts)
 
 
 def _block(name: str, source: FloatArray, middle: float) -> Block:
-    spread = spread_of(source)
+    spread = _spread_of(source)
 
     def parameters(context: Context) -> tuple[Parameter, ...]:
         ts, unit = context.record.sampling_interval_s, context.record.pv_span / spread
@@ -49,7 +49,7 @@ def _block(name: str, source: FloatArray, middle: float) -> Block:
         )
 
     def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-        return signal + arriving(name, middle, values, context)
+        return signal + _arriving(name, middle, values, context)
 
     return Block(
         "disturbance.coupling",
@@ -78,14 +78,14 @@ def _passing(lasting: Block, name: str, middle: float, form: str) -> Block:
         return grid(np.zeros(1), lags, delays, slow * np.array([0.5, 1.5, 5.0]))
 
     def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-        added = arriving(name, middle, values, context)
+        added = _arriving(name, middle, values, context)
         return signal + added - lag(added, values[3], context.record.sampling_interval_s)
 
     def beside_op(values: FloatArray, context: Context) -> bool:
         """What passes beside an OP that moves nothing is how a whole loop answers what lasts."""
         answered = run_process(context.record.op_deviation, context.plant, context.record.sampling_interval_s)
         passes = apply(np.zeros_like(answered), values, context)
-        return bool(np.std(answered) > LEAST_OF_OP * np.std(passes))
+        return bool(np.std(answered) > _LEAST_OF_OP * np.std(passes))
 
     return replace(
         lasting, parameters=parameters, starts=starts, apply=apply, form=form, sensible=beside_op, penalty=18.0
@@ -103,14 +103,14 @@ def _entering(lasting: Block, name: str, middle: float, form: str, spread: float
     def apply(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
         """What enters is not late by the dead time of OP."""
         ts, plant = context.record.sampling_interval_s, context.plant
-        arrived = arriving(name, middle, values, context)
+        arrived = _arriving(name, middle, values, context)
         at = np.arange(len(arrived)) + plant.theta / ts
         return signal + plant.tau / plant.K * np.interp(at, np.arange(len(arrived)), arrived)
 
-    return replace(lasting, stage="load", parameters=parameters, apply=apply, form=form, suits=integrates)
+    return replace(lasting, stage="load", parameters=parameters, apply=apply, form=form, suits=_integrates)
 
 
-def integrates(context: Context) -> bool:
+def _integrates(context: Context) -> bool:
     return context.plant.leak == 0.0
 
 
@@ -118,19 +118,19 @@ def blocks(record: Experiment) -> tuple[Block, ...]:
     """The coupling blocks of each measured signal that moves at all, or is told of from where it stood in another
     record.
     """
-    return tuple(form for forms in forms_by_signal(record).values() for form in forms)
+    return tuple(form for forms in _forms_by_signal(record).values() for form in forms)
 
 
 def of_causes(record: Experiment) -> tuple[Block, ...]:
     """The coupling blocks of each measured signal that may move PV: none for what follows OP or PV."""
     causes = {name for name, signal in record.measured if moves(signal) and causes_pv(signal, record)}
-    return tuple(form for name, forms in forms_by_signal(record).items() if name in causes for form in forms)
+    return tuple(form for name, forms in _forms_by_signal(record).items() if name in causes for form in forms)
 
 
-def forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
+def _forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
     """Of each signal the form that lasts, the one that passes and the one that enters a process that integrates."""
     middles, elsewhere = dict(record.middles), record.reference_middles is not None
-    passing, entering = (unlike(middles, ending) for ending in (PASSING, ENTERING))
+    passing, entering = (_unlike(middles, ending) for ending in (_PASSING, _ENTERING))
     found: dict[str, tuple[Block, ...]] = {}
     for name, signal in record.measured:
         if name in middles and (elsewhere or moves(signal)):
@@ -138,12 +138,12 @@ def forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
             found[name] = (
                 lasting,
                 _passing(lasting, name, middles[name], f"{name}{passing}"),
-                _entering(lasting, name, middles[name], f"{name}{entering}", spread_of(signal)),
+                _entering(lasting, name, middles[name], f"{name}{entering}", _spread_of(signal)),
             )
     return found
 
 
-def unlike(names: Iterable[str], ending: str) -> str:
+def _unlike(names: Iterable[str], ending: str) -> str:
     """What no name ends with, so that no form has the name of another signal."""
     told = ending
     while any(name.endswith(told) for name in names):
@@ -151,11 +151,11 @@ def unlike(names: Iterable[str], ending: str) -> str:
     return told
 
 
-def spread_of(signal: FloatArray) -> float:
+def _spread_of(signal: FloatArray) -> float:
     """Standard deviation; 1 of a cause that stands, which moves PV by where it stands."""
     return float(np.std(signal)) or 1.0
 
 
 def moves(signal: FloatArray) -> bool:
     """Whether a signal (N,) does more than rounding."""
-    return bool(np.std(signal) > ROUNDING * np.max(np.abs(signal)))
+    return bool(np.std(signal) > _ROUNDING * np.max(np.abs(signal)))

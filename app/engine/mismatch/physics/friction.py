@@ -17,10 +17,10 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.loop.plant import Plant, delay, lag
 from app.engine.recording import BoolArray, FloatArray
 
-STEPS = 4
-LIGHT = 0.02
-AT_REST = 0.02
-LEAST_OF_FORCE = 0.25
+_STEPS = 4
+_LIGHT = 0.02
+_AT_REST = 0.02
+_LEAST_OF_FORCE = 0.25
 
 
 @njit(cache=True, nogil=True)
@@ -49,11 +49,11 @@ def _place(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
     K, b, spring = drive
     x, speed, dry, damping, mass = numbers
     y = np.empty(len(u))
-    h = ts / STEPS
+    h = ts / _STEPS
     stay = np.exp(-damping * h / mass)
     y[0] = x
     for t in range(1, len(u)):
-        for _ in range(STEPS):
+        for _ in range(_STEPS):
             # The spring as it is half a step on: taken where the mass was, it pushes the mass and hides its damping.
             pull = spring * (x + 0.5 * h * speed)
             after = _speed_after(speed, K * u[t - 1] + b - pull, dry, damping, stay)
@@ -70,37 +70,37 @@ def _speed(u: FloatArray, drive: FloatArray, numbers: FloatArray, ts: float) -> 
     x, dry, damping, tau = numbers
     y = np.empty(len(u))
     speed = x - rest
-    stay = np.exp(-damping * ts / STEPS / tau)
+    stay = np.exp(-damping * ts / _STEPS / tau)
     y[0] = x
     for t in range(1, len(u)):
-        for _ in range(STEPS):
+        for _ in range(_STEPS):
             speed = _speed_after(speed, K * u[t - 1] + b - rest, dry, damping, stay)
         y[t] = rest + speed
     return y
 
 
-def has_one_lag(plant: Plant) -> bool:
+def _has_one_lag(plant: Plant) -> bool:
     """Whether PV of a plant is a speed: it neither integrates nor swings nor has a second lag."""
     return plant.leak > 0.0 and plant.tau2 <= 0.0 and plant.damping == 0.0
 
 
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) of the mass, behind the further lags that another block may have given the plant."""
-    further = further_lag(plant, context)
+    further = _further_lag(plant, context)
     own = plant.changed(tau2=plant.tau2 - further)
-    return behind(moved(v, own, values, context), further, plant.tau3, context.record.sampling_interval_s)
+    return behind(_moved(v, own, values, context), further, plant.tau3, context.record.sampling_interval_s)
 
 
-def further_lag(plant: Plant, context: Context) -> float:
+def _further_lag(plant: Plant, context: Context) -> float:
     """The second lag, s, that another block gave a plant that has one: it makes no spring of a speed."""
-    return plant.tau2 if one_lag(context) else 0.0
+    return plant.tau2 if _one_lag(context) else 0.0
 
 
 def behind(pv: FloatArray, lag_s: float, last_s: float, ts: float) -> FloatArray:
     return lag(lag(pv, lag_s, ts), last_s, ts)
 
 
-def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+def _moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) as deviation, of the mass that v (N,) drives `theta` later, by the equations above for the plant's lags.
 
     v: unit of OP, as deviation. values: dry friction F in the unit of the drive K v, and the share c by which viscous
@@ -109,7 +109,7 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
     ts = context.record.sampling_interval_s
     u = delay(v, plant.theta, ts)
     dry, more = float(values[0]), 1.0 + float(values[1])
-    if has_one_lag(plant):
+    if _has_one_lag(plant):
         drive = np.array([plant.K, plant.b, -context.record.pv_mid])
         return _speed(u, drive, np.array([plant.x0, dry, more, plant.tau]), ts)
     drive = np.array([plant.K, plant.b, plant.leak])
@@ -117,8 +117,8 @@ def moved(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> 
         slowed = more * 2.0 * plant.damping * plant.tau
         return _place(u, drive, np.array([plant.x0, plant.speed0 / plant.tau, dry, slowed, plant.tau**2]), ts)
     if plant.leak == 0.0:
-        return _place(u, drive, np.array([plant.x0, 0.0, dry, more, max(plant.tau2, LIGHT * ts)]), ts)
-    second = max(plant.tau2, LIGHT * ts)
+        return _place(u, drive, np.array([plant.x0, 0.0, dry, more, max(plant.tau2, _LIGHT * ts)]), ts)
+    second = max(plant.tau2, _LIGHT * ts)
     return _place(u, drive, np.array([plant.x0, 0.0, dry, more * (plant.tau + second), plant.tau * second]), ts)
 
 
@@ -138,39 +138,39 @@ def _sprung(force: FloatArray, x: float, dry: float, tau: float, ts: float) -> F
 
 def before_a_lag(v: FloatArray, plant: Plant, dry: float, own: float, further: float, ts: float) -> FloatArray:
     """PV (N,) behind a further lag, and before it what has the friction, with a time constant of its own; s."""
-    return behind(_sprung(drive_of(v, plant, ts), plant.x0, dry, own, ts), further, plant.tau3, ts)
+    return behind(_sprung(_drive_of(v, plant, ts), plant.x0, dry, own, ts), further, plant.tau3, ts)
 
 
-def drive_of(v: FloatArray, plant: Plant, ts: float) -> FloatArray:
+def _drive_of(v: FloatArray, plant: Plant, ts: float) -> FloatArray:
     return plant.K * delay(v, plant.theta, ts) + plant.b
 
 
-def holds(dry: float, own: float, context: Context) -> bool:
+def _holds(dry: float, own: float, context: Context) -> bool:
     """Whether dry friction is a good part of the force on what it holds, root mean square; far below it holds next to
     nothing: that is a further lag.
     """
     ts, plant = context.record.sampling_interval_s, context.plant
-    force = drive_of(context.record.op_deviation, plant, ts)
+    force = _drive_of(context.record.op_deviation, plant, ts)
     left = force - _sprung(force, plant.x0, dry, own, ts)
-    return bool(dry > LEAST_OF_FORCE * np.sqrt(np.mean(left[:-1] ** 2)))
+    return bool(dry > _LEAST_OF_FORCE * np.sqrt(np.mean(left[:-1] ** 2)))
 
 
-def moves_a_mass(context: Context) -> bool:
+def _moves_a_mass(context: Context) -> bool:
     """A place (an integrator, or two lags), or a speed that comes to rest within the record."""
-    if not one_lag(context):
+    if not _one_lag(context):
         return True
     pv, span = context.record.pv, context.record.pv_span
-    return bool(np.min(np.abs(pv)) < 0.05 * span and np.mean(np.abs(pv) < AT_REST * span) > AT_REST)
+    return bool(np.min(np.abs(pv)) < 0.05 * span and np.mean(np.abs(pv) < _AT_REST * span) > _AT_REST)
 
 
-def reach(context: Context) -> float:
+def _reach(context: Context) -> float:
     """How far the drive K u moves, in its unit."""
     return abs(context.plant.K) * context.record.op_span
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
     unit = "PV/s" if context.plant.leak == 0.0 else "PV"
-    most = reach(context)
+    most = _reach(context)
     return (
         Parameter("dry_friction", unit, 0.003 * most, 2.0 * most, most, log=True),
         Parameter("viscous_share", "share of damping", -0.5, 3.0, 1.0),
@@ -178,45 +178,45 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
 
 
 def starts(context: Context, _: FloatArray) -> FloatArray:
-    return grid(reach(context) * np.geomspace(0.01, 0.8, 12), np.zeros(1))
+    return grid(_reach(context) * np.geomspace(0.01, 0.8, 12), np.zeros(1))
 
 
-def at_rest(signal: FloatArray, _: FloatArray, context: Context) -> BoolArray:
+def _at_rest(signal: FloatArray, _: FloatArray, context: Context) -> BoolArray:
     """Where the simulated mass does not move (for a speed: where it is zero)."""
-    if one_lag(context):
+    if _one_lag(context):
         return np.abs(signal + context.record.pv_mid) < 1e-9 * context.record.pv_span
     return np.concatenate(([False], np.abs(np.diff(signal)) < 1e-9 * context.record.pv_span))
 
 
-def two_lags(context: Context) -> bool:
+def _two_lags(context: Context) -> bool:
     return context.plant.leak > 0.0 and context.plant.tau2 > 0.0
 
 
-def one_lag(context: Context) -> bool:
-    return has_one_lag(context.plant)
+def _one_lag(context: Context) -> bool:
+    return _has_one_lag(context.plant)
 
 
-def before_the_lag(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+def _before_the_lag(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) behind the plant's one lag, and before it what has the friction and a time constant of its own."""
     ts, (dry, own) = context.record.sampling_interval_s, values.tolist()
-    return lag(before_a_lag(v, plant, dry, own, plant.tau, ts), further_lag(plant, context), ts)
+    return lag(before_a_lag(v, plant, dry, own, plant.tau, ts), _further_lag(plant, context), ts)
 
 
-def holds_before_the_lag(values: FloatArray, context: Context) -> bool:
-    return holds(float(values[0]), float(values[1]), context)
+def _holds_before_the_lag(values: FloatArray, context: Context) -> bool:
+    return _holds(float(values[0]), float(values[1]), context)
 
 
-def friction_and_time(context: Context) -> tuple[Parameter, ...]:
+def _friction_and_time(context: Context) -> tuple[Parameter, ...]:
     ts, tau = context.record.sampling_interval_s, context.plant.tau
-    return (*dry_friction(context), Parameter("own_lag", "s", 0.1 * ts, max(3.0 * tau, ts), ts, log=True))
+    return (*_dry_friction(context), Parameter("own_lag", "s", 0.1 * ts, max(3.0 * tau, ts), ts, log=True))
 
 
-def sizes_and_times(context: Context, _: FloatArray) -> FloatArray:
+def _sizes_and_times(context: Context, _: FloatArray) -> FloatArray:
     ts, tau = context.record.sampling_interval_s, context.plant.tau
     return grid(starts(context, _)[:, 0], np.array([0.5 * ts, max(0.3 * tau, ts)]))
 
 
-def dry_friction(context: Context) -> tuple[Parameter, ...]:
+def _dry_friction(context: Context) -> tuple[Parameter, ...]:
     return parameters(context)[:1]
 
 
@@ -233,21 +233,21 @@ def _before_a_lag(form: str, slow: bool) -> Block:
         return before_a_lag(v, plant, float(values[0]), own, further, context.record.sampling_interval_s)
 
     def sensible(values: FloatArray, context: Context) -> bool:
-        return holds(float(values[0]), times(context.plant)[0], context)
+        return _holds(float(values[0]), times(context.plant)[0], context)
 
     return Block(
         "process.friction",
         "process",
         "process",
         "at reversals of what is driven",
-        dry_friction,
+        _dry_friction,
         sizes,
         replaces=replaces,
         form=form,
         penalty=17.0,
         rough=True,
         sensible=sensible,
-        suits=two_lags,
+        suits=_two_lags,
     )
 
 
@@ -260,10 +260,10 @@ BLOCKS = (
         parameters,
         starts,
         replaces=run,
-        active=at_rest,
+        active=_at_rest,
         penalty=19.0,
         rough=True,
-        suits=moves_a_mass,
+        suits=_moves_a_mass,
     ),
     _before_a_lag("before-a-lag", slow=True),
     _before_a_lag("before-a-slower-lag", slow=False),
@@ -272,13 +272,13 @@ BLOCKS = (
         "process",
         "process",
         "at reversals of what is driven",
-        friction_and_time,
-        sizes_and_times,
-        replaces=before_the_lag,
+        _friction_and_time,
+        _sizes_and_times,
+        replaces=_before_the_lag,
         form="before-the-lag",
         penalty=19.0,
         rough=True,
-        sensible=holds_before_the_lag,
-        suits=one_lag,
+        sensible=_holds_before_the_lag,
+        suits=_one_lag,
     ),
 )

@@ -10,105 +10,107 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum,
 from app.engine.mismatch.physics.moments import between, jumps_at, moment, ramp, since, stretches
 from app.engine.recording import FloatArray
 
-EDGE = 0.03
-LEAST_PASSING = 0.05
-LEAST_OF_WHOLE, FARTHEST = 0.05, 20.0  # share of gain; of OP's span
+_EDGE = 0.03
+_LEAST_PASSING = 0.05
+_LEAST_OF_WHOLE, _FARTHEST = 0.05, 20.0  # share of gain; of OP's span
 
 
 def change(context: Context) -> Parameter:
     return Parameter("change", "share of gain", -0.9, 3.0, 1.0, linear=True)
 
 
-def reference(context: Context) -> float:
+def _reference(context: Context) -> float:
     """Where the loop stood at the start: what later moves is measured from there."""
     return float(np.mean(context.record.op_deviation[:3]))
 
 
-def scaled(signal: FloatArray, share: FloatArray, context: Context) -> FloatArray:
-    return signal + share * (signal - reference(context))
+def _scaled(signal: FloatArray, share: FloatArray, context: Context) -> FloatArray:
+    return signal + share * (signal - _reference(context))
 
 
-def ramp_parameters(context: Context) -> tuple[Parameter, ...]:
+def _ramp_parameters(context: Context) -> tuple[Parameter, ...]:
     return (moment("start", context), change(context))
 
 
-def ramp_starts(context: Context, _: FloatArray) -> FloatArray:
+def _ramp_starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.duration_s * np.linspace(0.0, 0.85, 18), np.zeros(1))
 
 
-def to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return scaled(signal, values[1] * ramp(context, values[0], context.record.reference_duration_s), context)
+def _to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return _scaled(signal, values[1] * ramp(context, values[0], context.record.reference_duration_s), context)
 
 
-def step_starts(context: Context, _: FloatArray) -> FloatArray:
+def _step_starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.duration_s * np.linspace(0.05, 0.92, 30), np.zeros(1))
 
 
-def stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return scaled(signal, values[1] * ramp(context, values[0], values[0]), context)
+def _stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return _scaled(signal, values[1] * ramp(context, values[0], values[0]), context)
 
 
-def held_parameters(context: Context) -> tuple[Parameter, ...]:
+def _held_parameters(context: Context) -> tuple[Parameter, ...]:
     return (moment("start", context), moment("end", context), change(context))
 
 
-def held_starts(context: Context, _: FloatArray) -> FloatArray:
+def _held_starts(context: Context, _: FloatArray) -> FloatArray:
     return stretches(context.record.duration_s * np.linspace(0.0, 1.0, 9))
 
 
 def held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return scaled(signal, values[2] * ramp(context, values[0], values[1]), context)
+    return _scaled(signal, values[2] * ramp(context, values[0], values[1]), context)
 
 
 def passing(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     begin, end, share = values
-    return scaled(signal, share * (ramp(context, begin, begin) - ramp(context, end, end)), context)
+    return _scaled(signal, share * (ramp(context, begin, begin) - ramp(context, end, end)), context)
 
 
-def passing_starts(context: Context, _: FloatArray) -> FloatArray:
+def _passing_starts(context: Context, _: FloatArray) -> FloatArray:
     return stretches(context.record.duration_s * np.linspace(0.04, 0.96, 24), 2)
 
 
-def comes_and_goes(values: FloatArray, context: Context) -> bool:
+def _comes_and_goes(values: FloatArray, context: Context) -> bool:
     """Another gain for a while, that begins and ends within the record; one that does not is a step."""
     duration = context.record.duration_s
     begin, end = values[:2].tolist()
-    return bool(begin >= EDGE * duration and end <= (1.0 - EDGE) * duration and end - begin >= LEAST_PASSING * duration)
+    return bool(
+        begin >= _EDGE * duration and end <= (1.0 - _EDGE) * duration and end - begin >= _LEAST_PASSING * duration
+    )
 
 
-def seen_before_and_after(values: FloatArray, context: Context) -> bool:
+def _seen_before_and_after(values: FloatArray, context: Context) -> bool:
     """A gain that is another one from the start on, or over no time at all, has not drifted. values: the start, and
     where a third is there the end of the change.
     """
     last = values[1] if len(values) > 2 else values[0]
     duration = context.record.duration_s
-    return bool(last >= EDGE * duration and values[0] <= (1.0 - EDGE) * duration)
+    return bool(last >= _EDGE * duration and values[0] <= (1.0 - _EDGE) * duration)
 
 
-def whole_parameters(context: Context) -> tuple[Parameter, ...]:
+def _whole_parameters(context: Context) -> tuple[Parameter, ...]:
     """shift: by how much the working point's own worth changes: its distance from where nothing flows, which no record
     of OP shows, times the change.
     """
     span = context.record.op_span
-    return (*ramp_parameters(context), Parameter("shift", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
+    return (*_ramp_parameters(context), Parameter("shift", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
 
 
-def whole_starts(context: Context, _: FloatArray) -> FloatArray:
+def _whole_starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.duration_s * np.linspace(0.0, 0.85, 14), np.zeros(1), np.zeros(1))
 
 
-def whole_step_starts(context: Context, _: FloatArray) -> FloatArray:
+def _whole_step_starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.duration_s * np.linspace(0.05, 0.92, 24), np.zeros(1), np.zeros(1))
 
 
-def whole_to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _whole_to_the_end(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     share = ramp(context, values[0], context.record.reference_duration_s)
-    return scaled(signal, values[1] * share, context) + values[2] * share
+    return _scaled(signal, values[1] * share, context) + values[2] * share
 
 
-def whole_stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _whole_stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     share = ramp(context, values[0], values[0])
-    return scaled(signal, values[1] * share, context) + values[2] * share
+    return _scaled(signal, values[1] * share, context) + values[2] * share
 
 
 def flows_one_way(values: FloatArray, context: Context) -> bool:
@@ -116,45 +118,45 @@ def flows_one_way(values: FloatArray, context: Context) -> bool:
     any OP is: a load that steps is a hardly other gain of what flows from very far.
     """
     change, shift = values[1:].tolist()
-    if abs(change) < LEAST_OF_WHOLE or abs(shift) > FARTHEST * context.record.op_span * abs(change):
+    if abs(change) < _LEAST_OF_WHOLE or abs(shift) > _FARTHEST * context.record.op_span * abs(change):
         return False
-    nothing, op = reference(context) - shift / change, context.record.op_deviation
+    nothing, op = _reference(context) - shift / change, context.record.op_deviation
     return not float(np.min(op)) < nothing < float(np.max(op))
 
 
-def steps_one_way(values: FloatArray, context: Context) -> bool:
-    return seen_before_and_after(values[:1], context) and flows_one_way(values, context)
+def _steps_one_way(values: FloatArray, context: Context) -> bool:
+    return _seen_before_and_after(values[:1], context) and flows_one_way(values, context)
 
 
-CODE, WHEN = "process.gain_drift", "after a time"
-RAMPED = Block(
-    CODE,
+_CODE, _WHEN = "process.gain_drift", "after a time"
+_RAMPED = Block(
+    _CODE,
     "process",
     "input",
-    WHEN,
-    ramp_parameters,
-    ramp_starts,
-    apply=to_the_end,
+    _WHEN,
+    _ramp_parameters,
+    _ramp_starts,
+    apply=_to_the_end,
     active=since,
     penalty=15.0,
     frees_gain=True,
     affine=True,
 )
-STEPPED = replace(
-    RAMPED,
-    starts=step_starts,
-    apply=stepped,
+_STEPPED = replace(
+    _RAMPED,
+    starts=_step_starts,
+    apply=_stepped,
     form="step",
-    sensible=seen_before_and_after,
+    sensible=_seen_before_and_after,
     abrupt=True,
     penalty=16.0,
     rough=True,
 )
-WHOLE = replace(
-    RAMPED,
-    parameters=whole_parameters,
-    starts=whole_starts,
-    apply=whole_to_the_end,
+_WHOLE = replace(
+    _RAMPED,
+    parameters=_whole_parameters,
+    starts=_whole_starts,
+    apply=_whole_to_the_end,
     form="whole",
     sensible=flows_one_way,
     strict=True,
@@ -162,41 +164,41 @@ WHOLE = replace(
 )
 
 
-def passings(points: FloatArray, _: Context) -> Sum:
-    return jumps_at(STEPPED, points[:, :2], np.array([1.0, -1.0]))
+def _passings(points: FloatArray, _: Context) -> Sum:
+    return jumps_at(_STEPPED, points[:, :2], np.array([1.0, -1.0]))
 
 
 BLOCKS = (
-    RAMPED,
-    STEPPED,
+    _RAMPED,
+    _STEPPED,
     replace(
-        RAMPED,
-        parameters=held_parameters,
-        starts=held_starts,
+        _RAMPED,
+        parameters=_held_parameters,
+        starts=_held_starts,
         apply=held,
         form="held",
-        sensible=seen_before_and_after,
+        sensible=_seen_before_and_after,
         penalty=17.0,
     ),
     replace(
-        STEPPED,
+        _STEPPED,
         condition="within a time",
-        parameters=held_parameters,
-        starts=passing_starts,
+        parameters=_held_parameters,
+        starts=_passing_starts,
         apply=passing,
-        sum_of=passings,
+        sum_of=_passings,
         active=between,
         form="passing",
-        sensible=comes_and_goes,
+        sensible=_comes_and_goes,
         penalty=20.0,
     ),
-    WHOLE,
+    _WHOLE,
     replace(
-        WHOLE,
-        starts=whole_step_starts,
-        apply=whole_stepped,
+        _WHOLE,
+        starts=_whole_step_starts,
+        apply=_whole_stepped,
         form="whole-step",
-        sensible=steps_one_way,
+        sensible=_steps_one_way,
         abrupt=True,
         penalty=21.0,
         rough=True,
@@ -204,27 +206,27 @@ BLOCKS = (
 )
 
 
-def lasted_parameters(context: Context) -> tuple[Parameter, ...]:
+def _lasted_parameters(context: Context) -> tuple[Parameter, ...]:
     """offset: what the change makes of where the loop stood when it was measured, and of the working point's worth."""
     span = context.record.op_span
     return (change(context), Parameter("offset", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
 
 
-def lasted(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+def _lasted(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return signal + values[0] * signal + values[1]
 
 
-LASTED = Block(CODE, "process", "input", WHEN, lasted_parameters, no_scan, apply=lasted, form="lasted", affine=True)
+LASTED = Block(_CODE, "process", "input", _WHEN, _lasted_parameters, no_scan, apply=_lasted, form="lasted", affine=True)
 """A gain that has drifted before the record begins: in none that it is looked for, because a linear refit has it."""
-ENDS = {"": (1, 2), "step": (1, 2), "held": (2, 3), "whole": (1, 3), "whole-step": (1, 3)}
+_ENDS = {"": (1, 2), "step": (1, 2), "held": (2, 3), "whole": (1, 3), "whole-step": (1, 3)}
 """Which of the values of a form are its change, and what moves the working point with it."""
 
 
 def as_it_ended(part: Part, context: Context) -> Part:
     """A drift of the context's record as it is in a later one; any other part, and what came and went, as it is."""
-    if part.block.code != CODE or part.block.form not in ENDS:
+    if part.block.code != _CODE or part.block.form not in _ENDS:
         return part
-    first, end = ENDS[part.block.form]
+    first, end = _ENDS[part.block.form]
     size, *shift = part.values[first:end].tolist()
-    offset = sum(shift) - size * reference(context)
+    offset = sum(shift) - size * _reference(context)
     return Part(LASTED, np.array([size, offset]))

@@ -9,19 +9,19 @@ from app.engine.recording import FloatArray
 
 CODE = "unnamed"
 SPEEDS = (0.3, 1.0, 3.0, 10.0)
-POWERS = (2, 3, 4)
+_POWERS = (2, 3, 4)
 
 
-def dynamic_parameters(context: Context) -> tuple[Parameter, ...]:
+def _dynamic_parameters(context: Context) -> tuple[Parameter, ...]:
     most = 20.0 * context.record.pv_span
     scale = 0.1 * context.record.pv_span
     return tuple(Parameter(f"lag_{speed:g}", "PV", -most, most, scale, linear=True) for speed in SPEEDS)
 
 
-def static_parameters(context: Context) -> tuple[Parameter, ...]:
+def _static_parameters(context: Context) -> tuple[Parameter, ...]:
     most = 20.0 * context.record.pv_span
     scale = 0.1 * context.record.pv_span
-    return tuple(Parameter(f"power_{power}", "PV", -most, most, scale, linear=True) for power in POWERS)
+    return tuple(Parameter(f"power_{power}", "PV", -most, most, scale, linear=True) for power in _POWERS)
 
 
 def zeros(count: int) -> FloatArray:
@@ -51,7 +51,9 @@ def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
 def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Powers of OP behind the process lag: whatever curve it lacks; one delay and one lag pass them all."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
-    curve: FloatArray = np.polynomial.polynomial.polyval(u, np.concatenate((np.zeros(POWERS[0]), values))).astype(float)
+    curve: FloatArray = np.polynomial.polynomial.polyval(u, np.concatenate((np.zeros(_POWERS[0]), values))).astype(
+        float
+    )
     return signal + lag(acting(curve, context), slowness(context), ts)
 
 
@@ -60,22 +62,22 @@ DYNAMIC = Block(
     "process",
     "output",
     "while OP moves: dynamic, additive, with memory",
-    dynamic_parameters,
+    _dynamic_parameters,
     lambda _, __: zeros(len(SPEEDS)),
     apply=dynamic,
     form="dynamic",
     penalty=42.0,
 )
-STATIC = Block(
+_STATIC = Block(
     CODE,
     "process",
     "output",
     "at another operating point: static, behind the lag",
-    static_parameters,
-    lambda _, __: zeros(len(POWERS)),
+    _static_parameters,
+    lambda _, __: zeros(len(_POWERS)),
     apply=static,
     form="static",
     penalty=42.0,
     frees_gain=True,
 )
-BLOCKS = (DYNAMIC, STATIC)
+BLOCKS = (DYNAMIC, _STATIC)

@@ -6,7 +6,7 @@ from numba import njit
 from app.engine.mismatch.loop.block import Block, Context, Parameter, Part, Sum
 from app.engine.recording import BoolArray, FloatArray
 
-MOST_OF_START = 0.1
+_MOST_OF_START = 0.1
 EDGE = 0.1  # of the record, and of what shows in it what sets in: so much before that moment, and after
 
 
@@ -80,7 +80,7 @@ def inside(at_s: float, context: Context) -> bool:
     record, plant = context.record, context.plant
     margin = 8.0 * record.sampling_interval_s
     shows = plant.theta + plant.tau2 + (plant.tau if plant.leak > 0.0 else 0.0)
-    begun = max(margin, min(shows, MOST_OF_START * record.duration_s))
+    begun = max(margin, min(shows, _MOST_OF_START * record.duration_s))
     return begun <= at_s <= record.duration_s - margin
 
 

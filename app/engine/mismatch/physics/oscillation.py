@@ -14,20 +14,20 @@ from app.engine.mismatch.physics.moments import between, moment
 from app.engine.mismatch.physics.scales import size
 from app.engine.recording import FloatArray
 
-PERIODS_TRIED = 3
-PERIOD_STEP = 1e-6  # of its logarithm: a wave of thousands of turns is a hundredth of one off by then
-ODD = (3, 5)
-WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 15))
-COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1, 6))
+_PERIODS_TRIED = 3
+_PERIOD_STEP = 1e-6  # of its logarithm: a wave of thousands of turns is a hundredth of one off by then
+_ODD = (3, 5)
+_WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 15))
+_COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1, 6))
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
     ts, duration = context.record.sampling_interval_s, context.record.duration_s
-    period = Parameter("period", "s", 2.5 * ts, 0.6 * duration, 10.0 * ts, log=True, step=PERIOD_STEP)
+    period = Parameter("period", "s", 2.5 * ts, 0.6 * duration, 10.0 * ts, log=True, step=_PERIOD_STEP)
     return (moment("start", context), moment("end", context), period, size(context, "sine"), size(context, "cosine"))
 
 
-def likely_periods(context: Context, innovations: FloatArray) -> FloatArray:
+def _likely_periods(context: Context, innovations: FloatArray) -> FloatArray:
     """The periods at which the whitened residual is strongest, over the record or over a third of it."""
     n, ts = len(innovations), context.record.sampling_interval_s
     found: list[float] = []
@@ -42,21 +42,26 @@ def likely_periods(context: Context, innovations: FloatArray) -> FloatArray:
     for _, period in sorted(strengths, reverse=True):
         if all(abs(np.log(period / other)) > 0.06 for other in found):
             found.append(period)
-    return np.array(found[:PERIODS_TRIED])
+    return np.array(found[:_PERIODS_TRIED])
 
 
 def starts(context: Context, innovations: FloatArray) -> FloatArray:
     duration = context.record.duration_s
-    periods = likely_periods(context, innovations)
+    periods = _likely_periods(context, innovations)
     return np.array(
-        [(a * duration, b * duration, p, 0.0, 0.0) for p in periods for a, b in WINDOWS if (b - a) * duration > 1.5 * p]
+        [
+            (a * duration, b * duration, p, 0.0, 0.0)
+            for p in periods
+            for a, b in _WINDOWS
+            if (b - a) * duration > 1.5 * p
+        ]
     )
 
 
 def wave(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """A signal (N,) with a wave: begin, end, period (s), and the sizes of sine and cosine of each odd harmonic."""
     begin, end, period = values[:3].tolist()
-    inside, a_second = samples_between(context, begin, end), 2.0 * np.pi / period
+    inside, a_second = _samples_between(context, begin, end), 2.0 * np.pi / period
     out, ts = signal.copy(), context.record.sampling_interval_s
     _add_harmonics(out[inside], a_second * ts * inside.start, a_second * ts, values[3:])
     return out
@@ -80,30 +85,30 @@ def _add_harmonics(out: FloatArray, phase: float, turn: float, sizes: FloatArray
         sine, cosine = sine * step_cosine + cosine * step_sine, cosine * step_cosine - sine * step_sine
 
 
-def samples_between(context: Context, begin_s: float, end_s: float) -> slice:
+def _samples_between(context: Context, begin_s: float, end_s: float) -> slice:
     """The samples from begin_s up to, not at, end_s."""
     return slice(*np.searchsorted(context.time_s, (begin_s, end_s)).tolist())
 
 
-def shaped_parameters(context: Context) -> tuple[Parameter, ...]:
-    more = tuple(size(context, f"{name}_{order}") for order in ODD for name in ("sine", "cosine"))
+def _shaped_parameters(context: Context) -> tuple[Parameter, ...]:
+    more = tuple(size(context, f"{name}_{order}") for order in _ODD for name in ("sine", "cosine"))
     return (*parameters(context), *more)
 
 
-def shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
+def _shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
     duration = context.record.duration_s
-    rest = (0.0,) * (2 + 2 * len(ODD))
+    rest = (0.0,) * (2 + 2 * len(_ODD))
     return np.array(
         [
             (a * duration, b * duration, p, *rest)
-            for p in likely_periods(context, innovations)
-            for a, b in COARSE_WINDOWS
+            for p in _likely_periods(context, innovations)
+            for a, b in _COARSE_WINDOWS
             if (b - a) * duration > 1.5 * p
         ]
     )
 
 
-def stretches_of(block: Block) -> Callable[[FloatArray, Context], Sum]:
+def _stretches_of(block: Block) -> Callable[[FloatArray, Context], Sum]:
     """Waves between two moments as sums of those between neighbours of all these moments."""
 
     def stretches(points: FloatArray, _: Context) -> Sum:
@@ -118,7 +123,7 @@ def stretches_of(block: Block) -> Callable[[FloatArray, Context], Sum]:
     return stretches
 
 
-def lasts(values: FloatArray, _: Context) -> bool:
+def _lasts(values: FloatArray, _: Context) -> bool:
     """Fewer than three turns are no oscillation."""
     return bool(values[1] - values[0] >= 3.0 * values[2])
 
@@ -135,8 +140,8 @@ WAVE = Block(
     penalty=25.0,
     rough=True,
     finalists=3,
-    sensible=lasts,
+    sensible=_lasts,
     affine=True,
 )
-SHAPED = replace(WAVE, parameters=shaped_parameters, starts=shaped_starts, form="shaped", penalty=32.0, finalists=2)
-BLOCKS = tuple(replace(block, sum_of=stretches_of(block)) for block in (WAVE, SHAPED))
+_SHAPED = replace(WAVE, parameters=_shaped_parameters, starts=_shaped_starts, form="shaped", penalty=32.0, finalists=2)
+BLOCKS = tuple(replace(block, sum_of=_stretches_of(block)) for block in (WAVE, _SHAPED))

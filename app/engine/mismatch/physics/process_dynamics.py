@@ -7,7 +7,7 @@ from app.engine.mismatch.loop.plant import Plant
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
-LEAST_ZERO = 0.1
+_LEAST_ZERO = 0.1
 
 
 def extra_delay(context: Context) -> tuple[Parameter, ...]:
@@ -15,15 +15,15 @@ def extra_delay(context: Context) -> tuple[Parameter, ...]:
     return (Parameter("extra", "s", 0.3 * ts, 6.0 * slowness(context), ts, log=True),)
 
 
-def delays(context: Context, _: FloatArray) -> FloatArray:
+def _delays(context: Context, _: FloatArray) -> FloatArray:
     return np.geomspace(0.5 * context.record.sampling_interval_s, 4.0 * slowness(context), 24)[:, None]
 
 
-def later(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def _later(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(theta=plant.theta + values[0])
 
 
-def lag_time(context: Context) -> tuple[Parameter, ...]:
+def _lag_time(context: Context) -> tuple[Parameter, ...]:
     ts = context.record.sampling_interval_s
     return (Parameter("tau", "s", 0.3 * ts, 10.0 * slowness(context), ts, log=True),)
 
@@ -32,7 +32,7 @@ def lags(context: Context, _: FloatArray) -> FloatArray:
     return np.geomspace(0.5 * context.record.sampling_interval_s, 5.0 * slowness(context), 16)[:, None]
 
 
-def lagged(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def _lagged(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(tau3=float(np.hypot(plant.tau3, values[0])))
 
 
@@ -40,7 +40,7 @@ def nothing(_: Context) -> tuple[Parameter, ...]:
     return ()
 
 
-def only_start(_: Context, __: FloatArray) -> FloatArray:
+def _only_start(_: Context, __: FloatArray) -> FloatArray:
     return np.zeros((1, 0))
 
 
@@ -53,19 +53,19 @@ def integrating(plant: Plant, _: FloatArray, __: Context) -> Plant:
     return plant.changed(leak=0.0)
 
 
-def leak(_: Context) -> tuple[Parameter, ...]:
+def _leak(_: Context) -> tuple[Parameter, ...]:
     return (Parameter("leak", "share", 0.0, 0.4, 1.0),)
 
 
-def leaks(_: Context, __: FloatArray) -> FloatArray:
+def _leaks(_: Context, __: FloatArray) -> FloatArray:
     return np.array([[0.02], [0.1], [0.2]])
 
 
-def leaking(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def _leaking(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(leak=float(values[0]))
 
 
-def zero_and_lag(context: Context) -> tuple[Parameter, ...]:
+def _zero_and_lag(context: Context) -> tuple[Parameter, ...]:
     ts, slow = context.record.sampling_interval_s, slowness(context)
     return (
         Parameter("zero", "s", 0.2 * ts, 10.0 * slow, ts, log=True),
@@ -73,7 +73,7 @@ def zero_and_lag(context: Context) -> tuple[Parameter, ...]:
     )
 
 
-def zeros_and_lags(context: Context, _: FloatArray) -> FloatArray:
+def _zeros_and_lags(context: Context, _: FloatArray) -> FloatArray:
     ts, slow = context.record.sampling_interval_s, slowness(context)
     return grid(np.geomspace(0.5 * ts, 3.0 * slow, 7), np.geomspace(0.2 * ts, 1.5 * slow, 5))
 
@@ -89,26 +89,26 @@ def inverse(plant: Plant, values: FloatArray, context: Context) -> Plant:
     return plant.changed(zero=zero, tau3=float(np.hypot(plant.tau3, behind)))
 
 
-def turns_back(values: FloatArray, context: Context) -> bool:
+def _turns_back(values: FloatArray, context: Context) -> bool:
     """A zero far below the lag beside it, or below the interval, turns nothing back: that is a lag."""
-    return bool(values[0] > max(LEAST_ZERO * values[1], 0.3 * context.record.sampling_interval_s))
+    return bool(values[0] > max(_LEAST_ZERO * values[1], 0.3 * context.record.sampling_interval_s))
 
 
 ALWAYS = "while OP moves"
-EXTRA_LAG = Block("process.extra_lag", "process", "process", ALWAYS, lag_time, lags, alter=lagged, penalty=13.0)
+EXTRA_LAG = Block("process.extra_lag", "process", "process", ALWAYS, _lag_time, lags, alter=_lagged, penalty=13.0)
 INVERSE_RESPONSE = Block(
     "process.inverse_response",
     "process",
     "process",
     ALWAYS,
-    zero_and_lag,
-    zeros_and_lags,
+    _zero_and_lag,
+    _zeros_and_lags,
     alter=inverse,
     penalty=18.0,
-    sensible=turns_back,
+    sensible=_turns_back,
 )
 BLOCKS = (
-    Block("process.dead_time", "process", "process", ALWAYS, extra_delay, delays, alter=later, penalty=13.0),
+    Block("process.dead_time", "process", "process", ALWAYS, extra_delay, _delays, alter=_later, penalty=13.0),
     EXTRA_LAG,
     Block(
         "process.integrating",
@@ -116,7 +116,7 @@ BLOCKS = (
         "process",
         "always",
         nothing,
-        only_start,
+        _only_start,
         alter=integrating,
         penalty=13.0,
         frees_gain=True,
@@ -127,9 +127,9 @@ BLOCKS = (
         "process",
         "process",
         "always",
-        leak,
-        leaks,
-        alter=leaking,
+        _leak,
+        _leaks,
+        alter=_leaking,
         form="leaky",
         penalty=18.0,
         suits=settles,

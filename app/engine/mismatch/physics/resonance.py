@@ -15,18 +15,18 @@ from app.engine.mismatch.physics.process_dynamics import ALWAYS, settles
 from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 
-LEAST_DAMPING, RESONANT = 0.02, 0.7071
+_LEAST_DAMPING, _RESONANT = 0.02, 0.7071
 
 
-def poles(context: Context) -> tuple[Parameter, ...]:
+def _poles(context: Context) -> tuple[Parameter, ...]:
     ts, slow = context.record.sampling_interval_s, slowness(context)
     return (
         Parameter("natural", "s", 0.3 * ts, 5.0 * slow, ts, log=True),
-        Parameter("damping", "ratio", LEAST_DAMPING, 0.99, 0.3, log=True),
+        Parameter("damping", "ratio", _LEAST_DAMPING, 0.99, 0.3, log=True),
     )
 
 
-def pairs_of_poles(context: Context, _: FloatArray) -> FloatArray:
+def _pairs_of_poles(context: Context, _: FloatArray) -> FloatArray:
     ts, slow = context.record.sampling_interval_s, slowness(context)
     return grid(np.geomspace(max(0.1 * slow, 0.5 * ts), 1.5 * slow, 9), np.array([0.12, 0.3, 0.6]))
 
@@ -43,29 +43,29 @@ def swinging(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(tau=tau, damping=damping, tau2=0.0)
 
 
-def settles_without_swinging(context: Context) -> bool:
+def _settles_without_swinging(context: Context) -> bool:
     """A given simulation that swings has its own poles fitted: they are not missing."""
     return settles(context) and context.plant.damping == 0.0
 
 
-def has_two_lags(context: Context) -> bool:
-    return settles_without_swinging(context) and context.plant.tau2 > 0.0
+def _has_two_lags(context: Context) -> bool:
+    return _settles_without_swinging(context) and context.plant.tau2 > 0.0
 
 
-def has_a_resonance(values: FloatArray, _: Context) -> bool:
-    return bool(values[1] < RESONANT)
+def _has_a_resonance(values: FloatArray, _: Context) -> bool:
+    return bool(values[1] < _RESONANT)
 
 
-BEHIND_A_LAG = Block(
+_BEHIND_A_LAG = Block(
     "process.resonance",
     "process",
     "process",
     ALWAYS,
-    poles,
-    pairs_of_poles,
+    _poles,
+    _pairs_of_poles,
     alter=swinging_behind_a_lag,
     penalty=18.0,
-    sensible=has_a_resonance,
-    suits=settles_without_swinging,
+    sensible=_has_a_resonance,
+    suits=_settles_without_swinging,
 )
-BLOCKS = (BEHIND_A_LAG, replace(BEHIND_A_LAG, form="both-lags", alter=swinging, suits=has_two_lags))
+BLOCKS = (_BEHIND_A_LAG, replace(_BEHIND_A_LAG, form="both-lags", alter=swinging, suits=_has_two_lags))

@@ -12,12 +12,12 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter, no_scan
 from app.engine.recording import FloatArray
 
 
-def hold_time(context: Context) -> tuple[Parameter, ...]:
+def _hold_time(context: Context) -> tuple[Parameter, ...]:
     ts = context.record.sampling_interval_s
     return (Parameter("interval", "s", ts, context.record.duration_s, ts),)
 
 
-def sampled_and_held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _sampled_and_held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """The signal (N,) at multiples of the interval from the record's start, each shown until the next."""
     every = max(float(values[0]) / context.record.sampling_interval_s, 1.0)
     taken = np.round(every * np.arange(int((len(signal) - 1) / every) + 1)).astype(np.int64)
@@ -25,5 +25,5 @@ def sampled_and_held(signal: FloatArray, values: FloatArray, context: Context) -
 
 
 SAMPLE_HOLD = Block(
-    "sensor.sample_hold", "sensor", "sensor", "always", hold_time, no_scan, apply=sampled_and_held, form="pattern"
+    "sensor.sample_hold", "sensor", "sensor", "always", _hold_time, no_scan, apply=_sampled_and_held, form="pattern"
 )

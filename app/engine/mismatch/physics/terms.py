@@ -18,8 +18,8 @@ from app.engine.mismatch.physics.scales import slowness
 from app.engine.recording import FloatArray
 from app.engine.valve import two_parameter_he
 
-BANDS = (0.08, 0.2, 0.4)  # shares of a span
-TURN = 2.0
+_BANDS = (0.08, 0.2, 0.4)  # shares of a span
+_TURN = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Drives:
 
 
 @dataclass(frozen=True)
-class Shape:
+class _Shape:
     """One way to answer OP. dynamic: by how fast it moves; multiplicative: as a product of two signals; memory: by what
     was before, beyond what a lag keeps of it; timed: by when in its record it is.
     """
@@ -73,72 +73,76 @@ class Shape:
     timed: bool = False
 
 
-def product(one: str, other: str, speed: float) -> Shape:
+def _product(one: str, other: str, speed: float) -> _Shape:
     """A drive times a lagged one."""
-    return Shape(lambda d: getattr(d, one) * d.late(getattr(d, other), speed), True, True, True)
+    return _Shape(lambda d: getattr(d, one) * d.late(getattr(d, other), speed), True, True, True)
 
 
-def linear(speed: float) -> Shape:
-    return Shape(lambda d: d.late(d.u, speed), dynamic=True, memory=True)
+def _linear(speed: float) -> _Shape:
+    return _Shape(lambda d: d.late(d.u, speed), dynamic=True, memory=True)
 
 
-def by_play(drive: str, band: float) -> Shape:
+def _by_play(drive: str, band: float) -> _Shape:
     """By how much a play (He's model with J = 0) holds a drive back: what it lets through is nearly the drive."""
 
     def held_back(d: Drives) -> FloatArray:
         moved = np.ascontiguousarray(getattr(d, drive))
         return two_parameter_he(moved, np.array([band]), np.zeros(1), moved[:1])[0] - moved
 
-    return Shape(held_back, memory=True)
+    return _Shape(held_back, memory=True)
 
 
-def beyond(level: float) -> Shape:
-    return Shape(lambda d: np.maximum(d.s - level, 0.0))
+def beyond(level: float) -> _Shape:
+    return _Shape(lambda d: np.maximum(d.s - level, 0.0))
 
 
-LINEAR = {f"lag_{speed:g}": linear(speed) for speed in SPEEDS}
-BENT = {
-    "op_2": Shape(lambda d: d.u**2),
-    "op_3": Shape(lambda d: d.u**3),
-    "pv_2": Shape(lambda d: d.s**2),
-    "pv_3": Shape(lambda d: d.s**3),
-    "op_times_pv": Shape(lambda d: d.u * d.s, True, True),
-    **{f"op_times_lag_{speed:g}": product("u", "u", speed) for speed in SPEEDS[1:]},
-    **{f"pv_times_lag_{speed:g}": product("s", "s", speed) for speed in SPEEDS[1:3]},
-    "pv_times_op_lag_3": product("s", "u", 3.0),
-    "pv_speed": Shape(lambda d: np.abs(d.rate), True),
-    "pv_speed_2": Shape(lambda d: d.rate**2, True),
-    "pv_speed_bent": Shape(lambda d: d.rate * np.abs(d.rate), True),
-    "pv_rate_times_pv": Shape(lambda d: d.rate * d.s, True, True),
-    "pv_speed_times_pv": Shape(lambda d: np.abs(d.rate) * d.s, True, True),
-    "pv_direction": Shape(lambda d: np.tanh(TURN * d.rate), True),
-    "pv_direction_times_pv": Shape(lambda d: np.tanh(TURN * d.rate) * d.s, True, True),
-    "op_speed": Shape(lambda d: np.abs(d.push), True),
-    "op_speed_2": Shape(lambda d: d.push**2, True),
-    "op_speed_bent": Shape(lambda d: d.push * np.abs(d.push), True),
-    "op_rate_times_op": Shape(lambda d: d.push * d.u, True, True),
-    "op_speed_times_op": Shape(lambda d: np.abs(d.push) * d.u, True, True),
-    "op_rate_times_pv": Shape(lambda d: d.push * d.s, True, True),
-    "op_times_time": Shape(lambda d: d.u * d.time, False, True, timed=True),
-    "pv_times_time": Shape(lambda d: d.s * d.time, False, True, timed=True),
-    **{f"op_play_{band:g}": by_play("u", band) for band in BANDS},
-    **{f"pv_play_{band:g}": by_play("s", band) for band in BANDS},
+_LINEAR = {f"lag_{speed:g}": _linear(speed) for speed in SPEEDS}
+_BENT = {
+    "op_2": _Shape(lambda d: d.u**2),
+    "op_3": _Shape(lambda d: d.u**3),
+    "pv_2": _Shape(lambda d: d.s**2),
+    "pv_3": _Shape(lambda d: d.s**3),
+    "op_times_pv": _Shape(lambda d: d.u * d.s, True, True),
+    **{f"op_times_lag_{speed:g}": _product("u", "u", speed) for speed in SPEEDS[1:]},
+    **{f"pv_times_lag_{speed:g}": _product("s", "s", speed) for speed in SPEEDS[1:3]},
+    "pv_times_op_lag_3": _product("s", "u", 3.0),
+    "pv_speed": _Shape(lambda d: np.abs(d.rate), True),
+    "pv_speed_2": _Shape(lambda d: d.rate**2, True),
+    "pv_speed_bent": _Shape(lambda d: d.rate * np.abs(d.rate), True),
+    "pv_rate_times_pv": _Shape(lambda d: d.rate * d.s, True, True),
+    "pv_speed_times_pv": _Shape(lambda d: np.abs(d.rate) * d.s, True, True),
+    "pv_direction": _Shape(lambda d: np.tanh(_TURN * d.rate), True),
+    "pv_direction_times_pv": _Shape(lambda d: np.tanh(_TURN * d.rate) * d.s, True, True),
+    "op_speed": _Shape(lambda d: np.abs(d.push), True),
+    "op_speed_2": _Shape(lambda d: d.push**2, True),
+    "op_speed_bent": _Shape(lambda d: d.push * np.abs(d.push), True),
+    "op_rate_times_op": _Shape(lambda d: d.push * d.u, True, True),
+    "op_speed_times_op": _Shape(lambda d: np.abs(d.push) * d.u, True, True),
+    "op_rate_times_pv": _Shape(lambda d: d.push * d.s, True, True),
+    "op_times_time": _Shape(lambda d: d.u * d.time, False, True, timed=True),
+    "pv_times_time": _Shape(lambda d: d.s * d.time, False, True, timed=True),
+    **{f"op_play_{band:g}": _by_play("u", band) for band in _BANDS},
+    **{f"pv_play_{band:g}": _by_play("s", band) for band in _BANDS},
     **{f"pv_beyond_{level:g}": beyond(level) for level in (-0.25, 0.0, 0.25)},
 }
 # What acts before the lag passes that; what an integrator makes of it is lasting.
-LAGS = {"_lagged": 1.0, "_lasting": 8.0}
+_LAGS = {"_lagged": 1.0, "_lasting": 8.0}
 
 
-def behind(shape: Shape, speed: float) -> Shape:
+def behind(shape: _Shape, speed: float) -> _Shape:
     """The same before a lag: what it makes passes that."""
-    return Shape(lambda d: d.late(shape.make(d), speed), shape.dynamic, shape.multiplicative, shape.memory, shape.timed)
+    return _Shape(
+        lambda d: d.late(shape.make(d), speed), shape.dynamic, shape.multiplicative, shape.memory, shape.timed
+    )
 
 
 SHAPES = (
-    LINEAR | BENT | {name + way: behind(shape, speed) for way, speed in LAGS.items() for name, shape in BENT.items()}
+    _LINEAR
+    | _BENT
+    | {name + way: behind(shape, speed) for way, speed in _LAGS.items() for name, shape in _BENT.items()}
 )
 PRICE = 8.5  # nat a term: half the logarithm of the samples for its size, and which of them it is
-FORM = "terms:"
+_FORM = "terms:"
 
 
 def made_of(names: tuple[str, ...]) -> Block:
@@ -162,7 +166,7 @@ def made_of(names: tuple[str, ...]) -> Block:
         parameters,
         lambda _, __: np.zeros((1, len(names))),
         apply=add,
-        form=FORM + "+".join(names),
+        form=_FORM + "+".join(names),
         penalty=PRICE * len(names),
         frees_gain=True,
     )
@@ -173,16 +177,16 @@ def kind_of(names: tuple[str, ...]) -> str:
     shapes, first = [SHAPES[name] for name in names], SHAPES[names[0]]
     speed = "dynamic" if any(shape.dynamic for shape in shapes) else "static"
     way = "multiplicative" if first.multiplicative else "additive"
-    place = "before the lag" if names[0].endswith(tuple(LAGS)) else "behind the lag"
+    place = "before the lag" if names[0].endswith(tuple(_LAGS)) else "behind the lag"
     memory = "with memory" if any(shape.memory for shape in shapes) else "without memory"
     return f"while OP moves: {speed}, {way}, {place}, {memory}"
 
 
 def untimed(part: Part) -> Part | None:
     """A part without those of its terms that are of moments of one record; None where nothing is left of it."""
-    if not part.block.name.startswith(f"{CODE}/{FORM}"):
+    if not part.block.name.startswith(f"{CODE}/{_FORM}"):
         return part
-    names = part.block.form.removeprefix(FORM).split("+")
+    names = part.block.form.removeprefix(_FORM).split("+")
     kept = [k for k, name in enumerate(names) if not SHAPES[name].timed]
     if len(kept) == len(names):
         return part
@@ -191,7 +195,7 @@ def untimed(part: Part) -> Part | None:
 
 def of_name(name: str) -> Block | None:
     """The block of terms with this name; None where it is none."""
-    if not name.startswith(f"{CODE}/{FORM}"):
+    if not name.startswith(f"{CODE}/{_FORM}"):
         return None
-    names = tuple(name.removeprefix(f"{CODE}/{FORM}").split("+"))
+    names = tuple(name.removeprefix(f"{CODE}/{_FORM}").split("+"))
     return made_of(names) if all(known in SHAPES for known in names) else None

@@ -16,7 +16,7 @@ from app.engine.mismatch.physics.scales import depth
 from app.engine.mismatch.physics.vessel import OVERFLOW
 from app.engine.recording import FloatArray
 
-STEPS = 4
+_STEPS = 4
 
 
 @njit(cache=True, nogil=True)
@@ -28,13 +28,13 @@ def _flow(x: float, head: float, linear: float) -> float:
 def _tanks(u: FloatArray, p: FloatArray, values: FloatArray, ts: float) -> FloatArray:
     K, tau, b, tau2, start = p[0], p[1], p[2], p[3], p[4]
     head1, head2, linear1, linear2, first, high, spill, full = values
-    h = ts / STEPS
+    h = ts / _STEPS
     x1, x2 = min(first, high), start
     y = np.empty(len(u))
     y[0] = x2
     for t in range(1, len(u)):
         drive = K * u[t - 1] + b
-        for _ in range(STEPS):
+        for _ in range(_STEPS):
             out = _flow(x1, head1, linear1)
             over = 0.0
             x1 += h / tau * (drive - out)
@@ -49,7 +49,7 @@ def _tanks(u: FloatArray, p: FloatArray, values: FloatArray, ts: float) -> Float
 
 
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
-    """PV (N,) as deviation: the level of the lower tank, by the equations above in STEPS explicit steps a sample.
+    """PV (N,) as deviation: the level of the lower tank, by the equations above in _STEPS explicit steps a sample.
 
     v: (N,) valve position, unit of OP, as deviation. values: (8,) as `parameters` names them: head of both tanks, share
     of their outflow that is linear, start and limit of the upper one, share of its overflow that the lower one gets,

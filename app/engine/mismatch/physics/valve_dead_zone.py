@@ -11,7 +11,7 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.recording import BoolArray, FloatArray
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     span = context.record.op_span
     low, high = np.quantile(context.record.op_deviation, (0.05, 0.95))
     return (
@@ -20,17 +20,17 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
     )
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     centres = np.quantile(context.record.op_deviation, np.linspace(0.12, 0.88, 9))
     return grid(centres, context.record.op_span * np.array([0.06, 0.12, 0.25, 0.45]))
 
 
-def zone(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+def _zone(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     off = signal - values[0]
     return values[0] + np.sign(off) * np.maximum(np.abs(off) - 0.5 * values[1], 0.0)
 
 
-def in_the_zone(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
+def _in_the_zone(signal: FloatArray, values: FloatArray, _: Context) -> BoolArray:
     return np.abs(signal - values[0]) < 0.5 * values[1]
 
 
@@ -40,10 +40,10 @@ BLOCKS = (
         "valve",
         "valve",
         "within a band of OP",
-        parameters,
-        starts,
-        apply=zone,
-        active=in_the_zone,
+        _parameters,
+        _starts,
+        apply=_zone,
+        active=_in_the_zone,
         penalty=19.0,
         frees_gain=True,
     ),

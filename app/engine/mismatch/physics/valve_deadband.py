@@ -12,7 +12,7 @@ from app.engine.mismatch.physics.stem import PENALTY, START, first_position
 from app.engine.recording import FloatArray
 from app.engine.valve import he_stem
 
-MOST_AT_FIRST = 0.7  # of the last band: beyond, it is one band as well
+_MOST_AT_FIRST = 0.7  # of the last band: beyond, it is one band as well
 
 
 def parameters(context: Context) -> tuple[Parameter, ...]:
@@ -31,12 +31,12 @@ def backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return he_stem(np.ascontiguousarray(signal), band, 0.0, start)
 
 
-def grows_parameters(context: Context) -> tuple[Parameter, ...]:
+def _grows_parameters(context: Context) -> tuple[Parameter, ...]:
     """The band at the record's end, the share of it that it began with, and where the stem stood in that."""
-    return (parameters(context)[0], Parameter("share_at_first", "share of band", 0.0, MOST_AT_FIRST), START)
+    return (parameters(context)[0], Parameter("share_at_first", "share of band", 0.0, _MOST_AT_FIRST), START)
 
 
-def grows_starts(context: Context, _: FloatArray) -> FloatArray:
+def _grows_starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.op_span * np.geomspace(0.03, 1.0, 16), np.array([0.0, 0.4]), np.zeros(1))
 
 
@@ -66,13 +66,13 @@ DEADBAND = Block(
     penalty=15.0 + PENALTY,
     rough=True,
 )
-GROWS = replace(
+_GROWS = replace(
     DEADBAND,
     condition="after OP reversals, more and more",
-    parameters=grows_parameters,
-    starts=grows_starts,
+    parameters=_grows_parameters,
+    starts=_grows_starts,
     apply=grows,
     form="grows",
     penalty=17.0 + PENALTY,
 )
-BLOCKS = (DEADBAND, GROWS)
+BLOCKS = (DEADBAND, _GROWS)

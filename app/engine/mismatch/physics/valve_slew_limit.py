@@ -11,10 +11,10 @@ from app.engine.mismatch.loop.block import Block, Context, Parameter, grid
 from app.engine.mismatch.physics.stem import PENALTY, start_of_travel
 from app.engine.recording import FloatArray
 
-STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
-LEAST_UNEVEN, MOST_UNEVEN = 1.01, 10.0  # times as fast to one side as to the other; a quick exhaust opens at once
-UNEVEN_STARTS = (0.8, 1.25)  # how many times as fast down as up
-UNEVEN_PENALTY = 8.0  # nat; two fifths of it are more than 15 stems that are even gained by it (2.9 at most)
+_STILL = 1e-12  # of OP's span: what an OP that stands moves in an interval
+_LEAST_UNEVEN, _MOST_UNEVEN = 1.01, 10.0  # times as fast to one side as to the other; a quick exhaust opens at once
+_UNEVEN_STARTS = (0.8, 1.25)  # how many times as fast down as up
+_UNEVEN_PENALTY = 8.0  # nat; two fifths of it are more than 15 stems that are even gained by it (2.9 at most)
 
 
 @njit(cache=True, nogil=True)
@@ -26,7 +26,7 @@ def _limited(u: FloatArray, up: float, down: float, start: float) -> FloatArray:
     return v
 
 
-def travelled(signal: FloatArray, up: float, down: float, off: FloatArray, context: Context) -> FloatArray:
+def _travelled(signal: FloatArray, up: float, down: float, off: FloatArray, context: Context) -> FloatArray:
     """OP (N,), followed at `up` OP/s upwards and `down` times as fast downwards, from `off` beside it (1,) or (0,)."""
     step = up * context.record.sampling_interval_s
     start = float(signal[0]) + (float(off[0]) if len(off) else 0.0)
@@ -36,7 +36,7 @@ def travelled(signal: FloatArray, up: float, down: float, off: FloatArray, conte
 def rates(context: Context) -> FloatArray:
     """The speeds at which OP moves, from slow to fast, OP/s; never zero."""
     moves = np.abs(np.diff(context.record.op))
-    fast = max(float(np.max(moves)), STILL * context.record.op_span) / context.record.sampling_interval_s
+    fast = max(float(np.max(moves)), _STILL * context.record.op_span) / context.record.sampling_interval_s
     slow = max(0.2 * context.record.op_span / context.record.duration_s, 1e-6 * fast)
     return np.array([min(slow, 0.5 * fast), fast])
 
@@ -51,50 +51,50 @@ def starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(np.geomspace(slow, 0.9 * fast, 50), np.zeros(1))
 
 
-def follow(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return travelled(signal, float(values[0]), 1.0, values[1:], context)
+def _follow(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return _travelled(signal, float(values[0]), 1.0, values[1:], context)
 
 
-EVEN = Block(
+_EVEN = Block(
     "valve.slew_limit",
     "valve",
     "valve",
     "while OP moves fast",
     parameters,
     starts,
-    apply=follow,
+    apply=_follow,
     penalty=15.0 + PENALTY,
     rough=True,
 )
 
 
-def uneven_parameters(context: Context) -> tuple[Parameter, ...]:
+def _uneven_parameters(context: Context) -> tuple[Parameter, ...]:
     rate, start = parameters(context)
-    down = Parameter("down", "of rate_up", 1.0 / MOST_UNEVEN, MOST_UNEVEN, 1.0, log=True)
+    down = Parameter("down", "of rate_up", 1.0 / _MOST_UNEVEN, _MOST_UNEVEN, 1.0, log=True)
     return (replace(rate, name="rate_up"), down, start)
 
 
-def uneven_starts(context: Context, _: FloatArray) -> FloatArray:
+def _uneven_starts(context: Context, _: FloatArray) -> FloatArray:
     slow, fast = rates(context)
-    return grid(np.geomspace(slow, 0.9 * fast, 30), np.array(UNEVEN_STARTS), np.zeros(1))
+    return grid(np.geomspace(slow, 0.9 * fast, 30), np.array(_UNEVEN_STARTS), np.zeros(1))
 
 
-def follow_unevenly(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return travelled(signal, float(values[0]), float(values[1]), values[2:], context)
+def _follow_unevenly(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return _travelled(signal, float(values[0]), float(values[1]), values[2:], context)
 
 
-def is_uneven(values: FloatArray, _: Context) -> bool:
+def _is_uneven(values: FloatArray, _: Context) -> bool:
     """An even stem that is followed closely may run nearer to PV with speeds a hundred-thousandth apart."""
-    return bool(abs(np.log(values[1])) > np.log(LEAST_UNEVEN))
+    return bool(abs(np.log(values[1])) > np.log(_LEAST_UNEVEN))
 
 
 UNEVEN = replace(
-    EVEN,
+    _EVEN,
     form="uneven",
-    parameters=uneven_parameters,
-    starts=uneven_starts,
-    apply=follow_unevenly,
-    penalty=EVEN.penalty + UNEVEN_PENALTY,
-    sensible=is_uneven,
+    parameters=_uneven_parameters,
+    starts=_uneven_starts,
+    apply=_follow_unevenly,
+    penalty=_EVEN.penalty + _UNEVEN_PENALTY,
+    sensible=_is_uneven,
 )
-BLOCKS = (EVEN, UNEVEN)
+BLOCKS = (_EVEN, UNEVEN)

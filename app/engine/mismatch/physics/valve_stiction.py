@@ -67,34 +67,34 @@ def start_slipping_as(start: float, share: float, others: FloatArray, side: floa
     return side * (1.0 - (1.0 - side * start) * (1.0 + share) / (1.0 + others))
 
 
-def he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+def _he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return he_stem(np.ascontiguousarray(signal), *stem(signal, values))
 
 
-def choudhury(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+def _choudhury(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     return choudhury_stem(np.ascontiguousarray(signal), *stem(signal, values))
 
 
-def sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
+def _sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
     """Those of the stem, and from when on it sticks: before, it is where OP is."""
     return (*parameters(context)[:2], moment("start", context))
 
 
-def moments(context: Context) -> FloatArray:
+def _moments(context: Context) -> FloatArray:
     """Those, s, at which a scan lets a stem begin to stick."""
     return context.record.duration_s * np.linspace(EDGE, 1.0 - EDGE, 7)
 
 
-def sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
-    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.5, 0.8]), moments(context))
+def _sets_in_starts(context: Context, _: FloatArray) -> FloatArray:
+    return grid(context.record.op_span * np.geomspace(0.03, 1.0, 8), np.array([0.2, 0.5, 0.8]), _moments(context))
 
 
-def fewer_sizes(context: Context, _: FloatArray) -> FloatArray:
+def _fewer_sizes(context: Context, _: FloatArray) -> FloatArray:
     """One slip and six bands: beside any stem that was found they are looked for closely (`kindred`)."""
-    return grid(context.record.op_span * np.geomspace(0.05, 0.8, 6), np.array([0.5]), moments(context))
+    return grid(context.record.op_span * np.geomspace(0.05, 0.8, 6), np.array([0.5]), _moments(context))
 
 
-def sticking_since(stem_of: Stem, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _sticking_since(stem_of: Stem, signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """The stem follows until it sticks, where it then is."""
     S, share, start_s = values.tolist()
     out, first = signal.copy(), int(np.searchsorted(context.time_s, start_s))
@@ -104,18 +104,18 @@ def sticking_since(stem_of: Stem, signal: FloatArray, values: FloatArray, contex
 
 
 def sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return sticking_since(he_stem, signal, values, context)
+    return _sticking_since(he_stem, signal, values, context)
 
 
-def choudhury_sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return sticking_since(choudhury_stem, signal, values, context)
+def _choudhury_sets_in(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+    return _sticking_since(choudhury_stem, signal, values, context)
 
 
-def sticks_since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
+def _sticks_since(_: FloatArray, values: FloatArray, context: Context) -> BoolArray:
     return context.time_s >= values[2]
 
 
-def seen_on_both_sides(values: FloatArray, context: Context) -> bool:
+def _seen_on_both_sides(values: FloatArray, context: Context) -> bool:
     """Whether OP turns so much before the moment and after it that such a stem would show in both."""
     op = np.ascontiguousarray(context.record.op_deviation)
     shows = (he_stem(op, float(values[0]), float(values[0] * values[1]), float(op[0])) - op) ** 2
@@ -127,17 +127,17 @@ SETS_IN = Block(
     "valve",
     "valve",
     "after OP reversals, from a time on",
-    sets_in_parameters,
-    sets_in_starts,
+    _sets_in_parameters,
+    _sets_in_starts,
     apply=sets_in,
-    active=sticks_since,
+    active=_sticks_since,
     form="sets_in",
     penalty=22.0,
     rough=True,
     finalists=2,
-    sensible=seen_on_both_sides,
+    sensible=_seen_on_both_sides,
 )
-CHOUDHURY_SETS_IN = replace(SETS_IN, starts=fewer_sizes, apply=choudhury_sets_in, form="choudhury_sets_in")
+CHOUDHURY_SETS_IN = replace(SETS_IN, starts=_fewer_sizes, apply=_choudhury_sets_in, form="choudhury_sets_in")
 
 HE, CHOUDHURY = (
     Block(
@@ -153,7 +153,7 @@ HE, CHOUDHURY = (
         rough=True,
         finalists=4,
     )
-    for form, model in (("he", he), ("choudhury", choudhury))
+    for form, model in (("he", _he), ("choudhury", _choudhury))
 )
 
 BLOCKS = (HE, CHOUDHURY, SETS_IN, CHOUDHURY_SETS_IN)

@@ -11,8 +11,8 @@ from app.engine.mismatch.physics.scales import depth
 from app.engine.recording import BoolArray, FloatArray
 
 OVERFLOW = "process.overflow"
-CLEAR = 2.0
-WEIR, NOTCH = 1.5, 2.5
+_CLEAR = 2.0
+_WEIR, _NOTCH = 1.5, 2.5
 
 
 def _level(context: Context, sign: float) -> Parameter:
@@ -28,7 +28,7 @@ def balance_beside(context: Context, sign: float, level: float) -> float:
     """
     record, plant = context.record, context.plant
     ts, pv = record.sampling_interval_s, sign * record.pv_deviation
-    clear = record.usable & (pv < sign * level - CLEAR * float(np.std(np.diff(pv))))
+    clear = record.usable & (pv < sign * level - _CLEAR * float(np.std(np.diff(pv))))
     clear = clear[1:] & clear[:-1]
     if not clear.any():
         return 0.0
@@ -84,25 +84,25 @@ def head(context: Context) -> tuple[Parameter, ...]:
     return (Parameter("head", "PV", 0.6 * lowest, 100.0 * context.record.pv_span, context.record.pv_span, log=True),)
 
 
-def heads(context: Context, _: FloatArray) -> FloatArray:
+def _heads(context: Context, _: FloatArray) -> FloatArray:
     lowest = depth(context)
     return np.geomspace(0.9 * lowest, 12.0 * lowest, 10)[:, None]
 
 
-def outflow(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def _outflow(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(head=float(values[0]))
 
 
-def crest(context: Context) -> tuple[Parameter, ...]:
+def _crest(context: Context) -> tuple[Parameter, ...]:
     """How far the weir's crest is below the working point, and the power of the height above it."""
-    return (*head(context), Parameter("exponent", "1", 1.2, 3.0, WEIR, log=True, deviation=0.4))
+    return (*head(context), Parameter("exponent", "1", 1.2, 3.0, _WEIR, log=True, deviation=0.4))
 
 
-def crests(context: Context, _: FloatArray) -> FloatArray:
-    return grid(np.geomspace(0.9, 6.0, 6) * depth(context), np.array([WEIR, NOTCH]))
+def _crests(context: Context, _: FloatArray) -> FloatArray:
+    return grid(np.geomspace(0.9, 6.0, 6) * depth(context), np.array([_WEIR, _NOTCH]))
 
 
-def over_weir(plant: Plant, values: FloatArray, _: Context) -> Plant:
+def _over_weir(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(head=float(values[0]), exponent=float(values[1]))
 
 
@@ -115,8 +115,8 @@ BLOCKS = (
         "process",
         "at another level",
         head,
-        heads,
-        alter=outflow,
+        _heads,
+        alter=_outflow,
         penalty=14.0,
         frees_gain=True,
     ),
@@ -125,9 +125,9 @@ BLOCKS = (
         "process",
         "process",
         "at another level",
-        crest,
-        crests,
-        alter=over_weir,
+        _crest,
+        _crests,
+        alter=_over_weir,
         form="weir",
         penalty=16.5,
         frees_gain=True,
