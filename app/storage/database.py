@@ -16,6 +16,7 @@ from sqlalchemy.pool import QueuePool
 
 from app.errors import RequestError
 from app.sqlite_files import asks_for_no_writes
+from app.storage import own_session
 from app.storage.own_file import OwnFile
 
 BUSY_TIMEOUT_MS = 30_000
@@ -231,15 +232,16 @@ def _lower(text: str | None) -> str | None:
 def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes: bool) -> Engine:
     from psycopg.types.array import ListBinaryDumper
 
-    options = (
-        f"-c statement_timeout={int(statement_timeout_s * 1000)} -c timezone=UTC"
-        " -c idle_in_transaction_session_timeout=60000"
+    settings = {
+        "statement_timeout": str(int(statement_timeout_s * 1000)),
+        "timezone": "UTC",
+        "idle_in_transaction_session_timeout": "60000",
         # Statements that join many tables were compiled for half a second and ran for a tenth: PostgreSQL decides by
         # what all rows would cost, of which ours look at few.
-        " -c jit=off"
-    )
+        "jit": "off",
+    }
     if not writes:
-        options += " -c default_transaction_read_only=on"
+        settings["default_transaction_read_only"] = "on"
     engine = create_engine(
         url,
         # A reader sees what is committed at each statement, with or without a transaction around it; without one, a
@@ -250,7 +252,6 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         pool_timeout=10,
         pool_pre_ping=True,
         connect_args={
-            "options": options,
             "connect_timeout": 5,
             **LOST_AFTER_30_S,
             "application_name": "loopaudit",
@@ -268,6 +269,7 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:
+        own_session.take(connection, settings)
         # Bytes as text are two digits each, escaped twice in an array: a twentieth of the time without that.
         connection.adapters.register_dumper(list, ListBinaryDumper)
 

@@ -4,9 +4,10 @@ that ends, and with the database's own restart."""
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from sqlalchemy import NullPool, create_engine, func, select
+from sqlalchemy import NullPool, create_engine, event, func, select
 from sqlalchemy.exc import DBAPIError
 
+from app.storage import own_session
 from app.storage.database import parsed
 
 KEY = int.from_bytes(b"loopaudt")  # of all processes of loopaudit on one database
@@ -30,6 +31,7 @@ def present(url: str, *, alone: bool) -> Iterator[bool]:
     )
     told = {"connect_timeout": 5, "application_name": "loopaudit"}
     engine = create_engine(address, poolclass=NullPool, isolation_level="AUTOCOMMIT", connect_args=told)
+    event.listen(engine, "connect", lambda connection, _: own_session.take(connection, {}))
     with engine.connect() as connection:
         held = bool(connection.scalar(select(lock(KEY))))
         try:
