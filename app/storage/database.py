@@ -230,6 +230,7 @@ def _lower(text: str | None) -> str | None:
 
 
 def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes: bool) -> Engine:
+    import psycopg
     from psycopg.types.array import ListBinaryDumper
 
     settings = {
@@ -263,9 +264,11 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
     def as_away(context: ExceptionContext) -> Exception | None:
         told: Any = context.original_exception
         state = getattr(told, "sqlstate", None)
-        if state not in HUNG_UP and not (writes and state == READ_ONLY):
+        # A pooler that lost the server of a session says so after the server did; the driver calls two answers a fault.
+        lost = context.is_disconnect and not isinstance(told, psycopg.OperationalError)
+        if not lost and state not in HUNG_UP and not (writes and state == READ_ONLY):
             return None
-        return OperationalError(context.statement, context.parameters, told)
+        return OperationalError(context.statement, context.parameters, told, connection_invalidated=lost)
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _: Any) -> None:
