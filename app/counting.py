@@ -10,3 +10,7 @@ def counted(count: int, one: str, several: str = "") -> str:
 def counted_times(count: int) -> str:
     """ "once", "3 times"."""
     return "once" if count == 1 else f"{count:,} times"
+
+
+def megabytes(size: float) -> str:
+    return f"{size / 1e6:,.0f} MB".replace(",", " ")

@@ -12,8 +12,8 @@ from celery import shared_task
 from app.errors import RequestError
 from app.queue import AUDIT_CHUNK, DELIVER, EXPLAIN, READ_UPLOAD, SWEEP
 from app.services.auditing import chunks
-from app.services.backend import DATABASE_AWAY, no_room, takes_no_writes
 from app.services.data_folder import folder_away
+from app.services.database_errors import DATABASE_AWAY, no_room, takes_no_writes
 from app.services.digests import deliveries
 from app.services.explaining import working as explaining
 from app.services.intake import reading

@@ -20,7 +20,8 @@ def opened(
     `new`. migrates: whether it is brought to this version's tables; None: where it is the embedded one. Where it is
     not, RequestError("no_tables") or ("older_tables") asks for `loopaudit migrate`; ("database_away") where it is away.
     """
-    from app.services.backend import Backend, away_in_words
+    from app.services.backend import Backend
+    from app.services.database_errors import away_in_words
     from app.services.upkeep.tables import migrate, refuse_missing, refuse_other_tables
 
     settings = settings or load_settings()

@@ -179,7 +179,8 @@ def connections_at_once() -> int:
 def tell_of_keys(settings: "Settings") -> None:
     """Without any key the service runs, and answers nobody; what is missing is said once."""
     from app.services.access.keys import any_active
-    from app.services.backend import DATABASE_AWAY, Backend
+    from app.services.backend import Backend
+    from app.services.database_errors import DATABASE_AWAY
 
     backend = Backend.open(settings)
     try:

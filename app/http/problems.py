@@ -19,8 +19,8 @@ from app.http.parameters import what_is_wrong
 from app.http.permissions import IN_STEPS, SECOND_ONE
 from app.logs import without_keys
 from app.services.access.identity import request_id
-from app.services.backend import DATABASE_AWAY, commit_lost, no_room, takes_no_writes
 from app.services.data_folder import folder_away
+from app.services.database_errors import DATABASE_AWAY, commit_lost, no_room, takes_no_writes
 
 MEDIA_TYPE = "application/problem+json"
 LONGEST_ECHO = 200

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from app.services.backend import DATABASE_AWAY, no_room
+from app.services.database_errors import DATABASE_AWAY, no_room
 
 FIRST_PAUSE_S = 0.1
 LONGEST_PAUSE_S = 5.0

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from app.services.backend import no_connection_left
+from app.services.database_errors import no_connection_left
 
 LANGUAGES = ("de", "es", "fr", "it", "ja", "ka", "ko", "ru", "sv", "uk", "zh_CN", "zh_TW")
 FOUND = sorted(Path("/usr/share/locale").glob("*/LC_MESSAGES/postgres-*.mo"))

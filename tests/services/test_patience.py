@@ -17,7 +17,8 @@ from sqlalchemy.exc import OperationalError
 from app.ingest.tables import spilling
 from app.services import data_folder, patience
 from app.services.auditing import audits, chunks
-from app.services.backend import Backend, no_room
+from app.services.backend import Backend
+from app.services.database_errors import no_room
 from app.services.explaining import explanations, working
 from app.services.intake import reading, uploads
 from app.services.patience import patiently

@@ -17,7 +17,8 @@ from app.services.auditing.ending import end_if_complete
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
 from app.services.auditing.repairs import Window, windows_since_repair
-from app.services.backend import DATABASE_AWAY, Backend, commit_lost, no_room
+from app.services.backend import Backend
+from app.services.database_errors import DATABASE_AWAY, commit_lost, no_room
 from app.services.moments import PlantClock, latest_ns, moment_of
 from app.services.patience import patiently
 from app.storage import audits, items, loops, series, verdict_writing

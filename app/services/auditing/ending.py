@@ -17,7 +17,8 @@ from app.services.audit_json.swings import candidates
 from app.services.auditing import hearing
 from app.services.auditing.hearing import Heard, Said
 from app.services.auditing.unanswered import of_plant, unknown_since
-from app.services.backend import DATABASE_AWAY, Backend
+from app.services.backend import Backend
+from app.services.database_errors import DATABASE_AWAY
 from app.services.moments import PlantClock
 from app.services.patience import patiently
 from app.storage import audits, verdicts

@@ -17,8 +17,9 @@ from app.errors import DataError, LoopauditError
 from app.nanoseconds import NS_PER_S
 from app.services.auditing.limits import TimeLimitError, time_limit
 from app.services.auditing.recordings import origin_ns, recording_of
-from app.services.backend import DATABASE_AWAY, Backend, no_room
+from app.services.backend import Backend
 from app.services.damage import damage_in_words
+from app.services.database_errors import DATABASE_AWAY, no_room
 from app.services.explaining.explanations import newest_samples
 from app.services.explaining.line import explanation_line, location_line
 from app.services.explaining.simulations import comparison_with, kind_of

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from app.counting import megabytes
 from app.errors import DataError, LoopauditError
 from app.ingest import (
     Export,
@@ -27,8 +28,9 @@ from app.ingest import (
     read_export,
 )
 from app.ingest import warm_up as warm_up_ingest
-from app.services.backend import DATABASE_AWAY, Backend, megabytes, no_room
+from app.services.backend import Backend
 from app.services.data_folder import folder_away
+from app.services.database_errors import DATABASE_AWAY, no_room
 from app.services.heartbeat import Heartbeat
 from app.services.intake.places import TagPlace, kept_notes, note_read, places_of, with_kept
 from app.services.intake.uploads import is_seen, path_of

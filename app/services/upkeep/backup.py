@@ -19,7 +19,7 @@ from typing import Any
 from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
-from app.services.backend import DISK_FULL, away_in_words
+from app.services.database_errors import DISK_FULL, away_in_words
 from app.services.intake.uploads import STORED, stored_files
 from app.services.upkeep.draft_folder import BEING_WRITTEN, PART, draft_of, settle
 from app.services.upkeep.presence import alone

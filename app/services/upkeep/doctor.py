@@ -18,8 +18,9 @@ from app.logs import redacted
 from app.services.access import keys
 from app.services.access.rates import shared_refusal
 from app.services.auditing.standing_still import stands_still_s
-from app.services.backend import DATABASE_AWAY, Backend, no_connection_left, no_room, takes_no_writes
+from app.services.backend import Backend
 from app.services.data_folder import if_lost
+from app.services.database_errors import DATABASE_AWAY, no_connection_left, no_room, takes_no_writes
 from app.services.digests import deliveries
 from app.services.digests.webhooks import forbidden_hosts, is_taken_as_it_is
 from app.services.mounts import FSTAB, place_away

@@ -8,8 +8,8 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
 from app.errors import RequestError
-from app.services.backend import DATABASE_AWAY
 from app.services.data_folder import NewFolder
+from app.services.database_errors import DATABASE_AWAY
 from app.settings import Settings
 from app.storage import Database
 from app.storage.presence import present

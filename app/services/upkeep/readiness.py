@@ -2,8 +2,10 @@
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.services.backend import Backend, megabytes, no_connection_left
+from app.counting import megabytes
+from app.services.backend import Backend
 from app.services.data_folder import folder_state, free_bytes
+from app.services.database_errors import no_connection_left
 from app.services.moments import iso_utc
 from app.services.outward import ReadyOut
 from app.storage import schema, uploads

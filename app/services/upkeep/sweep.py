@@ -11,7 +11,8 @@ from app.services.auditing import audits as audit_runs
 from app.services.auditing.calling import call_workers
 from app.services.auditing.ending import end_if_complete
 from app.services.auditing.nightly import announce_explanations, nightly_if_due
-from app.services.backend import DATABASE_AWAY, Backend
+from app.services.backend import Backend
+from app.services.database_errors import DATABASE_AWAY
 from app.services.digests.deliveries import announce_digests
 from app.services.intake.drafts import drafts, is_held
 from app.services.intake.uploads import is_seen

@@ -9,8 +9,8 @@ from pathlib import Path
 from sqlalchemy.exc import OperationalError
 
 from app.errors import RequestError
-from app.services.backend import DATABASE_AWAY, away_in_words
 from app.services.data_folder import NewFolder
+from app.services.database_errors import DATABASE_AWAY, away_in_words
 from app.services.mounts import FSTAB, place_away
 from app.settings import Settings
 from app.sqlite_files import file_of
