@@ -1,10 +1,7 @@
 """Every setting of the service: an environment variable LOOPAUDIT_<NAME> each, with what it means."""
 
-import difflib
 import ipaddress
-import os
 import re
-from collections.abc import Mapping
 from datetime import time
 from functools import cache
 from pathlib import Path
@@ -16,10 +13,7 @@ from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
 
 from app.broker_addresses import BROKERS, UNREAD_BROKER, is_read_by_kombu, wrong_option
-from app.threads import OF_LINEAR_ALGEBRA, limit_to_one
-
-READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
-
+from app.folders import sync_folder
 
 TASK_LIMIT_S = 600
 """A task of the engine is ended after this time, with its process: its own limits must come first."""
@@ -29,11 +23,6 @@ PARTS_OF_EXPLAINING = 2
 """Each of which has the time limit of an explanation."""
 
 PREFIX = "LOOPAUDIT_"
-READ_ELSEWHERE = re.compile(r"LOOPAUDIT_(URL|KEY|RECORDINGS|TEST_\w+)")
-"""By commands that are clients of a service, by the evaluation and by the tests."""
-OF_KUBERNETES = re.compile(r"\w+_(SERVICE_HOST|SERVICE_PORT(_\w+)?|PORT_\d+_(TCP|UDP)(_\w+)?)")
-"""What it tells each container of a service whose name begins with loopaudit."""
-CLOSE = 0.75
 
 
 @cache
@@ -458,39 +447,3 @@ class Settings(BaseSettings):
             if not folder.is_dir():
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
                 sync_folder(folder.parent)
-
-
-def misspelt(environment: Mapping[str, str]) -> list[str]:
-    """A sentence for each variable that looks like a setting and is none: it has no effect, and nobody may notice."""
-    known = [name.upper() for name in Settings.model_fields]
-    told = []
-    for variable, value in sorted(environment.items()):
-        name = variable.upper().removeprefix(PREFIX)
-        if not variable.upper().startswith(PREFIX) or name in known or _read_elsewhere(variable, value):
-            continue
-        meant = difflib.get_close_matches(name, known, n=1, cutoff=CLOSE)
-        instead = f"did you mean {PREFIX}{meant[0]}?" if meant else "docs/SETTINGS.md lists them"
-        told.append(f"{variable} is no setting; {instead}")
-    return told
-
-
-def _read_elsewhere(variable: str, value: str) -> bool:
-    linked = OF_KUBERNETES.fullmatch(variable) or (variable.endswith("_PORT") and value.startswith(("tcp:", "udp:")))
-    return bool(linked or READ_ELSEWHERE.fullmatch(variable))
-
-
-def sync_folder(folder: Path) -> None:
-    """The names in it are on disk when this returns: a file is only kept where its name is."""
-    opened = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(opened)
-    finally:
-        os.close(opened)
-
-
-def use_one_thread() -> None:
-    """One thread a worker process, because the processes are what scales, and two to take a text apart with; to be
-    called before numpy is imported."""
-    limit_to_one(OF_LINEAR_ALGEBRA)
-    for name, count in READING_THREADS.items():
-        os.environ.setdefault(name, count)

@@ -70,7 +70,7 @@ def named(place: tuple[int | str, ...]) -> str:
 
 @cache
 def warn_of_misspelt() -> None:
-    from app.settings import misspelt
+    from app.misspelt_settings import misspelt
 
     for sentence in misspelt(os.environ):
         say(f"loopaudit: warning: {sentence}", "warning")

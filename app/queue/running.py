@@ -7,7 +7,8 @@ from contextlib import suppress
 
 from app import logs
 from app.queue.jobs import queue_names
-from app.settings import Settings, use_one_thread
+from app.settings import Settings
+from app.threads import use_one_thread
 
 # Not used, and each would talk to all other workers over the broker.
 QUIET = ("--without-gossip", "--without-mingle", "--without-heartbeat")

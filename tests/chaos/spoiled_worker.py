@@ -59,7 +59,7 @@ def memory() -> None:
 POISONS = {KILL: kill, HANG: hang, SLOW: slow, MEMORY: memory}
 
 if __name__ == "__main__":
-    from app.settings import use_one_thread
+    from app.threads import use_one_thread
 
     use_one_thread()
     spoil()

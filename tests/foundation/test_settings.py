@@ -11,8 +11,9 @@ from pydantic import SecretStr, ValidationError
 from app.broker_addresses import OPTIONS_OF_BROKERS, PROOFS_OF_BROKERS
 from app.cli.configuration import load_settings
 from app.errors import RequestError
+from app.misspelt_settings import misspelt
 from app.services.digests.webhooks import forbidden_hosts
-from app.settings import Settings, misspelt
+from app.settings import Settings
 
 
 @pytest.mark.parametrize("address", ["garbage", "http://redis:6379", "redis.example:6379/0"])

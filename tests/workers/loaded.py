@@ -1,6 +1,6 @@
 """Imported once, by the server that workers, schedules and commands of the tests are forked from (`tests.forked`)."""
 
-from app.settings import use_one_thread
+from app.threads import use_one_thread
 
 use_one_thread()
 

@@ -17,8 +17,8 @@ from app.lab.bench.bench import Bench, SkippedError
 from app.lab.bench.measure import children_of
 from app.services.backend import Backend
 from app.services.upkeep.tables import migrate
-from app.settings import READING_THREADS, Settings
-from app.threads import OF_LINEAR_ALGEBRA
+from app.settings import Settings
+from app.threads import OF_LINEAR_ALGEBRA, READING_THREADS
 
 READY_WITHIN_S = 900.0
 

@@ -14,6 +14,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from sqlalchemy import Connection
 
 from app.errors import NotFoundError, RequestError
+from app.folders import sync_folder
 from app.ingest import TagMapping, mapping_text, stem_of, takes_its_name, without_controls
 from app.services.backend import Backend
 from app.services.cursors import decode, identifier, page_of
@@ -24,7 +25,7 @@ from app.services.intake.synced import SyncedFile
 from app.services.moments import iso_utc
 from app.services.outward import RejectOut, UploadOut
 from app.services.results import Page, Receipt
-from app.settings import Settings, sync_folder
+from app.settings import Settings
 from app.storage import lost, uploads
 from app.storage.types import storable
 from app.storage.uploads import UploadRow

@@ -19,12 +19,13 @@ from typing import Any
 from sqlalchemy.exc import DatabaseError
 
 from app.errors import RequestError
+from app.folders import sync_folder
 from app.services.database_errors import DISK_FULL, away_in_words
 from app.services.intake.uploads import STORED, stored_files
 from app.services.upkeep.draft_folder import BEING_WRITTEN, PART, draft_of, settle
 from app.services.upkeep.presence import alone
 from app.services.upkeep.tables import migrate, refuse_missing, refuse_newer, refuse_unmounted
-from app.settings import Settings, sync_folder
+from app.settings import Settings
 from app.sqlite_files import file_of
 from app.storage import Database, copying, health, schema
 from app.storage.database import ProgramAddress, program_address

@@ -15,6 +15,7 @@ from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 
 from app.counting import counted
 from app.logs import redacted
+from app.misspelt_settings import misspelt
 from app.services.access import keys
 from app.services.access.rates import shared_refusal
 from app.services.auditing.standing_still import stands_still_s
@@ -28,7 +29,7 @@ from app.services.plant.arrivals import arrivals, sentences
 from app.services.telling.naming import one_line
 from app.services.upkeep.readiness import LEAST_FREE_BYTES
 from app.services.upkeep.retention import oldest_export
-from app.settings import Settings, misspelt
+from app.settings import Settings
 from app.sqlite_files import file_of
 from app.storage import figures, health, retention, schema, uploads
 from app.storage.database import WAL_SAFE_FROM, parsed
