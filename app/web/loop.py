@@ -62,7 +62,7 @@ LONGEST_FIELD = 2 * properties.LONGEST_WORDS  # as typed; what is too long to be
 
 
 @dataclass(frozen=True)
-class Settings:
+class SettingsForm:
     """What stands in the form of a loop's settings; `wrong`: why a field was not taken, by its name; `version`: which
     settings of the loop it was filled with; overtaken: somebody else has changed these meanwhile."""
 
@@ -122,7 +122,7 @@ def loop(backend: Services, tag: LoopTag) -> Response:
 
 
 def _loop_page(
-    backend: Backend, tag: str, typed: TypedNote = NO_NOTE_TYPED, settings: Settings | None = None
+    backend: Backend, tag: str, typed: TypedNote = NO_NOTE_TYPED, settings: SettingsForm | None = None
 ) -> HTMLResponse:
     row, by = loops.find(backend, tag), listing(backend, current_ns(backend))
     found = loops.view_of(row)
@@ -227,7 +227,7 @@ def settings(backend: Services, tag: LoopTag, typed: Annotated[TypedSettings, Fo
         return back_to(tag, "settings")
     kept = "" if overtaken else typed.version
     page_again = _loop_page(
-        backend, tag, settings=Settings(typed.model_dump(exclude={"version"}), wrong, kept, overtaken)
+        backend, tag, settings=SettingsForm(typed.model_dump(exclude={"version"}), wrong, kept, overtaken)
     )
     page_again.status_code = CONFLICT if overtaken else BAD_REQUEST
     return page_again
@@ -245,12 +245,12 @@ def _numbers(typed: Mapping[str, str]) -> tuple[dict[str, float | None], dict[st
     return numbers, wrong
 
 
-def _as_set(it: LoopOut) -> Settings:
+def _as_set(it: LoopOut) -> SettingsForm:
     names = ("importance", *properties.WORDS, *SPANS)
     told = {name: _as_typed(getattr(it, name)) for name in names}
     answer = next(answer for answer, stated in ANSWERS.items() if stated is it.moves_valve)
     values = {**told, "moves_valve": answer, "retired": "yes" if it.retired else ""}
-    return Settings(values, version=sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32])
+    return SettingsForm(values, version=sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32])
 
 
 def _as_typed(value: str | float | None) -> str:

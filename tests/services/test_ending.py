@@ -246,12 +246,12 @@ def test_who_comes_after_the_end_rewords_nothing(
     run, lost = held_up(backend)
     with backend.database.write() as connection:
         items.fail(connection, [items.Failure(lost[0], "fault", "it broke")])
-    doubts = ending._told(backend, run)
+    doubts = ending._hear_others(backend, run)
     assert [doubt.columns["reliability"] for doubt in doubts] == ["not_reliable"]
     with backend.database.write() as connection:
         assert audits.end_if_complete(connection, run)
     monkeypatch.setattr(ending.audits, "complete", lambda _: [run])
-    monkeypatch.setattr(ending, "_told", lambda *_: doubts)
+    monkeypatch.setattr(ending, "_hear_others", lambda *_: doubts)
     assert not end_if_complete(backend, run)
     assert Plant(backend, str(run)).row(SHAKEN_LOOPS[0])["reliability"] == "reliable"
 

@@ -67,7 +67,7 @@ def test_a_run_ends_without_the_words_that_cannot_be_written(
     add_loops("A")
     run = left_complete(backend)
     reword = ending.reword
-    monkeypatch.setattr(ending, "_told", lambda *_: ["what cannot be written"])
+    monkeypatch.setattr(ending, "_hear_others", lambda *_: ["what cannot be written"])
     monkeypatch.setattr(ending, "reword", lambda c, heard: broken() if heard else reword(c, heard))
     assert sweep(backend).ended == 1
     assert get_audit(backend, run).state == "partial"

@@ -29,7 +29,16 @@ MOST_OPEN = 100_000
 NO_LOOPS = "no_loops"
 NOTHING_THERE = "no loop with samples was known when it began; send an export, and start a run once it is read"
 
-__all__ = ["LoopFilter", "cancel_audit", "failures", "get_audit", "list_audits", "start_audit", "started", "whole_run"]
+__all__ = [
+    "LoopFilter",
+    "cancel_audit",
+    "failures",
+    "get_audit",
+    "list_audits",
+    "plan_audit",
+    "start_audit",
+    "whole_run",
+]
 
 
 @dataclass(frozen=True)
@@ -48,11 +57,11 @@ def start_audit(
     started_by: str = "",
     unless_going_on: bool = False,
 ) -> AuditOut:
-    """The run of `started`, whoever planned it; of no night."""
-    return started(backend, wanted, trigger=trigger, started_by=started_by, unless_going_on=unless_going_on).run
+    """The run of `plan_audit`, whoever planned it; of no night."""
+    return plan_audit(backend, wanted, trigger=trigger, started_by=started_by, unless_going_on=unless_going_on).run
 
 
-def started(
+def plan_audit(
     backend: Backend,
     wanted: LoopFilter | None = None,
     *,

@@ -54,7 +54,7 @@ def cancel(backend: Backend, audit_id: int) -> None:
 
 def _end(backend: Backend, audit_id: int) -> bool:
     """A run ends whatever goes wrong with its words: one that never does would keep the nights after it from theirs."""
-    heard = _heard(backend, audit_id)
+    heard = _hear_or_nothing(backend, audit_id)
     try:
         return _write(backend, audit_id, heard)
     except DATABASE_AWAY:
@@ -72,10 +72,10 @@ def _write(backend: Backend, audit_id: int, heard: list[Reworded]) -> bool:
     return ended
 
 
-def _heard(backend: Backend, audit_id: int) -> list[Reworded]:
+def _hear_or_nothing(backend: Backend, audit_id: int) -> list[Reworded]:
     """What other loops tell; nothing where it cannot be worked out, because a run ends whatever is kept of a loop."""
     try:
-        return _told(backend, audit_id)
+        return _hear_others(backend, audit_id)
     except DATABASE_AWAY:
         raise
     except Exception:
@@ -83,7 +83,7 @@ def _heard(backend: Backend, audit_id: int) -> list[Reworded]:
         return []
 
 
-def _told(backend: Backend, audit_id: int) -> list[Reworded]:
+def _hear_others(backend: Backend, audit_id: int) -> list[Reworded]:
     """The verdicts of the run of which other loops tell something."""
     with backend.database.read() as connection:
         newest = verdicts.said(connection)

@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 from app.errors import RequestError
 from app.services.access import trail
 from app.services.access.identity import SCHEDULE
-from app.services.auditing.audits import Started, started
+from app.services.auditing.audits import Started, plan_audit
 from app.services.backend import Backend
 from app.services.outward import AuditOut
 from app.settings import Settings
@@ -28,11 +28,11 @@ def nightly(backend: Backend, day: date | None = None, started_by: str = SCHEDUL
     Before the hour it is that date's night too, and the schedule then plans none: whoever asks by hand or from cron
     wants one night, not two.
     """
-    return _started(backend, day or datetime.now(ZoneInfo(backend.settings.time_zone)).date(), started_by).run
+    return _plan(backend, day or datetime.now(ZoneInfo(backend.settings.time_zone)).date(), started_by).run
 
 
-def _started(backend: Backend, day: date, started_by: str) -> Started:
-    return started(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
+def _plan(backend: Backend, day: date, started_by: str) -> Started:
+    return plan_audit(backend, trigger="nightly", nightly_for=day.isoformat(), started_by=started_by)
 
 
 def refuse_empty(backend: Backend) -> None:
@@ -61,7 +61,7 @@ def nightly_if_due(backend: Backend, now: datetime | None = None) -> AuditOut | 
         due = planned is None and loops.any_before(connection, hour)
         too_late = planned is None and not due and loops.any_before(connection, now)
     if due:
-        begun = _started(backend, hour.date(), SCHEDULE.who)
+        begun = _plan(backend, hour.date(), SCHEDULE.who)
         if begun.anew:  # else another sweep was quicker, and tells it
             trail.record(backend, SCHEDULE, "audit.start", f"/v1/audits/{begun.run.id}", "done")
             log.info("nightly audit of %s started, run %s", night, begun.run.id)
