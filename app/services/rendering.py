@@ -40,9 +40,15 @@ def importance(value: float) -> str:
     return f"{value:g}"
 
 
+def with_capital(text: str) -> str:
+    """As a sentence begins; `capitalize` of Jinja makes all other letters small."""
+    return text[:1].upper() + text[1:]
+
+
 FILTERS: dict[str, Callable[..., Any]] = {
     "brief": brief,
     "weakly": weakly,
+    "with_capital": with_capital,
     "cause_words": cause_words,
     "figure": figure,
     "first_reasons": first_reasons,

@@ -128,9 +128,17 @@ def _before(repair: RepairRow) -> Said:
 
 def _view(row: RepairRow) -> RepairView:
     told = row.side == "after"
-    now, *of_now = (row.verdict, row.reliability, row.likely_cause) if told else (None, None, None)
-    outcome = _outcome(_before(row), Said(now, of_now[1]), reliable=of_now[0] == "reliable")
-    return RepairView(row.tag, row.unit, iso_utc(row.repaired_at) or "", outcome, row.verdict_before, now, *of_now)
+    now, reliability = (Said(row.verdict, row.likely_cause), row.reliability) if told else (UNSAID, None)
+    return RepairView(
+        loop=row.tag,
+        unit=row.unit,
+        repaired_at=iso_utc(row.repaired_at) or "",
+        outcome=_outcome(_before(row), now, reliable=reliability == "reliable"),
+        before=row.verdict_before,
+        now=now.verdict,
+        reliability=reliability,
+        likely_cause=now.likely_cause,
+    )
 
 
 def _outcome(before: Said, now: Said, *, reliable: bool) -> Outcome:

@@ -41,7 +41,6 @@ SLOW_DATABASE_S = 0.5
 OLD_WORK_S = 6 * 3600
 LONGEST_REASON = 400
 SOON = timedelta(days=14)
-NO_TABLES = "there are none"
 ALL_IN_USE = "all connections are in use: more of them (max_connections, CONNECTION LIMIT of role or database)"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
@@ -56,14 +55,19 @@ class Check:
     advice: str = ""
 
 
+@dataclass(frozen=True)
+class LastCheck(Check):
+    """One after which all that follows would fail for the same reason."""
+
+
 def examine(settings: Settings) -> list[Check]:
     """Every check that can be made; where the database is away, those that need it say so."""
-    checks = [data_folder(settings), disk(settings), kernel_cache(), openness(settings), variables()]
-    checks.append(sqlite_version(settings))
+    folder = data_folder(settings)
+    checks = [folder, disk(settings), kernel_cache(), openness(settings), variables(), sqlite_version(settings)]
     file = _sqlite_file(settings)
     if file is not None and not _is_begun(file):
         return [*checks, not_set_up(file)]
-    if file is not None and any(check.name == "data folder" and check.state == "problem" for check in checks):
+    if file is not None and folder.state == "problem":
         return checks
     backend = Backend.open(settings, looks_only=True)
     try:
@@ -79,7 +83,7 @@ def _of_the_database(backend: Backend) -> Iterator[Check]:
         return
     for name, check in OF_THE_DATABASE:
         yield (found := _guarded(name, check, backend))
-        if found.found.startswith(NO_TABLES):
+        if isinstance(found, LastCheck):
             return
 
 
@@ -215,8 +219,10 @@ def tables(backend: Backend) -> Check:
         return Check("tables", "ok", f"version {found}")
     newer = found is not None and not schema.is_known(found)
     advice = "a newer loopaudit made them: run that one" if newer else "run `loopaudit migrate`"
-    there = NO_TABLES if found is None else f"version {found}"
-    return Check("tables", "problem", f"{there}, this program needs version {newest}", advice)
+    needed = f"this program needs version {newest}"
+    if found is None:
+        return LastCheck("tables", "problem", f"there are none, {needed}", advice)
+    return Check("tables", "problem", f"version {found}, {needed}", advice)
 
 
 def journal(backend: Backend) -> Check:
