@@ -72,6 +72,19 @@ class RowFilter:
 
 
 @dataclass(frozen=True)
+class Order:
+    """By which name rows are sorted, in which direction; unknown values come last in both."""
+
+    name: str
+    descending: bool = False
+
+    @classmethod
+    def parsed(cls, sort: str) -> "Order":
+        """As it is asked for: a minus before the name turns the order round."""
+        return cls(sort.removeprefix("-"), sort.startswith("-"))
+
+
+@dataclass(frozen=True)
 class After:
     """The last row of a page: its sort value and its tag."""
 
@@ -95,16 +108,16 @@ def _largest(column: ColumnElement[Any]) -> int:
     return 2**63 - 1 if isinstance(column.type, BigInteger) else 2**31 - 1
 
 
-def in_order(column: ColumnElement[Any], descending: bool) -> tuple[Any, ...]:
+def in_order(column: ColumnElement[Any], order: Order) -> tuple[Any, ...]:
     """By value, unknown ones last, then by tag."""
-    return (column.desc() if descending else column.asc()).nulls_last(), loops.c.tag
+    return (column.desc() if order.descending else column.asc()).nulls_last(), loops.c.tag
 
 
-def beyond(column: ColumnElement[Any], descending: bool, after: After) -> ColumnElement[bool]:
+def beyond(column: ColumnElement[Any], order: Order, after: After) -> ColumnElement[bool]:
     """Rows after `after` in the order of `table`: by value, unknown ones last, then by tag."""
     if after.value is None:
         return and_(column.is_(None), loops.c.tag > after.tag)
-    further = column < after.value if descending else column > after.value
+    further = column < after.value if order.descending else column > after.value
     return or_(further, and_(column == after.value, loops.c.tag > after.tag), column.is_(None))
 
 

@@ -18,7 +18,7 @@ from sqlalchemy import (
 )
 
 from app.json_texts import read_json
-from app.storage.asked_rows import OF_RUN, QUICK, ROW, SORTABLE, After, RowFilter, beyond, in_order, of_filter
+from app.storage.asked_rows import OF_RUN, QUICK, ROW, SORTABLE, After, Order, RowFilter, beyond, in_order, of_filter
 from app.storage.bulk import among, among_many
 from app.storage.database import in_driver
 from app.storage.loops import IN_SERVICE, retired
@@ -112,24 +112,24 @@ def said(connection: Connection) -> list[SaidRow]:
 
 
 def table(
-    connection: Connection, limit: int, sort: str, descending: bool, wanted: RowFilter, after: After | None
+    connection: Connection, limit: int, order: Order, wanted: RowFilter, after: After | None
 ) -> list[dict[str, Any]]:
     """One row a loop, its newest verdict (or that of one run): sorted, unknown values last, after the row `after`.
 
     `sorted_by` of a row is the value that it was sorted by, which a newer verdict may have replaced in the row itself.
     """
-    quick = wanted.audit_id is None and sort in QUICK
+    quick = wanted.audit_id is None and order.name in QUICK
     columns, key_table = (QUICK, newest_rows) if quick else (_of_verdicts(wanted), verdicts)
     # Keys are sorted alone: whole rows, with their texts, are fetched for those that are shown.
-    keys = select(key_table.c.loop_id, key_table.c.audit_id, columns[sort].label("sorted_by"))
+    keys = select(key_table.c.loop_id, key_table.c.audit_id, columns[order.name].label("sorted_by"))
     keys = keys.where(*of_filter(wanted, columns))
     keys = keys.select_from(NEWEST_ROWS if quick else _rows_of(wanted))
     if after is not None:
-        keys = keys.where(beyond(columns[sort], descending, after))
-    page = keys.order_by(*in_order(columns[sort], descending)).limit(limit).subquery()
+        keys = keys.where(beyond(columns[order.name], order, after))
+    page = keys.order_by(*in_order(columns[order.name], order)).limit(limit).subquery()
     mine = and_(page.c.loop_id == verdicts.c.loop_id, page.c.audit_id == verdicts.c.audit_id)
     query = _select().add_columns(page.c.sorted_by).select_from(_with_run(page.join(_OF_LOOPS, mine)))
-    query = query.order_by(*in_order(page.c.sorted_by, descending))
+    query = query.order_by(*in_order(page.c.sorted_by, order))
     return [_dict(row) for row in connection.execute(query).mappings()]
 
 
@@ -144,15 +144,15 @@ def count(connection: Connection, wanted: RowFilter) -> int:
     return connection.scalar(query.where(*of_filter(wanted, QUICK if quick else SORTABLE))) or 0
 
 
-def count_beyond(connection: Connection, sort: str, descending: bool, wanted: RowFilter, after: After) -> int:
+def count_beyond(connection: Connection, order: Order, wanted: RowFilter, after: After) -> int:
     """How many rows of `table` come after `after`."""
-    beyond = _without_texts(sort, descending, wanted, after).order_by(None).subquery()
+    beyond = _without_texts(order, wanted, after).order_by(None).subquery()
     return connection.scalar(select(func.count()).select_from(beyond)) or 0
 
 
-def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilter, place: int) -> After | None:
+def row_at(connection: Connection, order: Order, wanted: RowFilter, place: int) -> After | None:
     """The row of `table` behind so many others; None where there are not as many."""
-    query = _without_texts(sort, descending, wanted, None).offset(place).limit(1)
+    query = _without_texts(order, wanted, None).offset(place).limit(1)
     row = connection.execute(query).one_or_none()
     return None if row is None else After(SentRow(*row).value, row.tag)
 
@@ -160,29 +160,28 @@ def row_at(connection: Connection, sort: str, descending: bool, wanted: RowFilte
 def sent_rows(
     connection: Connection,
     limit: int,
-    sort: str,
-    descending: bool,
+    order: Order,
     wanted: RowFilter,
     after: After | None,
     of_loop: bool = False,
 ) -> list[SentRow]:
     """The rows of `table`, without what their verdicts say."""
-    query = _without_texts(sort, descending, wanted, after).add_columns(*(OF_LOOP if of_loop else ()))
+    query = _without_texts(order, wanted, after).add_columns(*(OF_LOOP if of_loop else ()))
     return [SentRow._make((*row[:5], tuple(row[5:]))) for row in connection.execute(query.limit(limit))]
 
 
-def _without_texts(sort: str, descending: bool, wanted: RowFilter, after: After | None) -> Select[Any]:
+def _without_texts(order: Order, wanted: RowFilter, after: After | None) -> Select[Any]:
     """Of the newest verdicts only where the order asks for a column that is not kept beside their rows."""
     of_run = wanted.audit_id is not None
     known, keys = (OF_RUN, verdicts) if of_run else (QUICK, newest_rows)
     source = _rows_of(wanted) if of_run else NEWEST_ROWS
-    if sort not in known:
+    if order.name not in known:
         source = source.join(verdicts, is_newest(verdicts))
-    column, conditions = known.get(sort, SORTABLE[sort]), of_filter(wanted, known)
+    column, conditions = known.get(order.name, SORTABLE[order.name]), of_filter(wanted, known)
     if after is not None:
-        conditions.append(beyond(column, descending, after))
+        conditions.append(beyond(column, order, after))
     query = select(loops.c.id, keys.c.audit_id, loops.c.tag, loops.c.unit, column).select_from(source)
-    return query.where(*conditions).order_by(*in_order(column, descending))
+    return query.where(*conditions).order_by(*in_order(column, order))
 
 
 def of_keys(connection: Connection, keys: Sequence[tuple[int, int]]) -> dict[tuple[int, int], dict[str, Any]]:

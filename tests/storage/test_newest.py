@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import insert, select, update
 
 from app.storage import Database, changes, judged, loops, plant, shelvings, verdict_writing, verdicts
-from app.storage.asked_rows import RowFilter
+from app.storage.asked_rows import Order, RowFilter
 from app.storage.details import pack_detail
 from app.storage.tables import audits as audits_table
 from app.storage.tables import loops as loops_table
@@ -71,6 +71,9 @@ def runs(database: Database) -> tuple[int, int]:
     return first, second
 
 
+THE_WORST_FIRST = Order("priority", descending=True)
+
+
 def tags(rows: Sequence[Any]) -> list[str]:
     return [row.tag for row in rows]
 
@@ -78,9 +81,9 @@ def tags(rows: Sequence[Any]) -> list[str]:
 def test_the_worst_come_first_and_those_of_unknown_health_last(database: Database, runs: tuple[int, int]) -> None:
     wanted, of_run = RowFilter(), RowFilter(audit_id=runs[0])
     with database.read() as connection:
-        newest = verdicts.table(connection, 10, "priority", True, wanted, None)
-        first = verdicts.table(connection, 10, "priority", True, of_run, None)
-        sent = verdicts.sent_rows(connection, 10, "priority", True, wanted, None)
+        newest = verdicts.table(connection, 10, THE_WORST_FIRST, wanted, None)
+        first = verdicts.table(connection, 10, THE_WORST_FIRST, of_run, None)
+        sent = verdicts.sent_rows(connection, 10, THE_WORST_FIRST, wanted, None)
     assert [row["tag"] for row in newest] == tags(sent) == ["A4", "B1", "A2", "B2", "A1", "A3"]
     assert [row["tag"] for row in first] == ["A4", "B1", "A1", "A2", "B2", "A3"]
     assert [row["priority"] for row in newest] == [90.0, 70.0, 40.0, 30.0, 5.0, None]

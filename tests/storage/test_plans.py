@@ -33,7 +33,7 @@ from app.storage import (
     uploads,
     verdicts,
 )
-from app.storage.asked_rows import RowFilter
+from app.storage.asked_rows import Order, RowFilter
 from app.storage.audits import LoopFilter
 from app.storage.details import detail_of
 from app.storage.samples import Samples, pack
@@ -162,7 +162,8 @@ def test_where_a_loops_last_nights_begin_is_looked_for_once_a_loop(plant: Connec
 
 def test_the_whole_table_reads_no_verdict(plant: Connection) -> None:
     """Rows come as they were written; in the usual orders no other table than the two small ones is touched."""
-    ask = lambda c: verdicts.sent_rows(c, 20_000, "stiction_probability", True, RowFilter(), None)  # noqa: E731
+    order = Order("stiction_probability", descending=True)
+    ask = lambda c: verdicts.sent_rows(c, 20_000, order, RowFilter(), None)  # noqa: E731
     nodes = [node for plan in _plans(plant, ask) for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
 

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property, partial
 from itertools import chain
@@ -21,7 +21,7 @@ from app.services.plant.written import marks_of, written_of
 from app.services.results import Page
 from app.services.stating.shelving import Shelf, shelf
 from app.storage import verdicts
-from app.storage.asked_rows import SORTABLE, After, RowFilter, comparable
+from app.storage.asked_rows import SORTABLE, After, Order, RowFilter, comparable
 from app.storage.verdicts import SentRow, Settled
 
 MOST_ROWS = 20_000
@@ -51,9 +51,9 @@ def table(
     a `Step`, and what is written of an order or a repair (until `notes_until`) or a shelving (as of `shelved`; None:
     both as the API tells them). Rows that are asked for because their records end before a time are of old ones by now,
     whatever their runs knew. Whoever chose another order with a cursor in the address begins at its head."""
-    name, after = _checked(limit, sort), _after(cursor, sort, any_order=True)
+    order, after = _checked(limit, sort), _after(cursor, sort, any_order=True)
     with backend.database.read() as connection:
-        rows = verdicts.table(connection, limit + 1, name, sort.startswith("-"), filters or RowFilter(), after)
+        rows = verdicts.table(connection, limit + 1, order, filters or RowFilter(), after)
     found = page_of(rows, limit, lambda row: row, lambda row: (sort, row["sorted_by"], row["tag"]))
     shown = [with_loop(row, filters) for row in found.rows]
     if shelved is None:
@@ -84,15 +84,15 @@ class PagePlace:
 def page_place(backend: Backend, limit: int, cursor: str | None, sort: str, filters: RowFilter) -> PagePlace:
     """Of the page that `table` gives for the same. Counted anew, because rows come, go and change places between two
     looks; the page before ends where this one begins."""
-    name, descending, after = _checked(limit, sort), sort.startswith("-"), _after(cursor, sort, any_order=True)
+    order, after = _checked(limit, sort), _after(cursor, sort, any_order=True)
     with backend.database.read() as connection:
         counted = verdicts.count(connection, filters)
         if after is None:
             return PagePlace(0, counted, None)
-        behind = max(counted - verdicts.count_beyond(connection, name, descending, filters, after), 0)
+        behind = max(counted - verdicts.count_beyond(connection, order, filters, after), 0)
         last = None
         if behind > limit:
-            last = verdicts.row_at(connection, name, descending, filters, behind - limit - 1)
+            last = verdicts.row_at(connection, order, filters, behind - limit - 1)
     return PagePlace(behind, counted, None if last is None else encode(sort, last.value, last.tag))
 
 
@@ -250,9 +250,9 @@ def in_parts(
     of_loop: with the loop's type, importance and priority, and its newest sample. Rows of newest verdicts without these
     are read as they were written when their verdicts were made, in a fraction of the time."""
     filters = filters or RowFilter()
-    name, descending, after = _checked(limit, sort), sort.startswith("-"), _after(cursor, sort)
+    order, after = _checked(limit, sort), _after(cursor, sort)
     with backend.database.read() as connection:
-        rows = verdicts.sent_rows(connection, limit + 1, name, descending, filters, after, of_loop)
+        rows = verdicts.sent_rows(connection, limit + 1, order, filters, after, of_loop)
         settled = verdicts.settled(connection, {row.audit_id for row in rows})
     page = page_of(rows, limit, lambda row: row, lambda row: (sort, row.value, row.tag))
     marks, until = marks_of(backend, [row.tag for row in page.rows]), _until(backend, filters)
@@ -264,15 +264,20 @@ def in_parts(
     return TableParts(version, page.next_cursor, page.rows, reading)
 
 
-def _checked(limit: int, sort: str) -> str:
-    """The name to sort by, of an order that there is."""
+def _checked(limit: int, sort: str) -> Order:
+    """Of an order that there is."""
     if not 1 <= limit <= MOST_ROWS:
         raise RequestError("bad_limit", f"limit must be from 1 to {MOST_ROWS:,}, got {limit:,}")
-    name = sort.removeprefix("-")
-    name = THE_SAME.get(name, name)
-    if name not in SORTABLE:
-        raise RequestError("bad_sort", f"cannot sort by {name!r}; there is {', '.join(sortable())}")
-    return name
+    order = _order(sort)
+    if order.name not in SORTABLE:
+        raise RequestError("bad_sort", f"cannot sort by {order.name!r}; there is {', '.join(sortable())}")
+    return order
+
+
+def _order(sort: str) -> Order:
+    """By the column that is sorted by, where it goes by another name too."""
+    asked = Order.parsed(sort)
+    return replace(asked, name=THE_SAME.get(asked.name, asked.name))
 
 
 def _place_of(cursor: str | None) -> tuple[str, After] | None:
@@ -281,8 +286,7 @@ def _place_of(cursor: str | None) -> tuple[str, After] | None:
     if cursor is None or values is None:
         return None
     sort, value, tag = values
-    name = sort.removeprefix("-")
-    if not comparable(THE_SAME.get(name, name), value):
+    if not comparable(_order(sort).name, value):
         raise refused(cursor)
     return sort, After(value, tag)
 

@@ -19,7 +19,7 @@ from app.services.plant.changes import Changes
 from app.services.plant.listing import Listing
 from app.services.plant.reliability import table
 from app.storage import plant, verdicts
-from app.storage.asked_rows import RowFilter
+from app.storage.asked_rows import Order, RowFilter
 from app.storage.plant import TileRow
 
 Loop = TypeVar("Loop")
@@ -39,11 +39,12 @@ def listed_first(
 
 def worst_tags(backend: Backend, by: Listing) -> list[str]:
     """The tags of what `listed_first` lists as the worst, in its order, from the narrow rows alone."""
+    order = Order("priority", descending=True)
     with backend.database.read() as connection:
 
         def first(limit: int, asked: RowFilter) -> list[str]:
             wanted = replace(asked, left_out=by.left_out)
-            return [row.tag for row in verdicts.sent_rows(connection, limit, "priority", True, wanted, None)]
+            return [row.tag for row in verdicts.sent_rows(connection, limit, order, wanted, None)]
 
         today = set(first(MOST_TODAY, asked_today(by.since_ns)))
         return _sticking_first(first, RowFilter(recorded_from_ns=by.since_ns), today, WORST, lambda tag: tag)
