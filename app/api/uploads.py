@@ -27,6 +27,8 @@ BODY: dict[str, Any] = {
                     "properties": {
                         "file": {"type": "string", "format": "binary"},
                         "mapping": {"type": "string", "format": "binary", "description": "Tags to loops, CSV or JSON."},
+                        "time_zone": {"type": "string", "description": "As in the query, which counts before it."},
+                        "date_order": {"enum": ["day", "month"], "description": "As in the query."},
                     },
                 }
             },

@@ -7,6 +7,7 @@ from urllib.parse import unquote
 
 from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
+from fastapi.exceptions import RequestValidationError
 from starlette.datastructures import FormData, UploadFile
 
 from app.errors import RequestError
@@ -20,6 +21,11 @@ LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with 
 MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
 MULTIPART = "multipart/form-data"
 PARTS = ("file", "mapping")
+FIELDS = {
+    "time_zone": (re.compile(r"[^\0]{1,60}"), "at most 60 characters and no zero byte"),
+    "date_order": (re.compile("day|month"), "day or month"),
+}
+"""What a form may say in place of the query, and what it has to be."""
 NAMED = re.compile(r""";\s*filename\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s;"]+))""", re.IGNORECASE)
 NAMED_IN_UTF8 = re.compile(r";\s*filename\*\s*=\s*utf-8'[^']*'([^\s;]+)", re.IGNORECASE)
 MOST_FILES = 8  # more than are taken, so that the refusal names the part that there is too often
@@ -46,7 +52,7 @@ async def store(request: Request, backend: Services, filename: str | None, readi
         part, mapping = form.get("file"), form.get("mapping")
         if not isinstance(part, UploadFile):
             raise RequestError("no_file", "the multipart form has no part `file` with a file in it")
-        name = filename or part.filename
+        name, reading = filename or part.filename, with_fields(reading, form)
         if mapping is None or is_empty(mapping):
             return await received(backend, Description(name, part.content_type, reading), blocks(part))
         async with request.app.state.mapping_places:
@@ -71,6 +77,23 @@ def refuse_several(form: FormData) -> None:
         if len(form.getlist(name)) > 1:
             text = f"the multipart form has several parts `{name}`; an upload takes one: send each file by itself"
             raise RequestError("several_files", text)
+
+
+def with_fields(reading: service.ReadingOptions, form: FormData) -> service.ReadingOptions:
+    """With what the query leaves open as the form's fields say it: passed over, they would be read otherwise in
+    silence. A field that was left blank says nothing."""
+    told = vars(reading) | {name: in_field(form, name) for name in FIELDS if getattr(reading, name) is None}
+    return service.ReadingOptions(**told)
+
+
+def in_field(form: FormData, name: str) -> str | None:
+    value = form.get(name)
+    if value is None or is_empty(value):
+        return None
+    allowed, words = FIELDS[name]
+    if not isinstance(value, str) or allowed.fullmatch(value) is None:
+        raise RequestValidationError([{"loc": ("body", name), "msg": f"it has to be {words}"}])
+    return value
 
 
 def is_empty(part: UploadFile | str) -> bool:

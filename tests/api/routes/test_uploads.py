@@ -115,6 +115,26 @@ def test_no_part_of_a_form_is_dropped_without_a_word(client, names):
     assert client.get("/v1/uploads?limit=1").json()["rows"] == before
 
 
+@pytest.mark.parametrize("names", [("time_zone", "date_order"), ("time_zone",), ("date_order",)])
+def test_how_to_read_an_export_is_told_in_the_form_as_in_the_query(client, backend, names):
+    body = b"time,PV,OP\n" + b"".join(b"03/04/2026 12:%02d:00,%d,%d\n" % (k, k % 7, k % 5) for k in range(60))
+    told = {name: {"time_zone": "Asia/Kolkata", "date_order": "month"}[name] for name in names}
+    file = {"file": (f"form-{'-'.join(names)}.csv", body, "text/csv")}
+    answer = client.post("/v1/uploads", files=file, data=told)
+    assert answer.json()["id"] == client.post("/v1/uploads", files=file, params=told).json()["id"]
+    read_upload(backend, int(answer.json()["id"]), owner="test")
+    date = "2026-03-04" if "date_order" in told else "2026-04-03"
+    clock = "06:30:00" if "time_zone" in told else "12:00:00"
+    assert client.get(answer.headers["location"]).json()["times_from"] == f"{date}T{clock}Z"
+
+
+def test_what_the_query_says_counts_before_the_form(client):
+    file = {"file": ("query-first.csv", wide("FIC_Q"), "text/csv")}
+    both = client.post("/v1/uploads", files=file, data={"time_zone": "UTC"}, params={"time_zone": "Asia/Tokyo"})
+    query = client.post("/v1/uploads", files=file, params={"time_zone": "Asia/Tokyo"})
+    assert both.json()["id"] == query.json()["id"] != client.post("/v1/uploads", files=file).json()["id"]
+
+
 def test_rows_that_cannot_be_read_are_told_with_line_and_reason(client, backend):
     body = re.sub(rb"(00:00:05Z),[^,]+", rb"\1,Bad Input", wide("FIC_R"))
     upload = sent(client, body, filename="r.csv")
@@ -138,6 +158,9 @@ def test_rows_that_cannot_be_read_are_told_with_line_and_reason(client, backend)
         ({"content": b"x", "headers": {"Content-Type": "multipart/form-data"}}, 400, None),
         ({"content": b"x", "headers": {"Content-Type": "multipart/form-data; boundary=x"}}, 400, None),
         ({"content": b"x", "params": {"time_zone": "Mars/Olympus"}}, 400, "unknown_time_zone"),
+        ({"files": {"file": ("a.csv", b"x")}, "data": {"time_zone": "Mars/Olympus"}}, 400, "unknown_time_zone"),
+        ({"files": {"file": ("a.csv", b"x")}, "data": {"time_zone": "x" * 61}}, 422, "invalid_request"),
+        ({"files": {"file": ("a.csv", b"x")}, "data": {"date_order": "year"}}, 422, "invalid_request"),
         ({"content": b"x", "params": {"filename": "n" * 300}}, 422, "invalid_request"),
         ({"content": b"x", "params": {"date_order": "year"}}, 422, "invalid_request"),
     ],
