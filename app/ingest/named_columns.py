@@ -181,7 +181,7 @@ def read_named(path: Path, options: IngestOptions) -> NamedTable:
 def parse_named(text: str, options: IngestOptions, damage: tuple[str, ...] = ()) -> NamedTable:
     """Delimited text with a row of names. Raises DataError("not_a_table") where it is none."""
     separator = max(SEPARATORS, key=text.partition("\n")[0].count)
-    data, emptied = _without_long_rows(text.encode(), separator)
+    data, emptied = _without_long_rows(text.encode("utf-8", "replace"), separator)
     if emptied:
         left = counted(
             emptied,

@@ -130,6 +130,25 @@ def test_not_a_number_is_refused(client, tag):
     assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
 
 
+@pytest.mark.parametrize(
+    ("half", "code"), [("PV_sim", "no_simulation"), ("time,PV_sim", "simulation_not_finite"), ("", "simulation_length")]
+)
+def test_half_a_letter_in_a_simulation_is_no_fault(client, tag, half, code):
+    """JSON can name it, and no encoding of text has it."""
+    rows = "".join(f"{time},\\ud800\\n" for time in TIMES)
+    lines = {"PV_sim": "time\\ud800\\n", "time,PV_sim": f"time,PV_sim\\n{rows}", "": "PV_sim\\n\\ud800\\n"}
+    body = f'{{"csv": "{lines[half]}"}}'
+    answer = client.post(URL, content=body, headers={"Content-Type": "application/json"})
+    assert (answer.status_code, answer.json()["code"]) == (422, code), answer.text
+
+
+@pytest.mark.parametrize("name", ["P\x07V", "PV_\x07", "TIC7\0.PV"])
+def test_control_characters_in_the_name_of_a_simulated_column_are_no_fault(client, tag, name):
+    rows = "".join(f"{time},{value}\n" for time, value in zip(TIMES, SIMULATED, strict=True))
+    answer = client.post(URL, json={"csv": f"time,{name}\n{rows}"})
+    assert (answer.status_code, answer.json().get("simulation")) == (202, "trace"), answer.text
+
+
 @pytest.mark.parametrize("model", ['{"gain": NaN}', '{"gain": 1.0, "name": NaN}', '{"gain": 1.0, "name": [-Infinity]}'])
 def test_a_model_with_no_number_is_refused(client, tag, model):
     body = f'{{"model": {model}}}'

@@ -101,6 +101,14 @@ def test_a_panic_of_the_reader_is_a_file_that_cannot_be_read(tmp_path: Path, mon
     assert refused.value.code == "not_a_table"
 
 
+@pytest.mark.parametrize("names", ["F1\x07.PV,F1\x07.OP", "P\x01V,OP", "PV,O\0P"])
+def test_columns_with_control_characters_in_their_names_are_found(tmp_path: Path, names: str) -> None:
+    lines = [f"{k},{k % 7},{30 + k % 5}" for k in range(200)]
+    found = read_table(write(tmp_path / "F1.csv", f"time,{names}\n" + "\n".join(lines)))
+    assert [found.column_of("PV"), found.column_of("OP")] == names.split(",")
+    assert found.numbers(names.split(",")[0])[:3].tolist() == [0.0, 1.0, 2.0]
+
+
 def test_numbers_of_a_table_whose_columns_are_named_are_read_as_exports_have_them(tmp_path: Path) -> None:
     lines = [f"{k};{k % 7},25;{30 + k % 5},5 %" for k in range(200)]
     found = read_comparison(write(tmp_path / "F1.csv", "time;y1;u1\n" + "\n".join(lines)), Columns("u1", "y1"), None)

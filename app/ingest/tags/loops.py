@@ -179,15 +179,16 @@ def group(tags: Iterable[str], mapping: TagMapping | None = None, stem: str = ""
 
 
 def signals_of(names: Iterable[str]) -> Mapping[Signal, str]:
-    """Which of a table's names tells which signal of its one loop: the one with PV and OP, one without a name before
-    others. None does where several may be meant."""
+    """Which of a table's names, as it has them, tells which signal of its one loop: the one with PV and OP, one without
+    a name before others. None does where several may be meant."""
     names = list(names)
+    written = {without_controls(name): name for name in reversed(names)}
     loops = [loop for loop in group(names) if loop.pv or loop.op or loop.sp]
     loops = [loop for loop in loops if loop.pv and loop.op] or loops
     loops = [loop for loop in loops if loop.loop == ""] or loops
     if len(loops) > 1:
         return {}
-    words = {signal: tag for loop in loops for signal, tag in _signals(loop).items() if tag is not None}
+    words = {signal: written[tag] for loop in loops for signal, tag in _signals(loop).items() if tag is not None}
     letters = {signal: name for name in reversed(names) if (signal := _LETTERS.get(without_unit(name).strip().upper()))}
     beside = AUDITED & letters.keys() - words.keys()
     return words | {signal: name for signal, name in letters.items() if beside and signal not in words}
