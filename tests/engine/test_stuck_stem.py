@@ -35,10 +35,20 @@ def test_it_is_looked_at_today_and_its_hour_is_named(seed):
     assert found.health.value <= 45.0
 
 
-def test_units_and_signs_are_free():
+@pytest.mark.parametrize("op_scale", [-3.0, 1e8, 1e-8, -1e-12])
+def test_units_and_signs_are_free(op_scale):
     given = stuck()
-    other = Recording("x", given.time_s, 7.0 - 0.1 * given.pv, -3.0 * given.op, 7.0 - 0.1 * given.sp)
-    assert stuck_stem(uniform(other)).since_s == stuck_stem(uniform(given)).since_s
+    other = Recording("x", given.time_s, 7.0 - 0.1 * given.pv, op_scale * given.op, 7.0 - 0.1 * given.sp)
+    found, expected = stuck_stem(uniform(other)), stuck_stem(uniform(given))
+    assert found is not None
+    assert (found.since_s, found.for_s, found.sp_moved) == (expected.since_s, expected.for_s, expected.sp_moved)
+    assert found.times == pytest.approx(expected.times)
+
+
+def test_op_that_goes_over_to_another_value_once_runs_to_and_fro_nowhere():
+    moves = np.random.default_rng(0).standard_normal(2000)
+    op = np.where(np.arange(2000) < 1000, 40.0, 60.0)
+    assert stuck_stem(UniformRecord(INTERVAL_S, moves, op, None, np.zeros(2000, bool))) is None
 
 
 def test_what_is_in_manual_at_the_end_is_not_judged_by_it():

@@ -12,7 +12,7 @@ from app.engine.causality.answering import goes_its_own_way
 from app.engine.features.travel import reversals
 from app.engine.fitness.signals import at_extremes
 from app.engine.recording import FloatArray, UniformRecord
-from app.engine.signals.sampled import blocks, correlation, quantiles
+from app.engine.signals.sampled import blocks, correlation, deviation, quantiles
 
 LEAST_PART = 400
 """Samples before and since, at least: what each of them shows is known from some."""
@@ -106,11 +106,17 @@ def _astray(record: UniformRecord, first: int) -> bool:
 def _runs_to_and_fro(newest: UniformRecord, leaves_set_point_alone: bool) -> bool:
     op, pv = newest.op, newest.pv
     fewest = FEWEST_TURNS_WITH_SP if leaves_set_point_alone else FEWEST_TURNS
-    if len(reversals(op, LEG * float(np.ptp(op)))) < fewest or correlation(pv, op) ** 2 > ALIKE:
+    if _turns(op) < fewest or correlation(pv, op) ** 2 > ALIKE:
         return False
     if max(float(np.mean(side)) for side in at_extremes(pv)) > AT_ENDS:
         return False
     return leaves_set_point_alone or sum(float(np.mean(side)) for side in at_extremes(op)) >= AT_LIMITS
+
+
+def _turns(op: FloatArray) -> int:
+    """How often OP (N,) turns after a leg; in its own unit what is rounding to `reversals` could be all of it."""
+    unit = float(deviation(op))
+    return len(reversals(op / unit, LEG * float(np.ptp(op)) / unit)) if unit > 0.0 else 0
 
 
 def _leaves_set_point_alone(past: UniformRecord, newest: UniformRecord) -> bool:
