@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.engine.fitness import assess
+from app.engine.fitness import FitnessConfig, assess
 from app.engine.recording import Recording
 from tests.audited import audited
 
@@ -189,3 +189,28 @@ def test_who_switched_to_manual_meanwhile_hides_nothing(manual):
     stands = assess(replace(loop, automatic=automatic)).standstill
     assert stands is not None
     assert stands.for_s == (N - 1 - max(SINCE, manual.stop)) * TS
+
+
+UNDER_WAY = replace(alive(), pv=np.full(N, 43.0), op=np.full(N, 1.0), op_range=(0.0, 100.0), pv_range=(0.0, 100.0))
+HOLED = replace(wound_up(), time_s=TS * (np.arange(N) + 6.0 * (np.arange(N) >= SEAM)))
+
+
+@pytest.mark.parametrize(
+    ("loop", "config", "stands"),
+    [
+        (wound_up(N - 60), FitnessConfig(least_still=50), (False, True)),
+        (wound_up(), FitnessConfig(least_still=N - SINCE + 1), (True, False)),
+        (INNOCENT["shut down by hand in some steps"], FitnessConfig(fewest_moves=4), (False, True)),
+        (wound_up(), FitnessConfig(least_move=20.0), (True, False)),
+        (UNDER_WAY, FitnessConfig(op_limit_band=0.02), (False, True)),
+    ],
+    ids=["shorter", "longer", "fewer values", "further", "wider limit"],
+)
+def test_what_a_stand_is_can_be_configured(loop, config, stands):
+    assert tuple(assess(loop, given).standstill is not None for given in (None, config)) == stands
+
+
+@pytest.mark.parametrize(("most_filled", "missing_s"), [(10.0, 0.0), (3.0, 7.0 * TS)])
+def test_a_hole_of_a_stand_is_what_a_hole_of_the_record_is(most_filled, missing_s):
+    stands = assess(HOLED, FitnessConfig(max_gap_intervals=most_filled)).standstill
+    assert stands.for_s - stands.recorded_s == pytest.approx(missing_s)

@@ -147,7 +147,7 @@ def assess(recording: Recording, config: FitnessConfig | None = None) -> Fitness
     )
     if len(samples) < config.min_samples:
         return _stopped(fitness, found, LATER_CHECKS)
-    stands = standstill(samples, float(recording.time_s[0]), recording.op_range, recording.pv_range)
+    stands = standstill(samples, recording, config)
     return _assess_stretches(recording, samples, replace(fitness, findings=found, standstill=stands), config)
 
 
@@ -268,7 +268,7 @@ def _dead_s(samples: Samples, config: FitnessConfig) -> float | None:
         return None
     if len(np.unique(samples.op[-still:])) < config.fewest_moves:  # a unit that is shut down by hand
         return None
-    moves = as_far_as_ever(samples.op[:-still], samples.op[-still:], config.least_move)
+    moves = as_far_as_ever(samples.op[:-still], samples.op[-still:], config)
     return _since_s(samples, len(samples) - still) if moves else None
 
 

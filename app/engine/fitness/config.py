@@ -5,15 +5,8 @@ from dataclasses import dataclass
 LIMIT_BAND = 0.005
 """How near to an end of OP's known span counts as at the limit, as a share of the span."""
 
-LEAST_STILL = 100
-"""Samples of one value that are a stand."""
-
 FEWEST_VALUES = 10
 """Of OP while PV stands: a unit that is shut down by hand has fewer."""
-
-LEAST_MOVE = 0.5
-"""Share of what OP goes over in such a time else that it goes over while PV stands, at least: where all is calm PV may
-stand."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +28,8 @@ class FitnessConfig:
     flat_share: a signal that does not change for this share of the stretch is dead there.
     least_still, longer_still: PV that holds one value up to the end of the stretch, for so many samples and so many
     times as long as ever before, while OP takes fewest_moves values and goes over least_move of what it goes over in
-    such a time else, has died: a frozen transmitter, or a stuck valve.
+    such a time else, has died: a frozen transmitter, or a stuck valve. Where all is calm PV may stand. Of a recording
+    so many samples of one value are a stand too, whatever it held before (`standstill`).
     least_at_limit, most_jump, one_sided: OP that stands at its extremes for half of the time once it stood there for so
     many samples, and came there by less than this share of its range at once, is wound up, if PV is on the side from
     which that would bring it back for this share of the time more than on the other.
@@ -63,10 +57,10 @@ class FitnessConfig:
     off_clock: float = 0.45
     max_filled_share: float = 0.3
     flat_share: float = 0.5
-    least_still: int = LEAST_STILL
+    least_still: int = 100
     longer_still: float = 5.0
     fewest_moves: int = FEWEST_VALUES
-    least_move: float = LEAST_MOVE
+    least_move: float = 0.5
     least_at_limit: int = 20
     most_jump: float = 0.1
     one_sided: float = 0.8
