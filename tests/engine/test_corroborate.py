@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from app.engine.corroborate import METHODS, Corroboration, corroborate
 from app.engine.corroborate.bicoherence import nonlinearity_indices
-from app.engine.corroborate.chance_coupling import FIRST, chance_limit
+from app.engine.corroborate.chance_coupling import FIRST, _noise, chance_limit
 from app.engine.corroborate.half_cycles import SINE, half_cycles, misfit, triangles
 from app.engine.corroborate.movement_patterns import rho_3
 from app.engine.corroborate.sigmoid import fitted_correlation
@@ -131,6 +131,12 @@ def test_bicoherence_of_white_noise_is_expected_where_it_lies():
     means = [limit + nonlinearity_indices(x).ngi for x in noise]
     assert 61 * np.mean(means) == pytest.approx(1.04, abs=0.02)
     assert np.quantile(means, 0.95) == pytest.approx(limit, rel=0.02)
+
+
+@pytest.mark.parametrize("kept", ["expected", "together"])
+def test_what_is_kept_of_chance_cannot_be_written_over(kept):
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(_noise(32), kept)[...] = 0.0
 
 
 @pytest.mark.parametrize("period", [32.0, 40.0, 64.0])

@@ -74,7 +74,9 @@ def _noise(hop: int) -> _Noise:
     # P of a pair of neighbours, and of a line with itself, is larger, and so is what bic^2 divides by.
     size = np.sqrt(1.0 + _alike(i - j) ** 2)
     covariance = (across + within) / np.outer(size, size)
-    return _Noise(np.diag(covariance).copy(), covariance**2)
+    expected, together = np.diag(covariance).copy(), covariance**2
+    expected.flags.writeable = together.flags.writeable = False  # kept for who asks next
+    return _Noise(expected, together)
 
 
 def _between(one: IntArray, other: IntArray) -> FloatArray:
