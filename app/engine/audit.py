@@ -178,7 +178,7 @@ def _result(
     reference: Reference | None = None,
     episodes: Episodes = NO_EPISODES,
 ) -> Audit:
-    figures, span = key_figures_of(recording), known_span(recording.op_range)
+    figures, span = key_figures_of(recording, config.fitness), known_span(recording.op_range)
     looked_at = None if record is None else fitness.looked_at
     return Audit(
         recording=recording.name,

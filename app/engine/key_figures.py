@@ -38,8 +38,6 @@ HARRIS_TERMS = 20
 HARRIS_HORIZON = 5
 """Samples of dead time that the benchmark assumes of every loop, whatever its process and its sampling interval."""
 
-_AS_CHECKED = FitnessConfig()
-
 
 @dataclass(frozen=True)
 class KeyFigures:
@@ -91,10 +89,11 @@ class KeyFigures:
     harris_horizon_samples: int
 
 
-def compute(recording: Recording) -> KeyFigures:
+def compute(recording: Recording, config: FitnessConfig | None = None) -> KeyFigures:
     """The key figures of one recording.
 
-    recording: PV, OP and SP in engineering units, NaN where missing.
+    recording: PV, OP and SP in engineering units, NaN where missing. config: by which its samples are checked, the
+    audit's; None: the defaults.
 
     Of a scan that was stored several times one sample counts, of these only those with finite PV and OP, and not the
     wild ones among them; where PV and OP were stamped at different times, they are brought together as they are for the
@@ -107,8 +106,9 @@ def compute(recording: Recording) -> KeyFigures:
     doi 10.1002/cjce.5450700620 (index); Thornhill, Choudhury, Shah 2004, J. Process Control 14, 389-398 (what a
     historian's compression does to it).
     """
-    recording, good = _together(once_a_scan(recording, _AS_CHECKED).recording)
-    held_s = holding_times(recording.time_s)
+    config = config or FitnessConfig()
+    recording, good = _together(once_a_scan(recording, config).recording, config)
+    held_s = holding_times(recording.time_s, config)
 
     def timed(signal: FloatArray, part: BoolArray) -> Timed:
         return Timed(signal[part], None if held_s is None else held_s[part])
@@ -119,10 +119,10 @@ def compute(recording: Recording) -> KeyFigures:
     controlled = np.flatnonzero(tracked if len(error) else used)
     upset = error.values if len(error) else recording.pv[used]
     pv, op, op_used = timed(recording.pv, good), timed(recording.op, good), timed(recording.op, used)
-    drawn = on_line_share(recording.pv[controlled]) > _AS_CHECKED.max_on_line_share
+    drawn = on_line_share(recording.pv[controlled]) > config.max_on_line_share
     size = error.of(np.abs)
     each_s = _each_held(recording.time_s, held_s)
-    travel, reversals = _travel(recording, good)
+    travel, reversals = _travel(recording, good, config)
     low, median, high = error.percentiles((5.0, 50.0, 95.0))
     return KeyFigures(
         good_share_pct=100.0 * float(good.mean()) if recording.samples else 0.0,
@@ -144,14 +144,14 @@ def compute(recording: Recording) -> KeyFigures:
         op_reversals_per_h=reversals,
         op_travel_pct_of_span_per_h=_pct_of_span(travel, recording.op_range),
         response_time_s=_response_time_s(upset, each_s[controlled]),
-        harris_index=None if drawn else _harris_index(upset, _runs(controlled, recording.time_s)),
+        harris_index=None if drawn else _harris_index(upset, _runs(controlled, recording.time_s, config)),
         harris_horizon_samples=HARRIS_HORIZON,
     )
 
 
-def _together(recording: Recording) -> tuple[Recording, BoolArray]:
+def _together(recording: Recording, config: FitnessConfig) -> tuple[Recording, BoolArray]:
     """The recording at the times at which PV and OP are known together, and which of its samples are good."""
-    found = align(recording, _AS_CHECKED)
+    found = align(recording, config)
     if found.interpolated is None:
         return recording, found.both
     at = usable_values(recording.op if found.interpolated == "PV" else recording.pv)
@@ -222,7 +222,7 @@ def _variability_pct(pv: Timed) -> float | None:
     return 200.0 * std / abs(mean) if abs(mean) > std else None
 
 
-def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | tuple[None, None]:
+def _travel(recording: Recording, good: BoolArray, config: FitnessConfig) -> tuple[float, float] | tuple[None, None]:
     """(travel, reversals) an hour that was recorded: within a hole OP neither moved nor rested. None where no two good
     samples are without a hole between them.
     """
@@ -231,7 +231,7 @@ def _travel(recording: Recording, good: BoolArray) -> tuple[float, float] | tupl
         return None, None
     low, high = np.percentile(op, [5.0, 95.0])
     band, hours, travel, reversals = REVERSAL_SHARE * float(high - low), 0.0, 0.0, 0.0
-    holes = np.flatnonzero(np.diff(time_s) > _hole_s(recording.time_s)) + 1
+    holes = np.flatnonzero(np.diff(time_s) > _hole_s(recording.time_s, config)) + 1
     for first, end in pairwise([0, *holes.tolist(), len(op)]):
         moved, turned = _turning(op[first:end], band)
         hours += float(time_s[end - 1] - time_s[first]) / 3600.0
@@ -255,16 +255,16 @@ def _turning(op: FloatArray, band: float) -> tuple[float, int]:
     return travel + (high - anchor if direction > 0 else anchor - low if direction < 0 else 0.0), reversals
 
 
-def _hole_s(time_s: FloatArray) -> float:
+def _hole_s(time_s: FloatArray, config: FitnessConfig) -> float:
     """What is longer between two samples of a record of times (N,), in s, is a hole."""
-    return lasting(_AS_CHECKED.max_gap_intervals, time_s)
+    return lasting(config.max_gap_intervals, time_s)
 
 
-def _runs(controlled: IntArray, time_s: FloatArray) -> IntArray:
+def _runs(controlled: IntArray, time_s: FloatArray, config: FitnessConfig) -> IntArray:
     """(n,) in which run of neighbours without a hole each of these samples of a record of times (N,) is."""
     if len(controlled) < 2:
         return np.zeros(len(controlled), dtype=np.int64)
-    apart = (np.diff(controlled) > 1) | (np.diff(time_s[controlled]) > _hole_s(time_s))
+    apart = (np.diff(controlled) > 1) | (np.diff(time_s[controlled]) > _hole_s(time_s, config))
     return np.concatenate(([0], np.cumsum(apart)))
 
 

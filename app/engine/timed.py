@@ -10,25 +10,25 @@ from app.engine.fitness import FitnessConfig
 from app.engine.fitness.resample import is_regular, typical_interval
 from app.engine.recording import BoolArray, FloatArray
 
-_AS_CHECKED = FitnessConfig()
 _AROUND = 5
 """Intervals by whose median one is told to be a hole: two holes close to each other are, a slower sampling is none."""
 
 
-def holding_times(time_s: FloatArray) -> FloatArray | None:
+def holding_times(time_s: FloatArray, config: FitnessConfig | None = None) -> FloatArray | None:
     """(N,) in s for how long what was sampled at `time_s` (N,) holds; None where all do for equally long.
 
     It is the time to the next sample, but where that is a hole no more than what may be filled: so many intervals
-    (`FitnessConfig.max_gap_intervals`) of those around it, or of the whole record, whichever are longer. The last
+    (`config.max_gap_intervals`) of those around it, or of the whole record, whichever are longer. The last
     sample holds for a usual interval. Stamps of a scan that is a little late hold equally long.
     """
-    if len(time_s) < 3 or not np.isfinite(time_s[-1] - time_s[0]) or is_regular(time_s, _AS_CHECKED):
+    config = config or FitnessConfig()
+    if len(time_s) < 3 or not np.isfinite(time_s[-1] - time_s[0]) or is_regular(time_s, config):
         return None
     usual, intervals = typical_interval(time_s), np.diff(time_s)
-    longest = np.full(len(intervals), _AS_CHECKED.max_gap_intervals * usual)
+    longest = np.full(len(intervals), config.max_gap_intervals * usual)
     if np.any(intervals > longest):
         around = median_filter(intervals, _AROUND, mode="mirror")
-        longest = np.maximum(longest, _AS_CHECKED.max_gap_intervals * around)
+        longest = np.maximum(longest, config.max_gap_intervals * around)
     return np.append(np.minimum(intervals, longest), usual)
 
 

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from app.engine.audit import AuditConfig, audit
+from app.engine.fitness import FitnessConfig
 from app.engine.key_figures import compute
 from app.engine.recording import Recording
 
@@ -236,3 +238,30 @@ def test_a_wild_sample_moves_no_figure():
     figures = compute(replace(loop, op=op))
     assert figures.op_std == pytest.approx(compute(loop).op_std, rel=0.01)
     assert figures.good_share_pct == pytest.approx(100.0 * 599 / 600)
+
+
+def test_a_hole_is_what_the_audit_takes_for_one():
+    """OP moves by 100 within eight intervals of which nothing is known."""
+    k = np.arange(60)
+    loop = Recording("loop", k + 7.0 * (k >= 30), np.sin(k), np.where(k < 30, 0.0, 100.0))
+    assert compute(loop).op_travel_per_h == pytest.approx(100.0 / (66.0 / 3600.0))
+    short = FitnessConfig(max_gap_intervals=3.0)
+    assert compute(loop, short).op_travel_per_h == 0.0
+    assert audit(loop, AuditConfig(fitness=short)).key_figures == compute(loop, short)
+
+
+def test_a_value_holds_over_no_more_than_the_audit_fills():
+    """PV is at 1 before 8 intervals of which nothing is known, and at 0 else."""
+    k = np.arange(60)
+    loop = Recording("loop", k + 7.0 * (k >= 30), np.where(k == 29, 1.0, 0.0), np.sin(k))
+    for most, held in ((10.0, 8.0), (3.0, 3.0)):
+        share = held / (59.0 + held)
+        std = compute(loop, FitnessConfig(max_gap_intervals=most)).pv_std
+        assert std == pytest.approx(np.sqrt(share * (1.0 - share)))
+
+
+def test_what_a_historian_drew_is_what_the_audit_takes_for_it():
+    t, noise = np.arange(4000), np.random.default_rng(0).normal(size=4000)
+    kept = np.arange(0, 4000, 10)
+    drawn = recording(t, np.interp(t, kept, noise[kept]), np.zeros(4000))
+    assert compute(drawn, FitnessConfig(max_on_line_share=1.0)).harris_index is not None

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.engine.fitness import FitnessConfig
 from app.engine.timed import Timed, holding_times
 
 WANTED = (0.0, 5.0, 31.0, 50.0, 95.0, 100.0)
@@ -61,3 +62,9 @@ def test_a_hole_beside_an_end_is_a_hole(last):
 def test_a_slower_sampling_is_no_hole():
     held_s = holding_times(np.concatenate((600.0 * np.arange(6), 3600.0 + np.arange(100.0))))
     assert held_s.tolist() == [600.0] * 6 + [1.0] * 100
+
+
+def test_how_long_a_value_holds_and_what_is_late_can_be_configured():
+    slow = np.array([0.0, 1.0, 2.0, 6.0, 7.0])
+    assert holding_times(slow, FitnessConfig(max_gap_intervals=2.0)).tolist() == [1.0, 1.0, 2.0, 1.0, 1.0]
+    assert holding_times(slow, FitnessConfig(jitter_tolerance=3.0)) is None
