@@ -73,7 +73,7 @@ def told_name(request: Request) -> str | None:
 
 
 def refuse_several(form: FormData) -> None:
-    for name in PARTS:
+    for name in (*PARTS, *FIELDS):
         if len(form.getlist(name)) > 1:
             text = f"the multipart form has several parts `{name}`; an upload takes one: send each file by itself"
             raise RequestError("several_files", text)

@@ -265,7 +265,8 @@ def _postgresql(url: URL, statement_timeout_s: float, pool_size: int, *, writes:
         told: Any = context.original_exception
         state = getattr(told, "sqlstate", None)
         # A pooler that lost the server of a session says so after the server did; the driver calls two answers a fault.
-        lost = context.is_disconnect and not isinstance(told, psycopg.OperationalError)
+        said = isinstance(told, psycopg.Error)  # whoever interrupts a statement loses the connection too
+        lost = context.is_disconnect and said and not isinstance(told, psycopg.OperationalError)
         if not lost and state not in HUNG_UP and not (writes and state == READ_ONLY):
             return None
         return OperationalError(context.statement, context.parameters, told, connection_invalidated=lost)

@@ -26,8 +26,10 @@ def take(connection: Any, settings: Mapping[str, str]) -> None:
     asked = ", ".join(["current_setting(%s, true)", *("set_config(%s, %s, false)" for _ in pairs)])
     kept, connection.autocommit = connection.autocommit, True  # what is set in a transaction ends with its rollback
     values = [text for pair in pairs.items() for text in pair]
-    taken = connection.execute(f"SELECT {asked}", [TAKEN, *values]).fetchone()[0]
+    try:
+        if connection.execute(f"SELECT {asked}", [TAKEN, *values]).fetchone()[0]:
+            raise OperationalError(SHARED)
+    except BaseException:
+        connection.close()  # nobody else has it yet
+        raise
     connection.autocommit = kept
-    if taken:
-        connection.close()
-        raise OperationalError(SHARED)

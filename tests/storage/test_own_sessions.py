@@ -1,7 +1,8 @@
 """A session of PostgreSQL has our settings behind a pooler too, and is nobody else's."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 
 import psycopg
@@ -112,3 +113,29 @@ def test_a_session_that_was_reset_is_as_new(lent: psycopg.Connection, postgres_u
             read.exec_driver_sql("DISCARD ALL")
         with database.write() as written:
             assert (setting(written, "jit"), setting(written, READ_ONLY)) == ("off", "off")
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("writes", [True, False])
+@pytest.mark.parametrize("exit_by", [KeyboardInterrupt, SystemExit])
+def test_who_interrupts_a_statement_is_no_database_that_is_away(
+    postgres_url: str, exit_by: type[BaseException], writes: bool
+) -> None:
+    """The connection is lost with it, and a worker that was told to end would take that for a fault and try again."""
+
+    def interrupt(*_: object) -> None:
+        raise exit_by
+
+    def wait(connected_to: Callable[[], AbstractContextManager[Connection]]) -> None:
+        with connected_to() as connection:
+            signal.setitimer(signal.ITIMER_REAL, 0.1)
+            connection.exec_driver_sql("SELECT pg_sleep(5)")
+
+    with opened(postgres_url) as database:
+        kept = signal.signal(signal.SIGALRM, interrupt)
+        try:
+            with pytest.raises(exit_by):
+                wait(database.write if writes else database.read)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, kept)

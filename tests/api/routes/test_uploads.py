@@ -115,6 +115,14 @@ def test_no_part_of_a_form_is_dropped_without_a_word(client, names):
     assert client.get("/v1/uploads?limit=1").json()["rows"] == before
 
 
+@pytest.mark.parametrize("second", ["Asia/Tokyo", ""])
+def test_a_field_that_is_given_twice_is_refused_as_in_the_query(client, second):
+    file = {"file": ("twice.csv", wide("FIC_T"), "text/csv")}
+    answer = client.post("/v1/uploads", files=file, data={"time_zone": ["Europe/Berlin", second]})
+    assert (answer.status_code, answer.json()["code"]) == (400, "several_files"), answer.text
+    assert "`time_zone`" in answer.json()["detail"]
+
+
 @pytest.mark.parametrize("names", [("time_zone", "date_order"), ("time_zone",), ("date_order",)])
 def test_how_to_read_an_export_is_told_in_the_form_as_in_the_query(client, backend, names):
     body = b"time,PV,OP\n" + b"".join(b"03/04/2026 12:%02d:00,%d,%d\n" % (k, k % 7, k % 5) for k in range(60))
