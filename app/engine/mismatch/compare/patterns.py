@@ -205,7 +205,7 @@ def _stuck_stretches(
     found = [run for run in free if run.length >= needed]
     away = _away_from_extremes(record)
     made = _of_a_sensor(record, found, lambda run: bool(away[run.first]))
-    return tuple(_dropped(record, run) if _jumps_there(record.pv, run) else stuck(record, run) for run in made)
+    return tuple(_dropped(record, run) if _jumps_there(record.pv, run) else _stuck(record, run) for run in made)
 
 
 def _of_a_sensor(record: Experiment, runs: list[Run], away: Callable[[Run], bool]) -> list[Run]:
@@ -239,7 +239,7 @@ def _jumps_from(pv: FloatArray, at: int) -> bool:
     return bool(steps[at] > _JUMP * np.quantile(steps, 0.99))
 
 
-def stuck(record: Experiment, run: Run) -> Pattern:
+def _stuck(record: Experiment, run: Run) -> Pattern:
     ts = record.sampling_interval_s
     values = np.minimum(record.first_s + np.array([(run.first + 1) * ts, (run.last + 1) * ts]), record.end_s)
     shows = np.zeros(record.samples, dtype=np.bool_)
@@ -253,7 +253,7 @@ def _dropped(record: Experiment, run: Run) -> Pattern:
     are apart, what fell away for a while in it does the same, and a sensor that stuck since before does where the first
     of its samples were lost.
     """
-    value, kept = float(record.pv[run.first]), stuck(record, Run(run.first - 1, run.last))
+    value, kept = float(record.pv[run.first]), _stuck(record, Run(run.first - 1, run.last))
     text = (
         f"PV jumps to {value:.5g}, repeats it for {run.length:,} samples while OP keeps moving, and jumps back: "
         "that is neither the last measured value nor on PV's path"
@@ -277,7 +277,7 @@ def _frozen(record: Experiment, run: Run) -> Pattern:
     low, high = f"{np.min(pv):.5g}", f"{np.max(pv):.5g}"
     where = f"at {low}" if low == high else f"between {low} and {high}"
     text = f"PV stays {where} for {run.length:,} samples, with less noise than elsewhere, while OP keeps moving"
-    return replace(stuck(record, run), reason=Reason("pv_frozen", text), within=_noise_deviation(record), most=FROZEN)
+    return replace(_stuck(record, run), reason=Reason("pv_frozen", text), within=_noise_deviation(record), most=FROZEN)
 
 
 def compressed(record: Experiment) -> Pattern | None:

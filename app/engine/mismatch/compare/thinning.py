@@ -18,7 +18,7 @@ from app.engine.mismatch.physics import named
 from app.engine.recording import BoolArray, FloatArray
 
 WANTED_SAMPLES = 4000
-MOST_SAMPLES = 8000
+_MOST_SAMPLES = 8000
 _INTERVALS_A_TIME = 2.0
 
 
@@ -46,7 +46,7 @@ def factor_for(base: Fit) -> int:
     slowest = own + plant.tau2 + plant.theta
     allowed = max(int(slowest / (_INTERVALS_A_TIME * record.sampling_interval_s)), 1)
     factor = min(-(-record.samples // WANTED_SAMPLES), allowed)
-    return max(factor, -(-record.samples // MOST_SAMPLES))
+    return max(factor, -(-record.samples // _MOST_SAMPLES))
 
 
 def _thinned_op_ahead_pv_centred(record: Experiment, factor: int) -> Experiment:

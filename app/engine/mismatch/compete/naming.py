@@ -53,8 +53,8 @@ def believed(best: Contender, names: tuple[Contender, ...], standing: float | No
     others = [r for r in names if r.block.code != best.block.code and r.block.code not in twins]
     doubt = own_doubt(best)
     margins = {r.block.code: (standing - worth(r)) / doubt for r in others}
-    limits = {r.block.code: max(_INDISTINCT, NEAR_SHARE * standing * near(best, r)) for r in others}
-    told = [r for r in others if r.block.code not in _UNSAID and (worth(r) > 0.0 or near(best, r))]
+    limits = {r.block.code: max(_INDISTINCT, NEAR_SHARE * standing * _near(best, r)) for r in others}
+    told = [r for r in others if r.block.code not in _UNSAID and (worth(r) > 0.0 or _near(best, r))]
     close = [r.block.code for r in told if margins[r.block.code] < limits[r.block.code]]
     alternatives = tuple((twins + close)[:_MOST_ALTERNATIVES])
     unsaid = [margin for code, margin in margins.items() if code not in alternatives]
@@ -106,6 +106,6 @@ def twins_of(contender: Contender) -> tuple[str, ...]:
     )
 
 
-def near(one: Contender, other: Contender) -> bool:
+def _near(one: Contender, other: Contender) -> bool:
     """Whether two names have nearly the same form."""
     return any({one.block.code, other.block.code} <= family for family in NEAR)

@@ -107,7 +107,7 @@ def close(found: Fit, law: Law, sp: FloatArray, added: FloatArray | None = None)
     return UniformRecord(record.sampling_interval_s, pv, op, sp, np.zeros(record.samples, dtype=np.bool_))
 
 
-def figures(record: UniformRecord) -> LoopFigures:
+def _figures(record: UniformRecord) -> LoopFigures:
     """What the loop of a record of N samples shows, against SP where it was recorded, else against PV's mean.
 
     Yper is that of both signals at unit standard deviation, and 0 where PV or OP holds one value. Misleads where the
@@ -166,17 +166,17 @@ def close_again(
     law = found.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     sp = np.full(record.samples, law.sp) if law.sp is not None or record.sp is None else record.sp
     still = np.zeros(record.samples, dtype=np.bool_)
-    shown = figures(UniformRecord(record.sampling_interval_s, record.pv, record.op, sp, still))
+    shown = _figures(UniformRecord(record.sampling_interval_s, record.pv, record.op, sp, still))
     clean = [close(fit, law, sp) for fit in (base, final)]
     noisy = close(final, law, sp, modelled_noise(final))
     seen = None if noisy is None else _seen_through(noisy, final, sensors)
     refitted, explained, with_noise, as_recorded = (
-        None if loop is None else figures(loop) for loop in (*clean, noisy, seen)
+        None if loop is None else _figures(loop) for loop in (*clean, noisy, seen)
     )
     steps = (
         ("the physics that was named", explained),
         (noise_in_words(final), with_noise),
-        (in_words(sensors), as_recorded),
+        (_in_words(sensors), as_recorded),
     )
     lacked = _what_lacked(shown, refitted, steps)
     own = None
@@ -185,7 +185,7 @@ def close_again(
         own = tried_on(controller.law(acted.sampling_interval_s), asked_for, acted.pv, acted.op, acted.usable)
         own = own.at_interval(acted.sampling_interval_s, record.sampling_interval_s)
     as_given = None if given is None else close(replace(base, plant=given, parts=()), own or law, sp)
-    figures_given = None if as_given is None else figures(as_given)
+    figures_given = None if as_given is None else _figures(as_given)
     return ClosedLoop(
         law, shown, refitted, explained, with_noise, as_recorded, lacked=lacked, given=figures_given, given_law=own
     )
@@ -226,6 +226,6 @@ def noise_in_words(found: Fit) -> str:
     return f"coloured noise of the load, its memory {memory:.3g} s"
 
 
-def in_words(sensors: tuple[Part, ...]) -> str:
+def _in_words(sensors: tuple[Part, ...]) -> str:
     lasting = [part.block.code for part in sensors if part.block.active is None]
     return " and ".join(lasting)

@@ -99,7 +99,7 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     ts = record.sampling_interval_s
     best: Plant | None = None
     least = np.inf
-    for start in starts(record, target, structure):
+    for start in _starts(record, target, structure):
         plant = _descend_trace(record, target, structure, start)
         error = float(np.sqrt(np.mean((run_process(record.op_deviation, plant, ts)[target.seen] - y) ** 2)))
         if error < 0.98 * least:
@@ -124,7 +124,7 @@ def fit_structure(record: Experiment, target: Target, structure: Structure) -> T
     )
 
 
-def starts(record: Experiment, target: Target, structure: Structure) -> list[FloatArray]:
+def _starts(record: Experiment, target: Target, structure: Structure) -> list[FloatArray]:
     """The best points of a grid of time constants and dead times, none beside another: dead time in intervals, logs of
     the time constants, or of time and damping.
     """

@@ -21,7 +21,7 @@ _TIMES, _SHARES, _DAMPINGS = (0.3, 0.55, 1.0, 1.8, 3.3), (0.3, 1.0), (0.4, 1.0, 
 OFF_BY, _DEVIATION = 1.15, 0.5  # of the logarithm: half or twice is usual where a simulation is off, a tenth is not
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     """Factors of what was given. A longer dead time is an effect with a name (process.dead_time); a shorter is none."""
     always = (
         Parameter("gain", "of given", 0.005, 200.0, 1.0, log=True, deviation=_DEVIATION),
@@ -33,7 +33,7 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
     return (*always, Parameter("damping", "of given", 0.1, 10.0, 1.0, log=True, deviation=_DEVIATION))
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     times = _TIMES if _has_time(context.plant) else (1.0,)
     shares = _SHARES if context.plant.theta > 0.0 else (1.0,)
     dampings = (np.array(_DAMPINGS),) if context.plant.damping > 0.0 else ()
@@ -71,8 +71,8 @@ PARAMETERS = Block(
     "process",
     "process",
     "always",
-    parameters,
-    starts,
+    _parameters,
+    _starts,
     alter=_alter,
     penalty=9.0,
     finalists=1,

@@ -93,7 +93,7 @@ def _independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> Lags
         return None
     moves = moves / largest
     a = np.convolve(moves, np.concatenate(([1.0], -autoregression(autocovariances(moves, _OP_ORDER)))))[: len(op)]
-    energy = np.array([np.sum(a[before(at, lag)] ** 2) for lag in range(1, lags + 1)])
+    energy = np.array([np.sum(a[_before(at, lag)] ** 2) for lag in range(1, lags + 1)])
     told = energy > 0.0
     if not np.any(told):
         return None
@@ -103,10 +103,10 @@ def _independent(e: FloatArray, op: FloatArray, at: IntArray, lags: int) -> Lags
 
 def _lagged_products(now: FloatArray, then: FloatArray, at: IntArray, lags: IntArray) -> FloatArray:
     """(lags,) sums of the products of one series (N,) at the samples `at` with another (N,) so many samples before."""
-    return np.array([now[at[at >= lag]] @ then[before(at, lag)] for lag in lags])
+    return np.array([now[at[at >= lag]] @ then[_before(at, lag)] for lag in lags])
 
 
-def before(at: IntArray, lag: int) -> IntArray:
+def _before(at: IntArray, lag: int) -> IntArray:
     """The samples `lag` before the samples `at`, as far as the record has them."""
     return at[at >= lag] - lag
 

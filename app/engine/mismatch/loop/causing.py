@@ -86,11 +86,11 @@ def _gained(y: FloatArray, without: FloatArray, more: FloatArray, kept: BoolArra
     chance.
     """
     every = np.concatenate((without, more), axis=1)
-    ratio = left(y[kept], without[kept]) / left(y[kept], every[kept])
+    ratio = _left(y[kept], without[kept]) / _left(y[kept], every[kept])
     return 0.5 * float(kept.sum()) * float(np.log(ratio)) - 0.5 * more.shape[1]
 
 
-def left(y: FloatArray, columns: FloatArray) -> float:
+def _left(y: FloatArray, columns: FloatArray) -> float:
     """Sum of squares that the columns (N, P) and a constant leave of y (N,); never zero."""
     rest = rest_of(y, columns)
     return float(rest @ rest) + 1e-12 * float(np.var(y)) * len(y) + 1e-300

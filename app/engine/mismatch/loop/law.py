@@ -66,14 +66,14 @@ def _terms(e: FloatArray) -> FloatArray:
 def tried_on(law: Law, sp: FloatArray, pv: FloatArray, op: FloatArray, usable: BoolArray | None = None) -> Law:
     """The law with the share of OP's moves that it explains, where OP moves and PV is usable; not below 0."""
     moves = np.diff(op)[1:]
-    kept = answers(moves, usable)
+    kept = _answers(moves, usable)
     if not kept.any():
         return replace(law, explained=0.0)
     left = moves - _terms(sp - pv) @ np.array([law.kc, law.ki, law.kd])
     return replace(law, explained=max(_share_explained(moves[kept], left[kept]), 0.0))
 
 
-def answers(moves: FloatArray, usable: BoolArray | None) -> BoolArray:
+def _answers(moves: FloatArray, usable: BoolArray | None) -> BoolArray:
     """(N - 2,) True where OP moves and the three samples of PV that a law answers are usable (N,); None: all are."""
     if usable is None:
         return moves != 0.0
@@ -94,7 +94,7 @@ def identify_law(sp: FloatArray | None, pv: FloatArray, op: FloatArray, usable: 
     columns = _terms(e)
     basis = columns if sp is not None else np.column_stack((columns, np.ones(len(columns))))
     moves = np.diff(op)[1:]
-    kept = answers(moves, usable)
+    kept = _answers(moves, usable)
     if kept.sum() < 20:
         return Law(0.0, 0.0, 0.0, 0.0)
     numbers = np.linalg.lstsq(basis[kept], moves[kept], rcond=None)[0]

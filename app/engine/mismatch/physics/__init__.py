@@ -1,6 +1,6 @@
 """The library of physics: one file an effect (or a family of its forms), each with the blocks it offers.
 
-A new effect is one new file with `BLOCKS` and its name in `ALWAYS_OFFERED`. What several of them need stands in files
+A new effect is one new file with `BLOCKS` and its name in `_ALWAYS_OFFERED`. What several of them need stands in files
 of its own: `moments`, `scales`, `corners`, `stem`.
 """
 
@@ -32,7 +32,7 @@ from app.engine.mismatch.physics import (
     vessel,
 )
 
-ALWAYS_OFFERED = (
+_ALWAYS_OFFERED = (
     valve_stiction,
     valve_deadband,
     valve_dead_zone,
@@ -53,13 +53,13 @@ ALWAYS_OFFERED = (
 )
 
 # What OP and PV cannot tell apart: named as alternatives of each other, always.
-SAME_IN_OP_AND_PV = (
+_SAME_IN_OP_AND_PV = (
     frozenset(("process.extra_lag", "sensor.lag")),
     frozenset(("valve.characteristic", "process.nonlinear_gain")),
     frozenset(("disturbance.step", "sensor.step")),
     frozenset(("disturbance.ramp", "sensor.drift")),
 )
-TWINS = {code: tuple(sorted(family - {code})) for family in SAME_IN_OP_AND_PV for code in sorted(family)}
+TWINS = {code: tuple(sorted(family - {code})) for family in _SAME_IN_OP_AND_PV for code in sorted(family)}
 
 # Forms so near each other that a right one's shortfall tells them apart no better than the share NEAR_SHARE of what it
 # explains. A load pushes a mass through its dry friction, and no free run knows the load. A short dead time, a lag and
@@ -77,7 +77,7 @@ NEAR_SHARE = 0.15
 # level, and a time constant that does. One way on purpose: hardly any bent gain is an outflow law.
 CLOSE = {"process.outflow_law": ("process.nonlinear_gain",)}
 
-PATTERNS = (
+_PATTERNS = (
     sensor_pattern.QUANTIZATION,
     sensor_pattern.COMPRESSION,
     sensor_pattern.HELD,
@@ -92,7 +92,7 @@ PATTERNS = (
 
 def by_name(record: Experiment) -> dict[str, Block]:
     """Every block, those found by a pattern, of every measured signal and of what was before included, by its name."""
-    every = (*fixed(), *coupling.blocks(record), *PATTERNS, gain_drift.LASTED)
+    every = (*fixed(), *coupling.blocks(record), *_PATTERNS, gain_drift.LASTED)
     return {block.name: block for block in every}
 
 
@@ -110,4 +110,4 @@ def library(record: Experiment) -> tuple[Block, ...]:
 
 def fixed() -> tuple[Block, ...]:
     """The blocks that are the same for every record."""
-    return tuple(block for module in ALWAYS_OFFERED for block in module.BLOCKS)
+    return tuple(block for module in _ALWAYS_OFFERED for block in module.BLOCKS)

@@ -59,7 +59,7 @@ def _step_parameters(context: Context) -> tuple[Parameter, ...]:
     return (moment("start", context), size(context))
 
 
-def jumps(context: Context, innovations: FloatArray, most: int) -> FloatArray:
+def _jumps(context: Context, innovations: FloatArray, most: int) -> FloatArray:
     """The moments (M,), s, of the largest innovations: a jump of the sensor is one sample wide."""
     sharp = np.sort(np.argsort(-np.abs(innovations[5:]))[:most]) + 4
     return np.asarray(sharp * context.record.sampling_interval_s, dtype=np.float64)
@@ -68,7 +68,7 @@ def jumps(context: Context, innovations: FloatArray, most: int) -> FloatArray:
 def _step_starts(context: Context, innovations: FloatArray) -> FloatArray:
     """Evenly spread moments, and those where PV jumps."""
     even = np.linspace(0.015, 0.985, 110) * context.record.samples * context.record.sampling_interval_s
-    times = np.concatenate((jumps(context, innovations, 20), even))
+    times = np.concatenate((_jumps(context, innovations, 20), even))
     return np.stack((times, np.zeros_like(times)), axis=1)
 
 
@@ -90,16 +90,16 @@ def _pulse_starts(context: Context, _: FloatArray) -> FloatArray:
 
 def _sensor_pulse_starts(context: Context, innovations: FloatArray) -> FloatArray:
     """Evenly spread stretches, and those between any two jumps of PV."""
-    between_jumps = stretches(jumps(context, innovations, _SHARPEST))
+    between_jumps = stretches(_jumps(context, innovations, _SHARPEST))
     return np.concatenate((_pulse_starts(context, innovations), between_jumps))
 
 
-def pulse(context: Context, values: FloatArray) -> FloatArray:
+def _pulse(context: Context, values: FloatArray) -> FloatArray:
     return ramp(context, values[0], values[0]) - ramp(context, values[1], values[1])
 
 
 def _sensor_pulse(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
-    return signal + values[2] * pulse(context, values)
+    return signal + values[2] * _pulse(context, values)
 
 
 def _load_pulse(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
@@ -154,7 +154,7 @@ def _goes_and_comes(values: FloatArray, context: Context) -> bool:
 def _recalibrated_starts(context: Context, innovations: FloatArray) -> FloatArray:
     """Ends where PV jumps most, and evenly spread ones; begins before each."""
     duration = context.record.duration_s
-    sharp = jumps(context, innovations, _SHARPEST)
+    sharp = _jumps(context, innovations, _SHARPEST)
     ends = np.unique(np.concatenate((sharp, duration * np.linspace(0.1, 0.98, 14))))
     return np.array(
         [(a, b, 0.0) for a in duration * np.linspace(0.05, 0.9, 13) for b in ends if b - a > _LEAST_DRIFT * duration]
@@ -185,7 +185,7 @@ def _levelling_starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(duration * np.linspace(0.0, 0.92, 24), duration * np.array([0.03, 0.08, 0.2]), np.zeros(1))
 
 
-def levelling(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _levelling(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """What drifts fast at first and then slower and slower: 1 - exp(-t / tau)."""
     since_start = np.maximum(context.time_s - values[0], 0.0)
     return signal + values[2] * -np.expm1(-since_start / values[1])
@@ -273,7 +273,7 @@ LEVELLING = Block(
     _AFTER,
     _levelling_parameters,
     _levelling_starts,
-    apply=levelling,
+    apply=_levelling,
     affine=True,
     active=since,
     form="levelling",

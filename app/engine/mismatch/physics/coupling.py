@@ -123,7 +123,7 @@ def blocks(record: Experiment) -> tuple[Block, ...]:
 
 def of_causes(record: Experiment) -> tuple[Block, ...]:
     """The coupling blocks of each measured signal that may move PV: none for what follows OP or PV."""
-    causes = {name for name, signal in record.measured if moves(signal) and causes_pv(signal, record)}
+    causes = {name for name, signal in record.measured if _moves(signal) and causes_pv(signal, record)}
     return tuple(form for name, forms in _forms_by_signal(record).items() if name in causes for form in forms)
 
 
@@ -133,7 +133,7 @@ def _forms_by_signal(record: Experiment) -> dict[str, tuple[Block, ...]]:
     passing, entering = (_unlike(middles, ending) for ending in (_PASSING, _ENTERING))
     found: dict[str, tuple[Block, ...]] = {}
     for name, signal in record.measured:
-        if name in middles and (elsewhere or moves(signal)):
+        if name in middles and (elsewhere or _moves(signal)):
             lasting = _block(name, signal, middles[name])
             found[name] = (
                 lasting,
@@ -156,6 +156,6 @@ def _spread_of(signal: FloatArray) -> float:
     return float(np.std(signal)) or 1.0
 
 
-def moves(signal: FloatArray) -> bool:
+def _moves(signal: FloatArray) -> bool:
     """Whether a signal (N,) does more than rounding."""
     return bool(np.std(signal) > _ROUNDING * np.max(np.abs(signal)))

@@ -84,11 +84,11 @@ def _has_one_lag(plant: Plant) -> bool:
     return plant.leak > 0.0 and plant.tau2 <= 0.0 and plant.damping == 0.0
 
 
-def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
+def _run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) of the mass, behind the further lags that another block may have given the plant."""
     further = _further_lag(plant, context)
     own = plant.changed(tau2=plant.tau2 - further)
-    return behind(_moved(v, own, values, context), further, plant.tau3, context.record.sampling_interval_s)
+    return _behind(_moved(v, own, values, context), further, plant.tau3, context.record.sampling_interval_s)
 
 
 def _further_lag(plant: Plant, context: Context) -> float:
@@ -96,7 +96,7 @@ def _further_lag(plant: Plant, context: Context) -> float:
     return plant.tau2 if _one_lag(context) else 0.0
 
 
-def behind(pv: FloatArray, lag_s: float, last_s: float, ts: float) -> FloatArray:
+def _behind(pv: FloatArray, lag_s: float, last_s: float, ts: float) -> FloatArray:
     return lag(lag(pv, lag_s, ts), last_s, ts)
 
 
@@ -138,7 +138,7 @@ def _sprung(force: FloatArray, x: float, dry: float, tau: float, ts: float) -> F
 
 def before_a_lag(v: FloatArray, plant: Plant, dry: float, own: float, further: float, ts: float) -> FloatArray:
     """PV (N,) behind a further lag, and before it what has the friction, with a time constant of its own; s."""
-    return behind(_sprung(_drive_of(v, plant, ts), plant.x0, dry, own, ts), further, plant.tau3, ts)
+    return _behind(_sprung(_drive_of(v, plant, ts), plant.x0, dry, own, ts), further, plant.tau3, ts)
 
 
 def _drive_of(v: FloatArray, plant: Plant, ts: float) -> FloatArray:
@@ -168,7 +168,7 @@ def _reach(context: Context) -> float:
     return abs(context.plant.K) * context.record.op_span
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     unit = "PV/s" if context.plant.leak == 0.0 else "PV"
     most = _reach(context)
     return (
@@ -177,7 +177,7 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
     )
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(_reach(context) * np.geomspace(0.01, 0.8, 12), np.zeros(1))
 
 
@@ -213,15 +213,15 @@ def _friction_and_time(context: Context) -> tuple[Parameter, ...]:
 
 def _sizes_and_times(context: Context, _: FloatArray) -> FloatArray:
     ts, tau = context.record.sampling_interval_s, context.plant.tau
-    return grid(starts(context, _)[:, 0], np.array([0.5 * ts, max(0.3 * tau, ts)]))
+    return grid(_starts(context, _)[:, 0], np.array([0.5 * ts, max(0.3 * tau, ts)]))
 
 
 def _dry_friction(context: Context) -> tuple[Parameter, ...]:
-    return parameters(context)[:1]
+    return _parameters(context)[:1]
 
 
-def sizes(context: Context, _: FloatArray) -> FloatArray:
-    return starts(context, _)[:, :1]
+def _sizes(context: Context, _: FloatArray) -> FloatArray:
+    return _starts(context, _)[:, :1]
 
 
 def _before_a_lag(form: str, slow: bool) -> Block:
@@ -241,7 +241,7 @@ def _before_a_lag(form: str, slow: bool) -> Block:
         "process",
         "at reversals of what is driven",
         _dry_friction,
-        sizes,
+        _sizes,
         replaces=replaces,
         form=form,
         penalty=17.0,
@@ -257,9 +257,9 @@ BLOCKS = (
         "process",
         "process",
         "while the mass is at rest, and at its reversals",
-        parameters,
-        starts,
-        replaces=run,
+        _parameters,
+        _starts,
+        replaces=_run,
         active=_at_rest,
         penalty=19.0,
         rough=True,

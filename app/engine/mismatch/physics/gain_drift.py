@@ -15,7 +15,7 @@ _LEAST_PASSING = 0.05
 _LEAST_OF_WHOLE, _FARTHEST = 0.05, 20.0  # share of gain; of OP's span
 
 
-def change(context: Context) -> Parameter:
+def _change(context: Context) -> Parameter:
     return Parameter("change", "share of gain", -0.9, 3.0, 1.0, linear=True)
 
 
@@ -29,7 +29,7 @@ def _scaled(signal: FloatArray, share: FloatArray, context: Context) -> FloatArr
 
 
 def _ramp_parameters(context: Context) -> tuple[Parameter, ...]:
-    return (moment("start", context), change(context))
+    return (moment("start", context), _change(context))
 
 
 def _ramp_starts(context: Context, _: FloatArray) -> FloatArray:
@@ -49,18 +49,18 @@ def _stepped(signal: FloatArray, values: FloatArray, context: Context) -> FloatA
 
 
 def _held_parameters(context: Context) -> tuple[Parameter, ...]:
-    return (moment("start", context), moment("end", context), change(context))
+    return (moment("start", context), moment("end", context), _change(context))
 
 
 def _held_starts(context: Context, _: FloatArray) -> FloatArray:
     return stretches(context.record.duration_s * np.linspace(0.0, 1.0, 9))
 
 
-def held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _held(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     return _scaled(signal, values[2] * ramp(context, values[0], values[1]), context)
 
 
-def passing(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _passing(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     begin, end, share = values
     return _scaled(signal, share * (ramp(context, begin, begin) - ramp(context, end, end)), context)
 
@@ -175,7 +175,7 @@ BLOCKS = (
         _RAMPED,
         parameters=_held_parameters,
         starts=_held_starts,
-        apply=held,
+        apply=_held,
         form="held",
         sensible=_seen_before_and_after,
         penalty=17.0,
@@ -185,7 +185,7 @@ BLOCKS = (
         condition="within a time",
         parameters=_held_parameters,
         starts=_passing_starts,
-        apply=passing,
+        apply=_passing,
         sum_of=_passings,
         active=between,
         form="passing",
@@ -209,7 +209,7 @@ BLOCKS = (
 def _lasted_parameters(context: Context) -> tuple[Parameter, ...]:
     """offset: what the change makes of where the loop stood when it was measured, and of the working point's worth."""
     span = context.record.op_span
-    return (change(context), Parameter("offset", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
+    return (_change(context), Parameter("offset", "OP", -20.0 * span, 20.0 * span, 0.1 * span, linear=True))
 
 
 def _lasted(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:

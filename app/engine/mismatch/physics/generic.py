@@ -24,7 +24,7 @@ def _static_parameters(context: Context) -> tuple[Parameter, ...]:
     return tuple(Parameter(f"power_{power}", "PV", -most, most, scale, linear=True) for power in _POWERS)
 
 
-def zeros(count: int) -> FloatArray:
+def _zeros(count: int) -> FloatArray:
     return np.zeros((1, count))
 
 
@@ -38,7 +38,7 @@ def acting(u: FloatArray, context: Context) -> FloatArray:
     return delay(u, context.plant.theta + (ts if context.record.fed_back else 0.0), ts)
 
 
-def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Four lags of OP beside the model: whatever linear memory it lacks; the signal itself where they weigh nothing."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
     late, slow, out = acting(u, context), slowness(context), signal
@@ -48,7 +48,7 @@ def dynamic(signal: FloatArray, values: FloatArray, context: Context) -> FloatAr
     return out
 
 
-def static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
+def _static(signal: FloatArray, values: FloatArray, context: Context) -> FloatArray:
     """Powers of OP behind the process lag: whatever curve it lacks; one delay and one lag pass them all."""
     ts, u = context.record.sampling_interval_s, context.record.op_deviation / context.record.op_span
     curve: FloatArray = np.polynomial.polynomial.polyval(u, np.concatenate((np.zeros(_POWERS[0]), values))).astype(
@@ -63,8 +63,8 @@ DYNAMIC = Block(
     "output",
     "while OP moves: dynamic, additive, with memory",
     _dynamic_parameters,
-    lambda _, __: zeros(len(SPEEDS)),
-    apply=dynamic,
+    lambda _, __: _zeros(len(SPEEDS)),
+    apply=_dynamic,
     form="dynamic",
     penalty=42.0,
 )
@@ -74,8 +74,8 @@ _STATIC = Block(
     "output",
     "at another operating point: static, behind the lag",
     _static_parameters,
-    lambda _, __: zeros(len(_POWERS)),
-    apply=static,
+    lambda _, __: _zeros(len(_POWERS)),
+    apply=_static,
     form="static",
     penalty=42.0,
     frees_gain=True,

@@ -21,7 +21,7 @@ _WINDOWS = tuple((a / 14.0, b / 14.0) for a in range(14) for b in range(a + 1, 1
 _COARSE_WINDOWS = tuple((a / 5.0, b / 5.0) for a in range(5) for b in range(a + 1, 6))
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     ts, duration = context.record.sampling_interval_s, context.record.duration_s
     period = Parameter("period", "s", 2.5 * ts, 0.6 * duration, 10.0 * ts, log=True, step=_PERIOD_STEP)
     return (moment("start", context), moment("end", context), period, size(context, "sine"), size(context, "cosine"))
@@ -45,7 +45,7 @@ def _likely_periods(context: Context, innovations: FloatArray) -> FloatArray:
     return np.array(found[:_PERIODS_TRIED])
 
 
-def starts(context: Context, innovations: FloatArray) -> FloatArray:
+def _starts(context: Context, innovations: FloatArray) -> FloatArray:
     duration = context.record.duration_s
     periods = _likely_periods(context, innovations)
     return np.array(
@@ -92,7 +92,7 @@ def _samples_between(context: Context, begin_s: float, end_s: float) -> slice:
 
 def _shaped_parameters(context: Context) -> tuple[Parameter, ...]:
     more = tuple(size(context, f"{name}_{order}") for order in _ODD for name in ("sine", "cosine"))
-    return (*parameters(context), *more)
+    return (*_parameters(context), *more)
 
 
 def _shaped_starts(context: Context, innovations: FloatArray) -> FloatArray:
@@ -133,8 +133,8 @@ WAVE = Block(
     "disturbance",
     "output",
     "at one frequency",
-    parameters,
-    starts,
+    _parameters,
+    _starts,
     apply=wave,
     active=between,
     penalty=25.0,

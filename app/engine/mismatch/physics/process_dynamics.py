@@ -28,7 +28,7 @@ def _lag_time(context: Context) -> tuple[Parameter, ...]:
     return (Parameter("tau", "s", 0.3 * ts, 10.0 * slowness(context), ts, log=True),)
 
 
-def lags(context: Context, _: FloatArray) -> FloatArray:
+def _lags(context: Context, _: FloatArray) -> FloatArray:
     return np.geomspace(0.5 * context.record.sampling_interval_s, 5.0 * slowness(context), 16)[:, None]
 
 
@@ -36,7 +36,7 @@ def _lagged(plant: Plant, values: FloatArray, _: Context) -> Plant:
     return plant.changed(tau3=float(np.hypot(plant.tau3, values[0])))
 
 
-def nothing(_: Context) -> tuple[Parameter, ...]:
+def _nothing(_: Context) -> tuple[Parameter, ...]:
     return ()
 
 
@@ -49,7 +49,7 @@ def settles(context: Context) -> bool:
     return context.plant.leak > 0.0
 
 
-def integrating(plant: Plant, _: FloatArray, __: Context) -> Plant:
+def _integrating(plant: Plant, _: FloatArray, __: Context) -> Plant:
     return plant.changed(leak=0.0)
 
 
@@ -95,7 +95,7 @@ def _turns_back(values: FloatArray, context: Context) -> bool:
 
 
 ALWAYS = "while OP moves"
-EXTRA_LAG = Block("process.extra_lag", "process", "process", ALWAYS, _lag_time, lags, alter=_lagged, penalty=13.0)
+EXTRA_LAG = Block("process.extra_lag", "process", "process", ALWAYS, _lag_time, _lags, alter=_lagged, penalty=13.0)
 INVERSE_RESPONSE = Block(
     "process.inverse_response",
     "process",
@@ -115,9 +115,9 @@ BLOCKS = (
         "process",
         "process",
         "always",
-        nothing,
+        _nothing,
         _only_start,
-        alter=integrating,
+        alter=_integrating,
         penalty=13.0,
         frees_gain=True,
         suits=settles,

@@ -92,7 +92,7 @@ def _by_play(drive: str, band: float) -> _Shape:
     return _Shape(held_back, memory=True)
 
 
-def beyond(level: float) -> _Shape:
+def _beyond(level: float) -> _Shape:
     return _Shape(lambda d: np.maximum(d.s - level, 0.0))
 
 
@@ -123,13 +123,13 @@ _BENT = {
     "pv_times_time": _Shape(lambda d: d.s * d.time, False, True, timed=True),
     **{f"op_play_{band:g}": _by_play("u", band) for band in _BANDS},
     **{f"pv_play_{band:g}": _by_play("s", band) for band in _BANDS},
-    **{f"pv_beyond_{level:g}": beyond(level) for level in (-0.25, 0.0, 0.25)},
+    **{f"pv_beyond_{level:g}": _beyond(level) for level in (-0.25, 0.0, 0.25)},
 }
 # What acts before the lag passes that; what an integrator makes of it is lasting.
 _LAGS = {"_lagged": 1.0, "_lasting": 8.0}
 
 
-def behind(shape: _Shape, speed: float) -> _Shape:
+def _behind(shape: _Shape, speed: float) -> _Shape:
     """The same before a lag: what it makes passes that."""
     return _Shape(
         lambda d: d.late(shape.make(d), speed), shape.dynamic, shape.multiplicative, shape.memory, shape.timed
@@ -139,7 +139,7 @@ def behind(shape: _Shape, speed: float) -> _Shape:
 SHAPES = (
     _LINEAR
     | _BENT
-    | {name + way: behind(shape, speed) for way, speed in _LAGS.items() for name, shape in _BENT.items()}
+    | {name + way: _behind(shape, speed) for way, speed in _LAGS.items() for name, shape in _BENT.items()}
 )
 PRICE = 8.5  # nat a term: half the logarithm of the samples for its size, and which of them it is
 _FORM = "terms:"

@@ -51,9 +51,10 @@ def _tanks(u: FloatArray, p: FloatArray, values: FloatArray, ts: float) -> Float
 def run(v: FloatArray, plant: Plant, values: FloatArray, context: Context) -> FloatArray:
     """PV (N,) as deviation: the level of the lower tank, by the equations above in _STEPS explicit steps a sample.
 
-    v: (N,) valve position, unit of OP, as deviation. values: (8,) as `parameters` names them: head of both tanks, share
-    of their outflow that is linear, start and limit of the upper one, share of its overflow that the lower one gets,
-    limit of the lower one. Misleads where tau or tau2 is near a sampling interval: explicit steps are too coarse there.
+    v: (N,) valve position, unit of OP, as deviation. values: (8,) as `_parameters` names them: head of both tanks,
+    share of their outflow that is linear, start and limit of the upper one, share of its overflow that the lower one
+    gets, limit of the lower one. Misleads where tau or tau2 is near a sampling interval: explicit steps are too coarse
+    there.
     """
     ts = context.record.sampling_interval_s
     numbers = np.array([plant.K, plant.tau, plant.b, max(plant.tau2, 1e-6), plant.x0])
@@ -65,7 +66,7 @@ def two_lags(context: Context) -> bool:
     return context.plant.tau2 > 0.0 and context.plant.leak > 0.0
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     span = context.record.pv_span
     lowest = depth(context)
     return (
@@ -80,7 +81,7 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
     )
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     span = context.record.pv_span
     lowest = depth(context)
     heads, highest = lowest * np.array([1.1, 2.0]), float(np.max(context.record.pv_deviation))
@@ -94,8 +95,8 @@ BLOCKS = (
         "process",
         "process",
         "at another level",
-        parameters,
-        starts,
+        _parameters,
+        _starts,
         replaces=run,
         form="two-tanks",
         penalty=30.0,

@@ -15,17 +15,17 @@ from app.engine.valve import he_stem
 _MOST_AT_FIRST = 0.7  # of the last band: beyond, it is one band as well
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     """The band within the range over which OP moved: in a wider one the stem would have stood still."""
     span = context.record.op_span
     return (Parameter("band", "OP", 0.003 * span, context.record.op_range, span, log=True), START)
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     return grid(context.record.op_span * np.geomspace(0.01, 1.0, 40), np.zeros(1))
 
 
-def backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
+def _backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
     band = float(values[0])
     start = first_position(float(signal[0]), values, 1, 0.5 * band)
     return he_stem(np.ascontiguousarray(signal), band, 0.0, start)
@@ -33,7 +33,7 @@ def backlash(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
 
 def _grows_parameters(context: Context) -> tuple[Parameter, ...]:
     """The band at the record's end, the share of it that it began with, and where the stem stood in that."""
-    return (parameters(context)[0], Parameter("share_at_first", "share of band", 0.0, _MOST_AT_FIRST), START)
+    return (_parameters(context)[0], Parameter("share_at_first", "share of band", 0.0, _MOST_AT_FIRST), START)
 
 
 def _grows_starts(context: Context, _: FloatArray) -> FloatArray:
@@ -60,9 +60,9 @@ DEADBAND = Block(
     "valve",
     "valve",
     "after OP reversals",
-    parameters,
-    starts,
-    apply=backlash,
+    _parameters,
+    _starts,
+    apply=_backlash,
     penalty=15.0 + PENALTY,
     rough=True,
 )

@@ -41,12 +41,12 @@ def rates(context: Context) -> FloatArray:
     return np.array([min(slow, 0.5 * fast), fast])
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     slow, fast = rates(context)
     return (Parameter("rate", "OP/s", slow, fast, fast, log=True), start_of_travel(context))
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     slow, fast = rates(context)
     return grid(np.geomspace(slow, 0.9 * fast, 50), np.zeros(1))
 
@@ -60,8 +60,8 @@ _EVEN = Block(
     "valve",
     "valve",
     "while OP moves fast",
-    parameters,
-    starts,
+    _parameters,
+    _starts,
     apply=_follow,
     penalty=15.0 + PENALTY,
     rough=True,
@@ -69,7 +69,7 @@ _EVEN = Block(
 
 
 def _uneven_parameters(context: Context) -> tuple[Parameter, ...]:
-    rate, start = parameters(context)
+    rate, start = _parameters(context)
     down = Parameter("down", "of rate_up", 1.0 / _MOST_UNEVEN, _MOST_UNEVEN, 1.0, log=True)
     return (replace(rate, name="rate_up"), down, start)
 

@@ -20,7 +20,7 @@ Sizes = TypeVar("Sizes", float, FloatArray)
 Stem = Callable[[FloatArray, float, float, float], FloatArray]
 
 
-def parameters(context: Context) -> tuple[Parameter, ...]:
+def _parameters(context: Context) -> tuple[Parameter, ...]:
     """S within the range over which OP moved: behind a wider band no reversal of the record could have moved the stem.
     J is a share of S, and with it within that range.
     """
@@ -32,12 +32,12 @@ def parameters(context: Context) -> tuple[Parameter, ...]:
     )
 
 
-def starts(context: Context, _: FloatArray) -> FloatArray:
+def _starts(context: Context, _: FloatArray) -> FloatArray:
     shares = np.array([0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
     return grid(context.record.op_span * np.geomspace(0.02, 1.2, 26), shares, np.zeros(1))
 
 
-def stem(signal: FloatArray, values: FloatArray) -> tuple[float, float, float]:
+def _stem(signal: FloatArray, values: FloatArray) -> tuple[float, float, float]:
     """S, J and the stem's first position, unit of OP."""
     S, share = values[:2].tolist()
     J = S * share
@@ -68,16 +68,16 @@ def start_slipping_as(start: float, share: float, others: FloatArray, side: floa
 
 
 def _he(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    return he_stem(np.ascontiguousarray(signal), *stem(signal, values))
+    return he_stem(np.ascontiguousarray(signal), *_stem(signal, values))
 
 
 def _choudhury(signal: FloatArray, values: FloatArray, _: Context) -> FloatArray:
-    return choudhury_stem(np.ascontiguousarray(signal), *stem(signal, values))
+    return choudhury_stem(np.ascontiguousarray(signal), *_stem(signal, values))
 
 
 def _sets_in_parameters(context: Context) -> tuple[Parameter, ...]:
     """Those of the stem, and from when on it sticks: before, it is where OP is."""
-    return (*parameters(context)[:2], moment("start", context))
+    return (*_parameters(context)[:2], moment("start", context))
 
 
 def _moments(context: Context) -> FloatArray:
@@ -145,8 +145,8 @@ HE, CHOUDHURY = (
         "valve",
         "valve",
         "after OP reversals",
-        parameters,
-        starts,
+        _parameters,
+        _starts,
         apply=model,
         form=form,
         penalty=18.0 + PENALTY,

@@ -79,7 +79,7 @@ def _overflow(sign: float) -> Block:
     )
 
 
-def head(context: Context) -> tuple[Parameter, ...]:
+def _head(context: Context) -> tuple[Parameter, ...]:
     lowest = depth(context)
     return (Parameter("head", "PV", 0.6 * lowest, 100.0 * context.record.pv_span, context.record.pv_span, log=True),)
 
@@ -95,7 +95,7 @@ def _outflow(plant: Plant, values: FloatArray, _: Context) -> Plant:
 
 def _crest(context: Context) -> tuple[Parameter, ...]:
     """How far the weir's crest is below the working point, and the power of the height above it."""
-    return (*head(context), Parameter("exponent", "1", 1.2, 3.0, _WEIR, log=True, deviation=0.4))
+    return (*_head(context), Parameter("exponent", "1", 1.2, 3.0, _WEIR, log=True, deviation=0.4))
 
 
 def _crests(context: Context, _: FloatArray) -> FloatArray:
@@ -114,7 +114,7 @@ BLOCKS = (
         "process",
         "process",
         "at another level",
-        head,
+        _head,
         _heads,
         alter=_outflow,
         penalty=14.0,
