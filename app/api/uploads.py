@@ -1,6 +1,6 @@
 """Exports of a historian: received whole and stored before they are acknowledged, read by a worker afterwards."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -8,7 +8,7 @@ from app.api.models import UploadPage
 from app.errors import RequestError
 from app.http.backend import Cursor, Identifier, Limit, Services
 from app.http.problems import responses
-from app.http.receiving import MULTIPART, store
+from app.http.receiving import MULTIPART, FirstOfDates, ZoneName, store
 from app.services.intake import uploads as service
 from app.services.outward import UploadOut
 
@@ -48,10 +48,10 @@ Filename = Annotated[
     ),
 ]
 DateOrder = Annotated[
-    Literal["day", "month"] | None,
+    FirstOfDates | None,
     Query(description="What stands first in dates such as 03/04/2026, where the file leaves it open."),
 ]
-TimeZone = Annotated[str | None, Query(max_length=60, description="Zone of time stamps that name none (IANA).")]
+TimeZone = Annotated[ZoneName | None, Query(description="Zone of time stamps that name none (IANA).")]
 
 
 @router.post(

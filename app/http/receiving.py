@@ -3,11 +3,13 @@
 import re
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
+from typing import Annotated, Literal
 from urllib.parse import unquote
 
 from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from starlette.datastructures import FormData, UploadFile
 
 from app.errors import RequestError
@@ -21,9 +23,11 @@ LARGEST_MAPPING = 16 << 20  # 14,000 loops of four tags each: 5 MiB as CSV with 
 MAPPINGS_AT_ONCE = 2  # taken apart, a mapping has up to twenty times its size
 MULTIPART = "multipart/form-data"
 PARTS = ("file", "mapping")
-FIELDS = {
-    "time_zone": (re.compile(r"[^\0]{1,60}"), "at most 60 characters and no zero byte"),
-    "date_order": (re.compile("day|month"), "day or month"),
+ZoneName = Annotated[str, Field(max_length=60)]
+FirstOfDates = Literal["day", "month"]
+FIELDS: dict[str, TypeAdapter[str]] = {
+    "time_zone": TypeAdapter(Annotated[ZoneName, Field(pattern=r"^[^\x00]*$")]),  # as no query may have one
+    "date_order": TypeAdapter(FirstOfDates),
 }
 """What a form may say in place of the query, and what it has to be."""
 NAMED = re.compile(r""";\s*filename\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s;"]+))""", re.IGNORECASE)
@@ -90,10 +94,10 @@ def in_field(form: FormData, name: str) -> str | None:
     value = form.get(name)
     if value is None or is_empty(value):
         return None
-    allowed, words = FIELDS[name]
-    if not isinstance(value, str) or allowed.fullmatch(value) is None:
-        raise RequestValidationError([{"loc": ("body", name), "msg": f"it has to be {words}"}])
-    return value
+    try:
+        return FIELDS[name].validate_python(value)
+    except ValidationError as wrong:
+        raise RequestValidationError([{**one, "loc": ("body", name)} for one in wrong.errors()]) from wrong
 
 
 def is_empty(part: UploadFile | str) -> bool:
