@@ -7,7 +7,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from app.services.telling.health_classes import HEALTH_LIMITS, HEALTH_WORDS
-from app.services.telling.naming import isolated
+from app.services.telling.naming import isolated, with_capital
 from app.services.telling.reasons import first_reasons
 from app.services.telling.wording import (
     CHANGE_WORDS,
@@ -38,11 +38,6 @@ def figure(value: float | None, digits: int) -> str:
 def importance(value: float) -> str:
     """As it was set: one of 0.04 is not none."""
     return f"{value:g}"
-
-
-def with_capital(text: str) -> str:
-    """As a sentence begins; `capitalize` of Jinja makes all other letters small."""
-    return text[:1].upper() + text[1:]
 
 
 FILTERS: dict[str, Callable[..., Any]] = {

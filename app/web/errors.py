@@ -7,6 +7,7 @@ from typing import Any
 from starlette.responses import HTMLResponse
 
 from app.http.problems import LONGEST_ECHO
+from app.services.telling.naming import with_capital
 from app.web.rendering import page
 
 HEADINGS = {
@@ -89,7 +90,7 @@ def error_page(problem: Mapping[str, Any]) -> HTMLResponse:
 
 def as_sentence(detail: str) -> str:
     """As it stands on a page; a name that it begins with (pv_low, fic-101, mV, d = 0.3) stays as it is spelled."""
-    begun = detail[:1].upper() + detail[1:] if A_WORD.match(detail) else detail
+    begun = with_capital(detail) if A_WORD.match(detail) else detail
     return begun if begun.endswith((".", "?", "!")) or not begun else f"{begun}."
 
 

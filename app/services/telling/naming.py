@@ -1,4 +1,5 @@
-"""Names of loops and files within a sentence: they may hold anything, a line end too, and may be many."""
+"""How a sentence begins, and names of loops and files within it: they may hold anything, a line end too, and may be
+many."""
 
 import re
 from collections.abc import Sequence
@@ -50,6 +51,11 @@ def _alone(name: str) -> str:
         elif letter == END:
             ended += 1
     return f"{ISOLATE * (1 + ended)}{name}{END * (1 + opened)}"
+
+
+def with_capital(text: str) -> str:
+    """As a sentence begins; `capitalize`, of Jinja too, makes all other letters small."""
+    return text[:1].upper() + text[1:]
 
 
 def named(names: Sequence[str], count: int | None = None) -> str:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from app.services.telling.naming import isolated
+from app.services.telling.naming import isolated, with_capital
 from app.services.telling.wording import MOVES_NO_VALVE, MOVES_SET_POINT, SHAKEN_BY_NEIGHBOUR, STOOD_TOGETHER, codes_of
 
 BETWEEN = ". "
@@ -37,5 +37,5 @@ def extra_in(extra_json: str | None) -> Mapping[str, Any]:
 def first_reasons(row: Mapping[str, Any], count: int = 2) -> str:
     """The weightiest reasons of a row as sentences, for pages and reports; the page of its loop has all of them."""
     told = reasons_of(row)
-    first = BETWEEN.join(text[:1].upper() + text[1:] for text in told[:count])
+    first = BETWEEN.join(map(with_capital, told[:count]))
     return isolated(first) + (" ..." if len(told) > count else "")
