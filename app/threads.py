@@ -3,8 +3,8 @@
 import os
 
 OF_LINEAR_ALGEBRA = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-OF_READING = ("POLARS_MAX_THREADS",)
 READING_THREADS = {"POLARS_MAX_THREADS": "2"}  # a plant's file comes alone, while no audit runs
+OF_READING = tuple(READING_THREADS)
 
 
 def limit_to_one(names: tuple[str, ...]) -> None:
