@@ -9,6 +9,7 @@ from sqlalchemy import Connection, event, insert
 from app.storage import Database, tables
 from app.storage.audits import ENDED, WITH_RESULTS, newest_night, newest_whole, progress, whole_going_on
 from app.storage.types import now
+from tests.storage.stored import upload
 
 RUN = {
     "plant": "p",
@@ -72,8 +73,7 @@ def test_a_run_of_the_whole_plant_is_joined_unless_samples_came_since_it_began(
     with database.write() as connection:
         run = night(connection, "running", trigger="nightly", hours_ago=1.0)
         ended_at = now() - timedelta(minutes=ended_minutes_ago)
-        told = {"content_key": "a", "fingerprint": "a", "filename": "a", "size_bytes": 1, "received_at": ended_at}
-        connection.execute(insert(tables.uploads).values(told | {"state": state, "ended_at": ended_at}))
+        upload(connection, state=state, received_at=ended_at, ended_at=ended_at)
         assert whole_going_on(connection) == (run if goes_on else None)
 
 

@@ -1,20 +1,16 @@
 """Who lost a claim has no more say, what failed for want of room costs no try, and who was to be told is told."""
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, select, update
 
 from app.storage import Database, audits, explanations, items, loops, uploads
 from app.storage.audits import LoopFilter
 from app.storage.tables import audits as runs
 from app.storage.tables import loops as loops_table
 from app.storage.tables import uploads as uploads_table
-from app.storage.types import clock_s, now
+from app.storage.types import clock_s
+from tests.storage.stored import upload
 
 RUN = {"trigger": "request", "plant": "plant", "config_json": "{}", "config_fingerprint": "", "window_h": 24.0}
-
-
-def upload(connection: Connection, name: str = "a", **told: object) -> int:
-    values = {"content_key": name, "fingerprint": name, "filename": name, "size_bytes": 1, "received_at": now()}
-    return connection.execute(insert(uploads_table).values(values | told).returning(uploads_table.c.id)).scalar_one()
 
 
 def test_an_upload_is_claimed_no_more_often_than_it_may_be(database: Database) -> None:
