@@ -1,5 +1,5 @@
 """Explains the laboratory records and the real loops whose cause is known, and writes plots and tables for the pages:
-`python tests/proof/real.py FOLDER docs`. FOLDER holds the folders `recordings` and `nonlinear`.
+`PYTHONPATH=. python tests/proof/real.py FOLDER docs`. FOLDER holds the folders `recordings` and `nonlinear`.
 """
 
 import json
@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from app.engine.mismatch import Comparison, explain
+from app.engine.mismatch.fit.closed_loop import ClosedLoop
 from app.services.explaining.comparisons import Columns, read_comparison
 from app.services.explaining.line import explanation_line
 from app.services.explaining.svg import explanation_svg
+from tests.proof.recorded import cell
 
 LOOPS = {
     "CHEM3": "quantisation",
@@ -54,18 +56,11 @@ def row(name: str, known: str, line: dict[str, Any]) -> str:
     return f"| {name} | {known} | {told} | {figures} | {line['elapsed_s']} |"
 
 
-def loop_row(name: str, closed: dict[str, Any] | None) -> str:
+def loop_row(name: str, closed: ClosedLoop | None) -> str:
     if closed is None:
         return f"| {name} | no PID law found | | | | | |"
-    keys = ("recorded", "refitted", "explained", "with_noise", "as_recorded")
-    cells = []
-    for key in keys:
-        f = closed[key]
-        period = "-" if f is None or f["period_s"] is None else f"{f['period_s']:.3g}"
-        cells.append(
-            "not settled" if f is None else f"{period}, {f['amplitude']:.3g}, {f['yper_pct']:.3g}, {f['shape']:.2f}"
-        )
-    return f"| {name} | {' | '.join(cells)} | {', '.join(closed['lacked']) or 'nothing that helps'} |"
+    shown = (closed.recorded, closed.refitted, closed.explained, closed.with_noise, closed.as_recorded)
+    return f"| {name} | {' | '.join(map(cell, shown))} | {', '.join(closed.lacked) or 'nothing that helps'} |"
 
 
 def main(shared: Path, docs: Path, names: list[str]) -> None:
@@ -82,7 +77,7 @@ def main(shared: Path, docs: Path, names: list[str]) -> None:
         line = explanation_line(said, time.process_time() - started)
         (plots / f"{name}.svg").write_text(explanation_svg(said, comparison.op), encoding="utf-8")
         print(row(name, known, line), flush=True)
-        print(loop_row(name, line["closed_loop"]), flush=True)
+        print(loop_row(name, said.closed_loop), flush=True)
         print(json.dumps([line["effects"], line["refit"], line["evidence"]])[:3000], file=sys.stderr, flush=True)
 
 
