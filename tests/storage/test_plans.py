@@ -163,8 +163,8 @@ def test_where_a_loops_last_nights_begin_is_looked_for_once_a_loop(plant: Connec
 def test_the_whole_table_reads_no_verdict(plant: Connection) -> None:
     """Rows come as they were written; in the usual orders no other table than the two small ones is touched."""
     order = Order("stiction_probability", descending=True)
-    ask = lambda c: verdicts.sent_rows(c, 20_000, order, RowFilter(), None)  # noqa: E731
-    nodes = [node for plan in _plans(plant, ask) for node in _nodes(plan)]
+    plans = _plans(plant, lambda c: verdicts.sent_rows(c, 20_000, order, RowFilter(), None))
+    nodes = [node for plan in plans for node in _nodes(plan)]
     assert {node["Relation Name"] for node in nodes if "Relation Name" in node} == {"loops", "newest_rows"}
 
 
